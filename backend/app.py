@@ -158,9 +158,29 @@ def bootstrap(
     hands = KeptHands(database, settings.plant_choice)
     identified = {} if applied is None else changed_sections(applied)
     drives_off = hands.left is not None
-    setup = Setup(settings.plant_choice, settings.params, SEED, tuning.command(), brought_up, drives_off, identified)
+    setup = Setup(
+        plant=settings.plant_choice,
+        parameters=settings.params,
+        seed=SEED,
+        tuning=tuning.command(),
+        brought_up=brought_up,
+        drives_off=drives_off,
+        identified=identified,
+    )
     supervisor = Supervisor(setup, supervision, launched)
-    return BootContext(base, parameters, database, claim, soundness, figures, kept, tuning, said, hands, supervisor)
+    return BootContext(
+        base=base,
+        parameters=parameters,
+        database=database,
+        claim=claim,
+        soundness=soundness,
+        figures=figures,
+        kept=kept,
+        tuning=tuning,
+        said=said,
+        hands=hands,
+        supervisor=supervisor,
+    )
 
 
 def in_force(database: Database, base: PlantParameters) -> tuple[AppliedVersion, str]:
@@ -260,7 +280,15 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     choice = settings.plant_choice
     recording = describe_recording(choice.recording, database) if choice.kind is PlantKind.REPLAY else None
     actuator = ActuatorService(
-        supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands, recording
+        supervisor=supervisor,
+        present=present,
+        session_runs=sessions,
+        journal=journal,
+        kept=kept,
+        on_new_ring=recorder.follow,
+        supervision=supervision,
+        hands=hands,
+        recording=recording,
     )
     control = ControlLease(actuator.operator_lost, actuator.note_control)
     control.let_go = actuator.let_go
@@ -315,7 +343,16 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     texts = TextWork(processes.texts, processes.viewers_texts)
     dry_runs = DryRuns(processes.dry_runs)
     ordered_runs = JobManager(
-        station, actuator, banks, experiments, prepare, SEED, dry_runs, texts, supervision, safe_stop
+        station=station,
+        actuator=actuator,
+        banks=banks,
+        experiments=experiments,
+        prepare_report=prepare,
+        seed=SEED,
+        dry_runs=dry_runs,
+        texts=texts,
+        supervision=supervision,
+        safe_stop=safe_stop,
     )
     evaluations.done = ordered_runs.evaluated
 
@@ -341,7 +378,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     bring_up = BringUp(actuator, supervisor, database, parameters, hands)
     stack.push_async_callback(bring_up.close)
     studies = StudyScheduler(
-        database, parameters, lambda: present.operators_tuning.choice, processes.studies, processes.reports, texts
+        database=database,
+        parameters=parameters,
+        tuning=lambda: present.operators_tuning.choice,
+        computing=processes.studies,
+        reading=processes.reports,
+        texts=texts,
     )
     stack.push_async_callback(studies.close)
 
@@ -351,7 +393,9 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
             heard(changed)
 
     service = Service(
-        applied=Applied(actuator, supervisor, database, kept, foundation.base, use),
+        applied=Applied(
+            actuator=actuator, supervisor=supervisor, database=database, kept=kept, base=foundation.base, use=use
+        ),
         actuator=actuator,
         control=control,
         hand_over=hand_over,

@@ -194,7 +194,16 @@ def check_range(
     above = minimum is None or value >= minimum
     below = maximum is None or value <= maximum
     if not (above and below and abs(value) < float("inf")):
-        raise OutOfRangeError(quantity, value, minimum, maximum, unit, remedy, words=words, path=path)
+        raise OutOfRangeError(
+            quantity=quantity,
+            value=value,
+            minimum=minimum,
+            maximum=maximum,
+            unit=unit,
+            remedy=remedy,
+            words=words,
+            path=path,
+        )
 
 
 def _as_it_was(kind: type[Exception], words: tuple[Any, ...], state: dict[str, Any]) -> Exception:

@@ -86,14 +86,28 @@ async def _serve(
 
         authentication = Authentication(files, Sessions(settings.data))
         # All who listen to the loop are there before the event loop gets to hear from it.
-        assembled = build_services(settings, foundation, folder, authentication, supervision, parts)
+        assembled = build_services(
+            settings=settings,
+            foundation=foundation,
+            folder=folder,
+            authentication=authentication,
+            supervision=supervision,
+            stack=parts,
+        )
         # The service's own commands ask at the address that it listens on.
         app = create_app(lifespan, assembled.scenes, (*settings.allowed_hosts, settings.host), settings.public)
         app.state.service, app.state.authentication = assembled.service, authentication
         await prepare_routes(app)
         _leave_what_was_made()
         parts.callback(lambda: assembled.journal.record(EventKind.NOTE, ending.cause))
-        await _join_loop(starting, foundation.supervisor, assembled.recorder, ending, supervision, parts)
+        await _join_loop(
+            starting=starting,
+            supervisor=foundation.supervisor,
+            recorder=assembled.recorder,
+            ending=ending,
+            supervision=supervision,
+            stack=parts,
+        )
         parts.push_async_callback(lambda: assembled.service.ordered_runs.close(ending.cause))
     except BaseException:
         await parts.aclose()

@@ -164,7 +164,9 @@ class Daq:
         V_A, V_B = self._volts.tolist()
         tripped, at_end = self._levels.tolist()
         trips_high, ends_high = self._active_high
-        return Raw(V_A, V_B, n_q, n_A, n_B, tripped == trips_high, at_end == ends_high)
+        return Raw(
+            V_A=V_A, V_B=V_B, n_q=n_q, n_A=n_A, n_B=n_B, tripped=tripped == trips_high, at_end=at_end == ends_high
+        )
 
     def write(self, V_A: float, V_B: float) -> None:
         """Put volts on the terminals."""

@@ -81,7 +81,14 @@ def bristle_after(
     no more than F_s of the load at the end.
     """
     F_c = coulomb_torque(friction, load)
-    return _after(friction.lugre, z, turned, duration_s, F_c, coulomb_torque(friction, load_after))
+    return _after(
+        lugre=friction.lugre,
+        z=z,
+        turned=turned,
+        duration_s=duration_s,
+        F_c=F_c,
+        F_c_after=coulomb_torque(friction, load_after),
+    )
 
 
 @compiled
@@ -272,7 +279,7 @@ def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: 
         at = x[below + 1 + int(falling[0])]
         raise ValueError(f"the spring polynomial must rise up to x_solid = {x_solid:g} m, but falls at x = {at:.4f} m")
     k = tuple(float(coefficient) for coefficient in coefficients)
-    return Spring(k, None, x_slack, x_solid, float(curve(x_solid)), k_solid)
+    return Spring(k=k, pieces=None, x_slack=x_slack, x_solid=x_solid, F_solid=float(curve(x_solid)), k_solid=k_solid)
 
 
 def require_stiffening(spring: Spring) -> None:
@@ -482,7 +489,7 @@ def smooth_friction(plant: Dynamics) -> Dynamics:
     return plant._replace(motor_A=A, motor_B=B)
 
 
-AT_REST = PlantState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+AT_REST = PlantState(q=0.0, q_dot=0.0, theta_A=0.0, omega_A=0.0, tau_A=0.0, theta_B=0.0, omega_B=0.0, tau_B=0.0)
 
 
 @compiled
@@ -501,32 +508,32 @@ def state_derivative(
     F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
     load_A, load_B = r_m * F_A + load.load_A, r_m * F_B + load.load_B
     return PlantState(
-        x.q_dot,
-        joint_acceleration(plant.joint, x.q_dot, F_A, F_B, beside(obstacle, plant.joint, x.q, x.q_dot, tau_ext)),
-        x.omega_A,
-        motor_acceleration(plant.motor_A, x.omega_A, x.tau_A, load_A, x.z_A),
-        motor_torque_rate(plant.motor_A, x.tau_A, u_A),
-        x.omega_B,
-        motor_acceleration(plant.motor_B, x.omega_B, x.tau_B, load_B, x.z_B),
-        motor_torque_rate(plant.motor_B, x.tau_B, u_B),
-        bristle_rate(plant.motor_A.friction, x.omega_A, load_A, x.z_A),
-        bristle_rate(plant.motor_B.friction, x.omega_B, load_B, x.z_B),
+        q=x.q_dot,
+        q_dot=joint_acceleration(plant.joint, x.q_dot, F_A, F_B, beside(obstacle, plant.joint, x.q, x.q_dot, tau_ext)),
+        theta_A=x.omega_A,
+        omega_A=motor_acceleration(plant.motor_A, x.omega_A, x.tau_A, load_A, x.z_A),
+        tau_A=motor_torque_rate(plant.motor_A, x.tau_A, u_A),
+        theta_B=x.omega_B,
+        omega_B=motor_acceleration(plant.motor_B, x.omega_B, x.tau_B, load_B, x.z_B),
+        tau_B=motor_torque_rate(plant.motor_B, x.tau_B, u_B),
+        z_A=bristle_rate(plant.motor_A.friction, x.omega_A, load_A, x.z_A),
+        z_B=bristle_rate(plant.motor_B.friction, x.omega_B, load_B, x.z_B),
     )
 
 
 @compiled
 def _axpy(h: float, d: PlantState, x: PlantState) -> PlantState:
     return PlantState(
-        x.q + h * d.q,
-        x.q_dot + h * d.q_dot,
-        x.theta_A + h * d.theta_A,
-        x.omega_A + h * d.omega_A,
-        x.tau_A + h * d.tau_A,
-        x.theta_B + h * d.theta_B,
-        x.omega_B + h * d.omega_B,
-        x.tau_B + h * d.tau_B,
-        x.z_A,
-        x.z_B,
+        q=x.q + h * d.q,
+        q_dot=x.q_dot + h * d.q_dot,
+        theta_A=x.theta_A + h * d.theta_A,
+        omega_A=x.omega_A + h * d.omega_A,
+        tau_A=x.tau_A + h * d.tau_A,
+        theta_B=x.theta_B + h * d.theta_B,
+        omega_B=x.omega_B + h * d.omega_B,
+        tau_B=x.tau_B + h * d.tau_B,
+        z_A=x.z_A,
+        z_B=x.z_B,
     )
 
 
@@ -550,16 +557,20 @@ def _bent(plant: Dynamics, x: PlantState, y: PlantState, h: float, load: ShaftLo
     before_A, before_B = _loads(plant, x, load)
     load_A, load_B = _loads(plant, y, load)
     return PlantState(
-        y.q,
-        y.q_dot,
-        y.theta_A,
-        y.omega_A,
-        y.tau_A,
-        y.theta_B,
-        y.omega_B,
-        y.tau_B,
-        bristle_after(A, x.z_A, y.theta_A - x.theta_A, h, before_A, load_A),
-        bristle_after(B, x.z_B, y.theta_B - x.theta_B, h, before_B, load_B),
+        q=y.q,
+        q_dot=y.q_dot,
+        theta_A=y.theta_A,
+        omega_A=y.omega_A,
+        tau_A=y.tau_A,
+        theta_B=y.theta_B,
+        omega_B=y.omega_B,
+        tau_B=y.tau_B,
+        z_A=bristle_after(
+            friction=A, z=x.z_A, turned=y.theta_A - x.theta_A, duration_s=h, load=before_A, load_after=load_A
+        ),
+        z_B=bristle_after(
+            friction=B, z=x.z_B, turned=y.theta_B - x.theta_B, duration_s=h, load=before_B, load_after=load_B
+        ),
     )
 
 
@@ -584,26 +595,26 @@ def advance_state(
     """State after ``duration_s`` under held inputs, by ``substeps`` classical Runge-Kutta steps."""
     h = duration_s / substeps
     for _ in range(substeps):
-        d1 = state_derivative(plant, x, u_A, u_B, tau_ext, load, obstacle)
+        d1 = state_derivative(plant=plant, x=x, u_A=u_A, u_B=u_B, tau_ext=tau_ext, load=load, obstacle=obstacle)
         x2 = _bent(plant, x, _axpy(0.5 * h, d1, x), 0.5 * h, load)
-        d2 = state_derivative(plant, x2, u_A, u_B, tau_ext, load, obstacle)
+        d2 = state_derivative(plant=plant, x=x2, u_A=u_A, u_B=u_B, tau_ext=tau_ext, load=load, obstacle=obstacle)
         x3 = _bent(plant, x, _axpy(0.5 * h, d2, x), 0.5 * h, load)
-        d3 = state_derivative(plant, x3, u_A, u_B, tau_ext, load, obstacle)
+        d3 = state_derivative(plant=plant, x=x3, u_A=u_A, u_B=u_B, tau_ext=tau_ext, load=load, obstacle=obstacle)
         x4 = _bent(plant, x, _axpy(h, d3, x), h, load)
-        d4 = state_derivative(plant, x4, u_A, u_B, tau_ext, load, obstacle)
+        d4 = state_derivative(plant=plant, x=x4, u_A=u_A, u_B=u_B, tau_ext=tau_ext, load=load, obstacle=obstacle)
         end = _axpy(h / 6.0, d1, _axpy(h / 3.0, d2, _axpy(h / 3.0, d3, _axpy(h / 6.0, d4, x))))
         x = _bent(plant, x, end, h, load)
     return PlantState(
-        x.q,
-        _flush(x.q_dot),
-        x.theta_A,
-        _flush(x.omega_A),
-        _flush(x.tau_A),
-        x.theta_B,
-        _flush(x.omega_B),
-        _flush(x.tau_B),
-        x.z_A,
-        x.z_B,
+        q=x.q,
+        q_dot=_flush(x.q_dot),
+        theta_A=x.theta_A,
+        omega_A=_flush(x.omega_A),
+        tau_A=_flush(x.tau_A),
+        theta_B=x.theta_B,
+        omega_B=_flush(x.omega_B),
+        tau_B=_flush(x.tau_B),
+        z_A=x.z_A,
+        z_B=x.z_B,
     )
 
 
@@ -644,7 +655,7 @@ def tabulated_spring(x: Array, F: Array, x_solid: float, k_solid: float) -> Spri
         (x[:-1], F[:-1], left, (3.0 * secant - 2.0 * left - right) / h, (left + right - 2.0 * secant) / h**2)
     )
     no_polynomial = (0.0,)
-    spring = Spring(no_polynomial, pieces, float(x[0]), x_solid, 0.0, k_solid)
+    spring = Spring(k=no_polynomial, pieces=pieces, x_slack=float(x[0]), x_solid=x_solid, F_solid=0.0, k_solid=k_solid)
     return spring._replace(F_solid=spring_polynomial(spring, x_solid))
 
 

@@ -144,7 +144,9 @@ def make_plant(
         case PlantKind.RIG:
             return _rig(choice, card, brought_up, drives_off)
         case PlantKind.VIRTUAL_CARD:
-            return _virtual_rig(choice, parameters, seed, card, brought_up, drives_off)
+            return _virtual_rig(
+                choice=choice, parameters=parameters, seed=seed, card=card, brought_up=brought_up, drives_off=drives_off
+            )
         case PlantKind.REPLAY:
             return Replay(load_replay(choice.recording))
         case PlantKind.PACKAGE:

@@ -221,15 +221,15 @@ class Rig:
         self.raw = RawReading(V_A, V_B, n_q, n_A, n_B)
         (to_q, to_A, to_B), (q, theta_A, theta_B) = self._scales, self._zeros
         return Measurement(
-            q + to_q * n_q,
-            theta_A + to_A * n_A,
-            theta_B + to_B * n_B,
-            self._cells[0].force(V_A),
-            self._cells[1].force(V_B),
-            math.nan,
-            0.0,
-            1.0 if self._tripped else 0.0,
-            math.nan,
+            q=q + to_q * n_q,
+            theta_A=theta_A + to_A * n_A,
+            theta_B=theta_B + to_B * n_B,
+            F_A=self._cells[0].force(V_A),
+            F_B=self._cells[1].force(V_B),
+            S_true=math.nan,
+            F_push=0.0,
+            safety_trip=1.0 if self._tripped else 0.0,
+            F_wall=math.nan,
         )
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:

@@ -210,15 +210,15 @@ def sense_state(
         line, tick, sensors.delay_ticks, tendon_tension(plant.spring_A, x_A), tendon_tension(plant.spring_B, x_B)
     )
     return Measurement(
-        quantise(x.q, sensors.joint_step),
-        quantise(x.theta_A, sensors.motor_step),
-        quantise(x.theta_B, sensors.motor_step),
-        quantise(F_A + noise_A, sensors.force_step),
-        quantise(F_B + noise_B, sensors.force_step),
-        joint_stiffness(plant.joint, plant.spring_A, plant.spring_B, x_A, x_B),
-        F_push,
-        safety_trip,
-        contact_force(obstacle, plant.joint, x.q, x.q_dot),
+        q=quantise(x.q, sensors.joint_step),
+        theta_A=quantise(x.theta_A, sensors.motor_step),
+        theta_B=quantise(x.theta_B, sensors.motor_step),
+        F_A=quantise(F_A + noise_A, sensors.force_step),
+        F_B=quantise(F_B + noise_B, sensors.force_step),
+        S_true=joint_stiffness(plant.joint, plant.spring_A, plant.spring_B, x_A, x_B),
+        F_push=F_push,
+        safety_trip=safety_trip,
+        F_wall=contact_force(obstacle, plant.joint, x.q, x.q_dot),
     )
 
 
@@ -256,7 +256,17 @@ def actuate_plant(
     """State one period later, under the command as the converter puts it out, a push [N] at r_j, a load, a wall."""
     u_A = quantise(min(max(command.u_A, -u_max), u_max), sensors.voltage_step)
     u_B = quantise(min(max(command.u_B, -u_max), u_max), sensors.voltage_step)
-    return advance_state(plant, x, u_A, u_B, plant.joint.r_j * F_push, T_s, SUBSTEPS, load, obstacle)
+    return advance_state(
+        plant=plant,
+        x=x,
+        u_A=u_A,
+        u_B=u_B,
+        tau_ext=plant.joint.r_j * F_push,
+        duration_s=T_s,
+        substeps=SUBSTEPS,
+        load=load,
+        obstacle=obstacle,
+    )
 
 
 class Simulated(NamedTuple):
@@ -284,7 +294,16 @@ class Simulated(NamedTuple):
 def simulate_period(simulated: StateBlock[Simulated], u_A: float, u_B: float, tick: int) -> Measurement:
     """Advance by a period under voltages [V]; return what is measured in ``tick``, its end."""
     s = simulated.value
-    x = actuate_plant(s.plant, s.sensors, s.u_max, s.x, MotorCommand(u_A, u_B), s.F_push, s.load, s.obstacle)
+    x = actuate_plant(
+        plant=s.plant,
+        sensors=s.sensors,
+        u_max=s.u_max,
+        x=s.x,
+        command=MotorCommand(u_A, u_B),
+        F_push=s.F_push,
+        load=s.load,
+        obstacle=s.obstacle,
+    )
     tripped = s.tripped or is_limit_exceeded(s.plant, s.bounds, x)
     keep_compiled(simulated.x, x)
     keep_compiled(simulated.tripped, tripped)
@@ -296,7 +315,18 @@ def _measured(simulated: StateBlock[Simulated], tick: int) -> Measurement:
     s = simulated.value
     row = tick % s.noise.shape[0]
     trip = 1.0 if s.tripped else 0.0
-    m = sense_state(s.plant, s.sensors, s.x, s.line, tick, s.noise[row, 0], s.noise[row, 1], s.F_push, trip, s.obstacle)
+    m = sense_state(
+        plant=s.plant,
+        sensors=s.sensors,
+        x=s.x,
+        line=s.line,
+        tick=tick,
+        noise_A=s.noise[row, 0],
+        noise_B=s.noise[row, 1],
+        F_push=s.F_push,
+        safety_trip=trip,
+        obstacle=s.obstacle,
+    )
     keep_compiled(simulated.m, m)
     return m
 
@@ -338,18 +368,18 @@ class Simulator:
         self._tripped = False
         self.simulated = simulated = StateBlock(
             Simulated(
-                parameters.dynamics(),
-                sensor_model(parameters.sensors, F_max, u_max),
-                SafetyBounds(F_max, parameters.geometry.q_max),
-                u_max,
-                np.zeros((2, DELAY_SLOTS)),
-                np.zeros((_NOISE_BLOCK, 2)),
-                0.0,
-                NO_LOAD,
-                NO_OBSTACLE,
-                PlantState(*map(float, x)),
-                False,
-                NOT_MEASURED,
+                plant=parameters.dynamics(),
+                sensors=sensor_model(parameters.sensors, F_max, u_max),
+                bounds=SafetyBounds(F_max, parameters.geometry.q_max),
+                u_max=u_max,
+                line=np.zeros((2, DELAY_SLOTS)),
+                noise=np.zeros((_NOISE_BLOCK, 2)),
+                F_push=0.0,
+                load=NO_LOAD,
+                obstacle=NO_OBSTACLE,
+                x=PlantState(*map(float, x)),
+                tripped=False,
+                m=NOT_MEASURED,
             )
         )
         self._period = PrecompiledCall(simulate_period, simulated, 0.0, 0.0, 0)

@@ -75,7 +75,13 @@ class EvaluationContext:
             raise NotPredictedError("the bank that was in use is not stored with the run, or cannot be read")
         try:
             return make_cascade_tuning(
-                self.parameters, choice.lambdas, self.points, None, choice.interpolate, choice.budget, choice.k_ext
+                parameters=self.parameters,
+                lambdas=choice.lambdas,
+                points=self.points,
+                motor=None,
+                interpolate=choice.interpolate,
+                u_plan=choice.budget,
+                k_ext=choice.k_ext,
             )
         except TuningError as error:
             raise NotPredictedError(str(error)) from None

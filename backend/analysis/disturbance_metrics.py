@@ -701,9 +701,18 @@ def _seen_push(
         expected, why = None, str(error)
     static = r_j * abs(F) / S
     return MeasuredPush(
-        window, F, float(force[: stop - start].sum() * T_s), S, float(np.abs(q).max()), float(np.abs(S_seen).max()),
-        back_s, reason, static, expected, why,
-    )  # fmt: skip
+        window=window,
+        F=F,
+        impulse=float(force[: stop - start].sum() * T_s),
+        S=S,
+        peak_q=float(np.abs(q).max()),
+        peak_S=float(np.abs(S_seen).max()),
+        back_s=back_s,
+        reason=reason,
+        static=static,
+        expected=expected,
+        unpredicted=why,
+    )
 
 
 def _back(off: Array, stop: int) -> tuple[float | None, str]:

@@ -307,7 +307,17 @@ def criteria_of(
         except ExpressionError as error:  # a bound without a value is one that nothing passes
             limit, value, why = 0.0, None, f"its bound could not be had: {error}"
         title = bound.title or found.label
-        judged.append(judge(bound.name or bound.figure, title, relation, limit, value, found.unit, why))
+        judged.append(
+            judge(
+                name=bound.name or bound.figure,
+                title=title,
+                relation=relation,
+                bound=limit,
+                figure=value,
+                unit=found.unit,
+                reason=why,
+            )
+        )
     return tuple(judged)
 
 
@@ -329,7 +339,9 @@ def evaluate_finished_run(database: Database, parameters: PlantParameters, plan:
     """Compute what the plan's kind of run gives, and store it; where that is nothing, the run says why."""
     columns, missed = read_recorded_columns(database, run.id)
     try:
-        new, estimate = compute_result(columns, missed, parameters, plan, run, _points(database, run))
+        new, estimate = compute_result(
+            columns=columns, missed=missed, parameters=parameters, plan=plan, run=run, points=_points(database, run)
+        )
     except NoSamplesError as error:
         with database.session() as session:
             runs.set_evaluation_problem(session, run.id, str(error))

@@ -455,8 +455,28 @@ def _lines(columns: Columns, excited: Excited, in_force: EvaluationContext) -> L
         references = np.column_stack([columns[name][last] for name in ("q_ref", "S_ref")])
         expected = predicted(in_force, excited, references)
     except NotPredictedError as error:
-        return Lines(excited.signal, f, H, unlike, residual, reasons, None, None, str(error))
-    return Lines(excited.signal, f, H, unlike, residual, reasons, expected.response(f), expected, "")
+        return Lines(
+            signal=excited.signal,
+            f=f,
+            H=H,
+            unlike=unlike,
+            residual=residual,
+            reasons=reasons,
+            expected=None,
+            predicted=None,
+            unpredicted=str(error),
+        )
+    return Lines(
+        signal=excited.signal,
+        f=f,
+        H=H,
+        unlike=unlike,
+        residual=residual,
+        reasons=reasons,
+        expected=expected.response(f),
+        predicted=expected,
+        unpredicted="",
+    )
 
 
 MOST_LINES = 60

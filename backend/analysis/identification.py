@@ -315,12 +315,12 @@ def side_steps(columns: MotorColumns, side: Side, parameters: PlantParameters) -
         try:
             steps.append(
                 VoltageStepRecord(
-                    T_s,
-                    u[:end],
-                    columns[f"theta_{side}"][stretch][:end],
-                    parameters.motor_of(side).u_max,
-                    _count_rad(parameters),
-                    columns[f"F_{side}"][stretch][:end],
+                    period_s=T_s,
+                    u=u[:end],
+                    theta=columns[f"theta_{side}"][stretch][:end],
+                    u_max=parameters.motor_of(side).u_max,
+                    count_rad=_count_rad(parameters),
+                    tension_N=columns[f"F_{side}"][stretch][:end],
                 )
             )
         except RecordError as error:

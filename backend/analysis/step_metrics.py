@@ -33,11 +33,24 @@ def judge(
 ) -> RunCriterion:
     """Judge one figure. With a ``reason`` why not all of it was measured it can fail and cannot pass."""
     if figure is None or math.isnan(figure):
-        return RunCriterion(name, title, relation, bound, None, unit, None, reason or "the signal holds no number")
+        return RunCriterion(
+            name=name,
+            title=title,
+            relation=relation,
+            bound=bound,
+            figure=None,
+            unit=unit,
+            passed=None,
+            reason=reason or "the signal holds no number",
+        )
     held = figure < bound if relation == "<" else figure > bound
     if held and reason:
-        return RunCriterion(name, title, relation, bound, figure, unit, None, reason)
-    return RunCriterion(name, title, relation, bound, figure, unit, held, reason)
+        return RunCriterion(
+            name=name, title=title, relation=relation, bound=bound, figure=figure, unit=unit, passed=None, reason=reason
+        )
+    return RunCriterion(
+        name=name, title=title, relation=relation, bound=bound, figure=figure, unit=unit, passed=held, reason=reason
+    )
 
 
 # Rest ----------------------------------------------------------------------------------------------
@@ -359,7 +372,14 @@ def tracking_metrics(
     ended = [step for step in steps_of(program, phases) if step.end_s <= played_s + slack_s]
     steps = tuple(_measured(columns, step, q_count if step.signal == "q" else 0.0) for step in ended)
     overall, reasons = _overall(columns, steps, reach_bound)
-    return TrackingMetrics(played_s + slack_s >= planned_s, played_s, planned_s, steps, overall, reasons)
+    return TrackingMetrics(
+        complete=played_s + slack_s >= planned_s,
+        played_s=played_s,
+        planned_s=planned_s,
+        steps=steps,
+        overall=overall,
+        reasons=reasons,
+    )
 
 
 def _measured(columns: Columns, step: ReferenceStep, count: float) -> StepMetrics:

@@ -206,7 +206,15 @@ class ControlHandover:
                 ErrorCode.TOO_MANY, f"{WAITING} requests for control wait already: try again later"
             )
         now = self._clock()
-        wish = _Wish(next(self._numbers), who, by, _required(reason), standing, now + ANSWER_S, here=now)
+        wish = _Wish(
+            number=next(self._numbers),
+            who=who,
+            by=by,
+            reason=_required(reason),
+            standing=standing,
+            until=now + ANSWER_S,
+            here=now,
+        )
         wish.offered = standing is HandoverStatus.OFFERED
         for told in [one.number for one in self._wishes.values() if one.who.session == who.session]:
             del self._wishes[told]  # the end of an earlier one

@@ -210,7 +210,13 @@ def entry_points(bank: HasEntries | None) -> tuple[PointModel, ...]:
 def build_tuning_command(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None) -> SetTuning:
     """Return the command that puts a tuning on the models of ``bank`` into use. Raises TuningError."""
     return make_tuning_command(
-        parameters, choice.lambdas, entry_points(bank), None, choice.interpolate, choice.budget, choice.k_ext
+        parameters=parameters,
+        lambdas=choice.lambdas,
+        points=entry_points(bank),
+        motor=None,
+        interpolate=choice.interpolate,
+        u_plan=choice.budget,
+        k_ext=choice.k_ext,
     )
 
 

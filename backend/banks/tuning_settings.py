@@ -100,12 +100,38 @@ class TuningSettings:
     ``bank`` 0 stands for gains from geometry.
     """
 
-    lam_q: float = number_setting(LAM_Q, _LAM_LEAST, LAM_MAX, "s", "λ_q", "tuning parameter of the position loop")
-    lam_S: float = number_setting(LAM_S, _LAM_LEAST, LAM_MAX, "s", "λ_S", "tuning parameter of the stiffness loop")
-    lam_motor: float = number_setting(
-        LAM_MOTOR, LAM_MOTOR_MIN, LAM_MOTOR_MAX, "s", "λ_motor", "tuning parameter of the motor loops"
+    lam_q: float = number_setting(
+        LAM_Q,
+        minimum=_LAM_LEAST,
+        maximum=LAM_MAX,
+        unit="s",
+        symbol="λ_q",
+        meaning="tuning parameter of the position loop",
     )
-    b: float = number_setting(0.0, 0.0, 1.0, "1", "b", "weight of the reference in the outer loops' proportional part")
+    lam_S: float = number_setting(
+        LAM_S,
+        minimum=_LAM_LEAST,
+        maximum=LAM_MAX,
+        unit="s",
+        symbol="λ_S",
+        meaning="tuning parameter of the stiffness loop",
+    )
+    lam_motor: float = number_setting(
+        LAM_MOTOR,
+        minimum=LAM_MOTOR_MIN,
+        maximum=LAM_MOTOR_MAX,
+        unit="s",
+        symbol="λ_motor",
+        meaning="tuning parameter of the motor loops",
+    )
+    b: float = number_setting(
+        0.0,
+        minimum=0.0,
+        maximum=1.0,
+        unit="1",
+        symbol="b",
+        meaning="weight of the reference in the outer loops' proportional part",
+    )
     bank: int = integer_setting(0, 0, 2**53, "bank", "number of the controller bank, 0 for gains from geometry at 20 N")
     interpolate: bool = boolean_setting(
         False, "interpolate", "gain scheduling between bank entries instead of switching"
@@ -118,10 +144,20 @@ class TuningSettings:
         "trajectory with feed-forward within U_plan, so that λ sets robustness and the reaction to disturbances only",
     )
     u_plan: float = number_setting(
-        8.5, 0.02, 9.0, "V", "U_plan", "voltage limit of time-optimal motion: 20 % to 90 % of the motors' limit"
+        8.5,
+        minimum=0.02,
+        maximum=9.0,
+        unit="V",
+        symbol="U_plan",
+        meaning="voltage limit of time-optimal motion: 20 % to 90 % of the motors' limit",
     )
     k_ext: float = number_setting(
-        0.0, 0.0, 1.0, "1", "k_ext", "share of the estimated outside force that is fed forward against it, 0 for none"
+        0.0,
+        minimum=0.0,
+        maximum=1.0,
+        unit="1",
+        symbol="k_ext",
+        meaning="share of the estimated outside force that is fed forward against it, 0 for none",
     )
 
     @classmethod

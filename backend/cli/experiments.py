@@ -463,7 +463,7 @@ def _peaks(
         used = [bank for bank in banks.find(session) if bank.id in numbers]
     order = RunRequest(plan, LoopSettings(**tuning.document()), current_user())
     with TemporaryDirectory() as folder:
-        played = dry_run(parameters, order, used, ("q",), 2, Path(folder))
+        played = dry_run(parameters=parameters, order=order, used=used, signals=("q",), points=2, folder=Path(folder))
     figures = () if played.result is None else played.result.metrics.figures
     return {figure.name: figure.value for figure in figures}
 

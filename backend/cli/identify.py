@@ -484,7 +484,14 @@ def actuator(
         values_of(values or []),
     )
     if tensions is None:
-        _identify(ActuatorIdentificationPlan, chosen, out, settings, as_json, _load_friction)
+        _identify(
+            plan=ActuatorIdentificationPlan,
+            values=chosen,
+            out=out,
+            settings=settings,
+            as_json=as_json,
+            together=_load_friction,
+        )
         return
     if "tension_N" in chosen:
         fail("--tensions and --set tension_N=... exclude each other", status=2)

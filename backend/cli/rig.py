@@ -357,12 +357,12 @@ def _standing_of(
     results = standing.newest(database)
     steps = tuple(
         _Step(
-            step.id,
-            step.title,
-            states[step.id].state,
-            states[step.id].why,
-            standing.find_blocking_steps(step, states),
-            _result(results.get(step.id)),
+            id=step.id,
+            title=step.title,
+            state=states[step.id].state,
+            why=states[step.id].why,
+            blocked=standing.find_blocking_steps(step, states),
+            result=_result(results.get(step.id)),
         )
         for step in STEPS
         if step.id in states

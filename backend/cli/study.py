@@ -166,7 +166,7 @@ def draw(
         from backend.reports import draw_map
 
         blank = f", blank: {UNSTABLE}" if any(any(row) for row in found.unstable) else ""
-        draw_map(cells, (x, at_x), (y, at_y), label + blank, to, _notes(found))
+        draw_map(cells=cells, x=(x, at_x), y=(y, at_y), label=label + blank, file=to, notes=_notes(found))
     if as_json:
         print_json(asdict(found))
         return

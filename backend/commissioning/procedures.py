@@ -302,7 +302,15 @@ def require_weights(values: dict[str, float]) -> None:
     lighter = values["weight_1_N"]
     heavier = values["weight_2_N"]
     remedy = f"take weights at least {WEIGHTS_APART_N:g} N apart, the lighter one first"
-    check_range("weight_2_N", heavier, lighter + WEIGHTS_APART_N, None, "N", remedy, words="heavier weight")
+    check_range(
+        "weight_2_N",
+        heavier,
+        minimum=lighter + WEIGHTS_APART_N,
+        maximum=None,
+        unit="N",
+        remedy=remedy,
+        words="heavier weight",
+    )
 
 
 async def calibrate(work: ProcedureContext) -> StepFinding:
@@ -552,15 +560,37 @@ class _Sensor(NamedTuple):
     sign: str
 
 
-_Q = _Sensor("q", "joint encoder", "rad", 0.08, "encoder_q", "counter", "direction")
+_Q = _Sensor(
+    signal="q", words="joint encoder", unit="rad", least=0.08, section="encoder_q", place="counter", sign="direction"
+)
 _ENCODERS = (
     _Q,
-    _Sensor("theta_A", "encoder of motor A", "rad", 0.3, "encoder_A", "counter", "direction"),
-    _Sensor("theta_B", "encoder of motor B", "rad", 0.3, "encoder_B", "counter", "direction"),
+    _Sensor(
+        signal="theta_A",
+        words="encoder of motor A",
+        unit="rad",
+        least=0.3,
+        section="encoder_A",
+        place="counter",
+        sign="direction",
+    ),
+    _Sensor(
+        signal="theta_B",
+        words="encoder of motor B",
+        unit="rad",
+        least=0.3,
+        section="encoder_B",
+        place="counter",
+        sign="direction",
+    ),
 )
 _CELLS = (
-    _Sensor("F_A", "load cell A", "N", 3.0, "load_cell_A", "channel", "slope"),
-    _Sensor("F_B", "load cell B", "N", 3.0, "load_cell_B", "channel", "slope"),
+    _Sensor(
+        signal="F_A", words="load cell A", unit="N", least=3.0, section="load_cell_A", place="channel", sign="slope"
+    ),
+    _Sensor(
+        signal="F_B", words="load cell B", unit="N", least=3.0, section="load_cell_B", place="channel", sign="slope"
+    ),
 )
 _MOVED = 0.4
 """A sensor that has gone by this part of its least has moved."""

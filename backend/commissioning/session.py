@@ -307,7 +307,9 @@ async def open_session(
         await supervisor.start()
         if hands.left is not None:
             await hands.put(False, person.name)
-        yield Session(database, supervisor, parameters, person, wiring, hands)
+        yield Session(
+            database=database, supervisor=supervisor, parameters=parameters, person=person, wiring=wiring, hands=hands
+        )
     finally:
         await supervisor.stop("the bring-up has ended")
         await supervision.close()

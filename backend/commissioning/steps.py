@@ -49,7 +49,10 @@ class CommissioningStep:
 WEIGHT_MAX_N = 45.0
 """Heaviest known weight [N]: within what load cells and springs of 50 N bear."""
 
-MORE_WEIGHTS = tuple(Input(f"weight_{n}_N", "further weight", "N", 15.0, 0.0, WEIGHT_MAX_N) for n in range(3, 10))
+MORE_WEIGHTS = tuple(
+    Input(name=f"weight_{n}_N", words="further weight", unit="N", default=15.0, minimum=0.0, maximum=WEIGHT_MAX_N)
+    for n in range(3, 10)
+)
 """What a calibration takes beside the two weights that it asks for."""
 
 STEPS: tuple[CommissioningStep, ...] = (
@@ -76,8 +79,8 @@ STEPS: tuple[CommissioningStep, ...] = (
         holds_days=180.0,
         needs=(StepId.WIRING_TEST,),
         inputs=(
-            Input("weight_1_N", "lighter weight", "N", 5.0, 0.0, WEIGHT_MAX_N),
-            Input("weight_2_N", "heavier weight", "N", 25.0, 0.0, WEIGHT_MAX_N),
+            Input(name="weight_1_N", words="lighter weight", unit="N", default=5.0, minimum=0.0, maximum=WEIGHT_MAX_N),
+            Input(name="weight_2_N", words="heavier weight", unit="N", default=25.0, minimum=0.0, maximum=WEIGHT_MAX_N),
         ),
     ),
     CommissioningStep(

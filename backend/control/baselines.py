@@ -128,16 +128,16 @@ def _corrected(pole: float, x: PlantState, m: Measurement) -> PlantState:
     e_q, e_A, e_B = m.q - x.q, m.theta_A - x.theta_A, m.theta_B - x.theta_B
     angle, speed = 2.0 * pole * T_s, pole**2 * T_s
     return PlantState(
-        x.q + angle * e_q,
-        x.q_dot + speed * e_q,
-        x.theta_A + angle * e_A,
-        x.omega_A + speed * e_A,
-        x.tau_A,
-        x.theta_B + angle * e_B,
-        x.omega_B + speed * e_B,
-        x.tau_B,
-        x.z_A,
-        x.z_B,
+        q=x.q + angle * e_q,
+        q_dot=x.q_dot + speed * e_q,
+        theta_A=x.theta_A + angle * e_A,
+        omega_A=x.omega_A + speed * e_A,
+        tau_A=x.tau_A,
+        theta_B=x.theta_B + angle * e_B,
+        omega_B=x.omega_B + speed * e_B,
+        tau_B=x.tau_B,
+        z_A=x.z_A,
+        z_B=x.z_B,
     )
 
 
@@ -156,7 +156,7 @@ def _chain(model: Dynamics, d: Decoupler, x: PlantState) -> _Chain:
     F_B_2 = bend_B * rate_B**2 + slope_B * joint.r_j * q_2
     drift = joint_acceleration(joint, q_3, F_A_2, F_B_2, 0.0)
     _, S_1 = decoupler.rates(d, x.theta_A, x.theta_B, x.omega_A, x.omega_B)
-    return _Chain(q_2, q_3, S_1, drift, slope_A, slope_B, F_A, F_B)
+    return _Chain(q_2=q_2, q_3=q_3, S_1=S_1, drift=drift, slope_A=slope_A, slope_B=slope_B, F_A=F_A, F_B=F_B)
 
 
 @compiled
@@ -205,29 +205,29 @@ def step_feedback_linearization(
 
     clipped = u_A != wanted_A or u_B != wanted_B
     output = cascade.CascadeOutput(
-        u_A,
-        u_B,
-        math.nan,
-        math.nan,
-        S,
-        reference.q_ref,
-        reference.S_ref,
-        0.0,
-        u_A != wanted_A,
-        u_B != wanted_B,
-        governed,
-        False,
-        False,
-        False,
+        u_A=u_A,
+        u_B=u_B,
+        theta_A_ref=math.nan,
+        theta_B_ref=math.nan,
+        S=S,
+        q_ref_gov=reference.q_ref,
+        S_ref_gov=reference.S_ref,
+        bank_entry=0.0,
+        clipped_A=u_A != wanted_A,
+        clipped_B=u_B != wanted_B,
+        governed=governed,
+        at_floor=False,
+        at_ceiling=False,
+        at_range=False,
     )
     return output, FeedbackLinearizationState(
-        reference,
-        q_next,
-        S_next,
-        advance_state(model, x, u_A, u_B, 0.0, T_s, SUBSTEPS),
+        governor=reference,
+        q_d=q_next,
+        S_d=S_next,
+        x=advance_state(plant=model, x=x, u_A=u_A, u_B=u_B, tau_ext=0.0, duration_s=T_s, substeps=SUBSTEPS),
         # Anti-windup: no integration while a voltage is clipped.
-        state.integral_q + (0.0 if clipped else T_s * e_q),
-        state.integral_S + (0.0 if clipped else T_s * e_S),
+        integral_q=state.integral_q + (0.0 if clipped else T_s * e_q),
+        integral_S=state.integral_S + (0.0 if clipped else T_s * e_S),
     )
 
 
@@ -239,12 +239,23 @@ def take_over_feedback_linearization(
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
     torque_A, torque_B = tuning.model.motor_A.K_t * u_A, tuning.model.motor_B.K_t * u_B
     return FeedbackLinearizationState(
-        GovernorState(m.q, S),
-        Smooth(m.q, 0.0, 0.0, 0.0),
-        Smooth(S, 0.0, 0.0, 0.0),
-        PlantState(m.q, 0.0, m.theta_A, 0.0, torque_A, m.theta_B, 0.0, torque_B, 0.0, 0.0),
-        0.0,
-        0.0,
+        governor=GovernorState(m.q, S),
+        q_d=Smooth(m.q, 0.0, 0.0, 0.0),
+        S_d=Smooth(S, 0.0, 0.0, 0.0),
+        x=PlantState(
+            q=m.q,
+            q_dot=0.0,
+            theta_A=m.theta_A,
+            omega_A=0.0,
+            tau_A=torque_A,
+            theta_B=m.theta_B,
+            omega_B=0.0,
+            tau_B=torque_B,
+            z_A=0.0,
+            z_B=0.0,
+        ),
+        integral_q=0.0,
+        integral_S=0.0,
     )
 
 
@@ -300,20 +311,20 @@ def step_single_loop(
     u_B = min(max(u_S - u_q, -tuning.u_max), tuning.u_max)
     clipped_A, clipped_B = u_S + u_q - u_A, u_S - u_q - u_B
     output = cascade.CascadeOutput(
-        u_A,
-        u_B,
-        NOT_USED,
-        NOT_USED,
-        S,
-        reference.q_ref,
-        reference.S_ref,
-        0.0,
-        clipped_A != 0.0,
-        clipped_B != 0.0,
-        governed,
-        False,
-        False,
-        False,
+        u_A=u_A,
+        u_B=u_B,
+        theta_A_ref=NOT_USED,
+        theta_B_ref=NOT_USED,
+        S=S,
+        q_ref_gov=reference.q_ref,
+        S_ref_gov=reference.S_ref,
+        bank_entry=0.0,
+        clipped_A=clipped_A != 0.0,
+        clipped_B=clipped_B != 0.0,
+        governed=governed,
+        at_floor=False,
+        at_ceiling=False,
+        at_range=False,
     )
     return output, SingleLoopState(
         reference,

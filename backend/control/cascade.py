@@ -122,14 +122,27 @@ class FollowedReferences(NamedTuple):
 @compiled
 def follow_governed(reference: GovernorState, moving: bool) -> FollowedReferences:
     """Return references as the governor leaves them: the loops count from zero."""
-    return FollowedReferences(reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, moving)
+    return FollowedReferences(
+        reference=reference, q=0.0, S=0.0, theta_A=0.0, theta_B=0.0, q_e=0.0, S_e=0.0, u_A=0.0, u_B=0.0, moving=moving
+    )
 
 
 @compiled
 def planned(p: trajectory.AxisState, by: trajectory.Driven) -> FollowedReferences:
     """Return the model of a plan: the loops count from it."""
     reference = GovernorState(p.q, p.S)
-    return FollowedReferences(reference, p.q, p.S, p.theta_A, p.theta_B, p.q_e, p.S, by.u_A, by.u_B, by.moving)
+    return FollowedReferences(
+        reference=reference,
+        q=p.q,
+        S=p.S,
+        theta_A=p.theta_A,
+        theta_B=p.theta_B,
+        q_e=p.q_e,
+        S_e=p.S,
+        u_A=by.u_A,
+        u_B=by.u_B,
+        moving=by.moving,
+    )
 
 
 @compiled
@@ -169,8 +182,12 @@ def absolute(
 ) -> pid.MotorPairState:
     """Motor loops that count from zero, in place of the model, and give its voltages [V] too."""
     return pid.MotorPairState(
-        pid.carried(gains.A, inner.A, m.theta_A - at.theta_A, at.theta_A, at.omega_A, u_A),
-        pid.carried(gains.B, inner.B, m.theta_B - at.theta_B, at.theta_B, at.omega_B, u_B),
+        pid.carried(
+            gains=gains.A, state=inner.A, y=m.theta_A - at.theta_A, offset=at.theta_A, rate=at.omega_A, u_more=u_A
+        ),
+        pid.carried(
+            gains=gains.B, state=inner.B, y=m.theta_B - at.theta_B, offset=at.theta_B, rate=at.omega_B, u_more=u_B
+        ),
     )
 
 
@@ -283,7 +300,7 @@ def step(
     is_at = trajectory.now(d, state.plan)
     if follows:
         budget = tuning.following.budget * state.reserve
-        by, way = trajectory.step(d, tuning.following.model, budget, state.plan, is_at, r)
+        by, way = trajectory.step(d=d, model=tuning.following.model, budget=budget, state=state.plan, at=is_at, r=r)
         at = planned(is_at, by)
         stands = not by.moving
     else:
@@ -313,24 +330,30 @@ def step(
     resting = stands and small
     arrived = resting or (stands and state.arrived and near(tuning.following, r_q - y_q, r_S - y_S))
     dead = dead_zones(tuning.following, resting, follows or arrived)
-    more_q, position = pid.step_i_p(gains_q, position, r_q, y_q - pushed.q, state.correction_q, dead.q)
-    more_S, stiffness = pid.step_i_p(gains_S, stiffness, r_S, y_S, state.correction_S, dead.S)
+    more_q, position = pid.step_i_p(
+        gains=gains_q, state=position, r=r_q, y=y_q - pushed.q, correction=state.correction_q, unseen=dead.q
+    )
+    more_S, stiffness = pid.step_i_p(
+        gains=gains_S, state=stiffness, r=r_S, y=y_S, correction=state.correction_S, unseen=dead.S
+    )
     q_c, S_c = at.q_e + more_q + pushed.q_e, at.S_e + more_S
     if not position_loop:
         q_c = at.q_e if follows else at.reference.q_ref
-    allowed, within = step_envelope(tuning.envelope, d, state.envelope, q_c, S_c, m.F_A, m.F_B)
+    allowed, within = step_envelope(
+        envelope=tuning.envelope, d=d, state=state.envelope, q_c=q_c, S_c=S_c, F_A=m.F_A, F_B=m.F_B
+    )
     theta_A_ref, theta_B_ref = decoupler.motor_positions(d, allowed.q_c, allowed.S_c)
     motor, inner = pid.step_motor_pair(
-        tuning.motors,
-        inner,
-        theta_A_ref - at.theta_A,
-        theta_B_ref - at.theta_B,
-        y_A,
-        y_B,
-        tuning.u_max,
-        at.u_A,
-        at.u_B,
-        resting,
+        gains=tuning.motors,
+        state=inner,
+        theta_A_ref=theta_A_ref - at.theta_A,
+        theta_B_ref=theta_B_ref - at.theta_B,
+        theta_A=y_A,
+        theta_B=y_B,
+        u_max=tuning.u_max,
+        forward_A=at.u_A,
+        forward_B=at.u_B,
+        resting=resting,
     )
 
     # A volt too many is worth 1/k_p radians of motor reference; the decoupler's inverse turns those into q and S.
@@ -340,46 +363,46 @@ def step(
     correction_q = clipped_q + (allowed.q_c - q_c) / TRACKING_TIME_S
     correction_S = clipped_S + (allowed.S_c - S_c) / TRACKING_TIME_S
 
-    alone = absolute(tuning.motors, inner, is_at, at.u_A, at.u_B, m) if follows else inner
+    alone = absolute(gains=tuning.motors, inner=inner, at=is_at, u_A=at.u_A, u_B=at.u_B, m=m) if follows else inner
     clipped = motor.excess_A != 0.0 or motor.excess_B != 0.0
     clipped_s, reserve = patient(state.clipped_s, state.reserve, clipped, at.moving)
 
     output = CascadeOutput(
-        motor.u_A,
-        motor.u_B,
-        theta_A_ref,
-        theta_B_ref,
-        S,
-        at.reference.q_ref,
-        at.reference.S_ref,
-        active,
-        motor.excess_A != 0.0,
-        motor.excess_B != 0.0,
-        at.moving,
-        allowed.at_floor,
-        allowed.at_ceiling,
-        allowed.at_range,
+        u_A=motor.u_A,
+        u_B=motor.u_B,
+        theta_A_ref=theta_A_ref,
+        theta_B_ref=theta_B_ref,
+        S=S,
+        q_ref_gov=at.reference.q_ref,
+        S_ref_gov=at.reference.S_ref,
+        bank_entry=active,
+        clipped_A=motor.excess_A != 0.0,
+        clipped_B=motor.excess_B != 0.0,
+        governed=at.moving,
+        at_floor=allowed.at_floor,
+        at_ceiling=allowed.at_ceiling,
+        at_range=allowed.at_range,
     )
     return output, CascadeState(
-        at.reference,
-        position,
-        stiffness,
-        within,
-        inner,
-        gains_q,
-        gains_S,
-        tuning.motors,
-        active,
-        correction_q,
-        correction_S,
-        way,
-        follows,
-        clipped_s,
-        reserve,
-        alone,
-        answered,
-        resting,
-        arrived,
+        governor=at.reference,
+        position=position,
+        stiffness=stiffness,
+        envelope=within,
+        motors=inner,
+        position_gains=gains_q,
+        stiffness_gains=gains_S,
+        motor_gains=tuning.motors,
+        active=active,
+        correction_q=correction_q,
+        correction_S=correction_S,
+        plan=way,
+        follows=follows,
+        clipped_s=clipped_s,
+        reserve=reserve,
+        alone=alone,
+        rejection=answered,
+        resting=resting,
+        arrived=arrived,
     )
 
 
@@ -391,13 +414,13 @@ def _changed(tuning: CascadeTuning, state: CascadeState, S: float, position_loop
         at = trajectory.now(d, state.plan)
         u_A, u_B = trajectory.voltages(d, tuning.following.model, state.plan, at)
         return _with(
-            state,
-            GovernorState(at.q if position_loop else at.q_e, at.S),
-            pid.at_rest_i_p(q, at.q, m.q, at.q_e + state.position.integral - q.k_p * (m.q - at.q)),
-            pid.at_rest_i_p(S_loop, at.S, S, at.S + state.stiffness.integral - S_loop.k_p * (S - at.S)),
-            absolute(state.motor_gains, state.motors, at, u_A, u_B, m),
-            state.plan,
-            False,
+            state=state,
+            reference=GovernorState(at.q if position_loop else at.q_e, at.S),
+            position=pid.at_rest_i_p(q, at.q, m.q, at.q_e + state.position.integral - q.k_p * (m.q - at.q)),
+            stiffness=pid.at_rest_i_p(S_loop, at.S, S, at.S + state.stiffness.integral - S_loop.k_p * (S - at.S)),
+            inner=absolute(gains=state.motor_gains, inner=state.motors, at=at, u_A=u_A, u_B=u_B, m=m),
+            way=state.plan,
+            follows=False,
         )
     A, B = state.motor_gains.A, state.motor_gains.B
     omega_A, omega_B = _standing(_speed(A, state.motors.A, m.theta_A), _speed(B, state.motors.B, m.theta_B))
@@ -407,22 +430,36 @@ def _changed(tuning: CascadeTuning, state: CascadeState, S: float, position_loop
     q_m, S_m = m.q if position_loop else q_e, S
     if state.resting:
         q_m, S_m = state.governor.q_ref, state.governor.S_ref
-    way = trajectory.begin(d, tuning.following.model, q_m, S_m, omega_A, omega_B)
+    way = trajectory.begin(d=d, model=tuning.following.model, q=q_m, S=S_m, omega_A=omega_A, omega_B=omega_B)
     at, model = trajectory.now(d, way), tuning.following.model
     answered = disturbance_observer.answer(state.rejection, S)
     # The loops' references were ahead of motors that moved; from here on the model's voltages move them. What the
     # motors are off from the model's, as under a push, the outer loops go on giving.
     return _with(
-        state,
-        state.governor,
-        pid.at_rest_i_p(q, 0.0, m.q - at.q - answered.q, q_e - at.q_e - answered.q_e),
-        pid.at_rest_i_p(S_loop, 0.0, S - at.S, S - at.S),
-        pid.MotorPairState(
-            pid.carried(A, state.motors.A, m.theta_A, -at.theta_A, -omega_A, -omega_A / model.K_A),
-            pid.carried(B, state.motors.B, m.theta_B, -at.theta_B, -omega_B, -omega_B / model.K_B),
+        state=state,
+        reference=state.governor,
+        position=pid.at_rest_i_p(q, 0.0, m.q - at.q - answered.q, q_e - at.q_e - answered.q_e),
+        stiffness=pid.at_rest_i_p(S_loop, 0.0, S - at.S, S - at.S),
+        inner=pid.MotorPairState(
+            pid.carried(
+                gains=A,
+                state=state.motors.A,
+                y=m.theta_A,
+                offset=-at.theta_A,
+                rate=-omega_A,
+                u_more=-omega_A / model.K_A,
+            ),
+            pid.carried(
+                gains=B,
+                state=state.motors.B,
+                y=m.theta_B,
+                offset=-at.theta_B,
+                rate=-omega_B,
+                u_more=-omega_B / model.K_B,
+            ),
         ),
-        way,
-        True,
+        way=way,
+        follows=True,
     )
 
 
@@ -451,25 +488,25 @@ def _with(
     follows: bool,
 ) -> CascadeState:
     return CascadeState(
-        reference,
-        position,
-        stiffness,
-        state.envelope,
-        inner,
-        state.position_gains,
-        state.stiffness_gains,
-        state.motor_gains,
-        state.active,
-        state.correction_q,
-        state.correction_S,
-        way,
-        follows,
-        0.0,
-        1.0,
-        inner,
-        state.rejection,
-        state.resting,
-        state.arrived,
+        governor=reference,
+        position=position,
+        stiffness=stiffness,
+        envelope=state.envelope,
+        motors=inner,
+        position_gains=state.position_gains,
+        stiffness_gains=state.stiffness_gains,
+        motor_gains=state.motor_gains,
+        active=state.active,
+        correction_q=state.correction_q,
+        correction_S=state.correction_S,
+        plan=way,
+        follows=follows,
+        clipped_s=0.0,
+        reserve=1.0,
+        alone=inner,
+        rejection=state.rejection,
+        resting=state.resting,
+        arrived=state.arrived,
     )
 
 
@@ -496,23 +533,23 @@ def initialize_bumpless(
     active = select_entry(tuning.schedule, -1.0, S)
     gains_q, gains_S = interpolate_gains(tuning.schedule, active)
     return CascadeState(
-        GovernorState(q_ref, S),
-        pid.at_rest_i_p(gains_q, q_ref, m.q, decoupler.equilibrium(d, theta_A_ref, theta_B_ref)),
-        pid.at_rest_i_p(gains_S, S, S, decoupler.stiffness(d, theta_A_ref, theta_B_ref)),
-        EnvelopeState(m.F_A - m.F_B),
-        inner,
-        gains_q,
-        gains_S,
-        motor_gains,
-        active,
-        0.0,
-        0.0,
-        trajectory.begin(d, tuning.following.model, m.q, S, 0.0, 0.0),
-        False,
-        0.0,
-        1.0,
-        inner,
-        disturbance_observer.IDLE,
-        stands,
-        stands,
+        governor=GovernorState(q_ref, S),
+        position=pid.at_rest_i_p(gains_q, q_ref, m.q, decoupler.equilibrium(d, theta_A_ref, theta_B_ref)),
+        stiffness=pid.at_rest_i_p(gains_S, S, S, decoupler.stiffness(d, theta_A_ref, theta_B_ref)),
+        envelope=EnvelopeState(m.F_A - m.F_B),
+        motors=inner,
+        position_gains=gains_q,
+        stiffness_gains=gains_S,
+        motor_gains=motor_gains,
+        active=active,
+        correction_q=0.0,
+        correction_S=0.0,
+        plan=trajectory.begin(d=d, model=tuning.following.model, q=m.q, S=S, omega_A=0.0, omega_B=0.0),
+        follows=False,
+        clipped_s=0.0,
+        reserve=1.0,
+        alone=inner,
+        rejection=disturbance_observer.IDLE,
+        resting=stands,
+        arrived=stands,
     )

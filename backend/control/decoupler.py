@@ -218,7 +218,7 @@ def build_decoupler(parameters: PlantParameters) -> Decoupler:
     A, B = parameters.identified_curve("A"), parameters.identified_curve("B")
     if A.k == B.k and len(A.k) == 3:
         return Decoupler(r_m, r_j, *A.k)
-    return Decoupler(r_m, r_j, np.nan, np.nan, np.nan, _table(A, B, r_m, r_j))
+    return Decoupler(r_m=r_m, r_j=r_j, k_0=np.nan, k_1=np.nan, k_2=np.nan, table=_table(A, B, r_m, r_j))
 
 
 @lru_cache(maxsize=8)

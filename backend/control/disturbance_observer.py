@@ -46,7 +46,7 @@ class DisturbanceFeedforwardState(NamedTuple):
     tau_f: float
 
 
-IDLE = DisturbanceFeedforwardState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+IDLE = DisturbanceFeedforwardState(k_ext=0.0, tau=0.0, lag_1=0.0, lag_2=0.0, lag_3=0.0, tau_f=0.0)
 """Nothing is answered."""
 
 
@@ -81,8 +81,10 @@ def changed(r: Rejection, state: DisturbanceFeedforwardState, tau_ext: float) ->
         return IDLE
     if state.k_ext == 0.0:
         tau = _answered(r, tau_ext)
-        return DisturbanceFeedforwardState(k_ext, tau, tau, tau, tau, tau)
-    return DisturbanceFeedforwardState(k_ext, state.tau, state.lag_1, state.lag_2, state.lag_3, state.tau_f)
+        return DisturbanceFeedforwardState(k_ext=k_ext, tau=tau, lag_1=tau, lag_2=tau, lag_3=tau, tau_f=tau)
+    return DisturbanceFeedforwardState(
+        k_ext=k_ext, tau=state.tau, lag_1=state.lag_1, lag_2=state.lag_2, lag_3=state.lag_3, tau_f=state.tau_f
+    )
 
 
 @compiled
@@ -96,7 +98,9 @@ def step_disturbance_feedforward(
     lag_1 = tau + kept * (state.lag_1 - tau)
     lag_2 = lag_1 + kept * (state.lag_2 - lag_1)
     lag_3 = lag_2 + kept * (state.lag_3 - lag_2)
-    return DisturbanceFeedforwardState(state.k_ext, tau, lag_1, lag_2, lag_3, lag_3 + kept * (state.tau_f - lag_3))
+    return DisturbanceFeedforwardState(
+        k_ext=state.k_ext, tau=tau, lag_1=lag_1, lag_2=lag_2, lag_3=lag_3, tau_f=lag_3 + kept * (state.tau_f - lag_3)
+    )
 
 
 @compiled
@@ -156,7 +160,9 @@ class DisturbanceObserverState(NamedTuple):
     variance: float
 
 
-UNKNOWN = DisturbanceObserverState(math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
+UNKNOWN = DisturbanceObserverState(
+    q=math.nan, q_dot=math.nan, tau_ext=math.nan, pull=math.nan, mean=math.nan, variance=math.nan
+)
 """Where joint or motors stand is not known."""
 
 
@@ -169,7 +175,7 @@ def step_disturbance_observer(
     if not math.isfinite(pull):
         return state
     if not math.isfinite(state.q):
-        return DisturbanceObserverState(m.q, 0.0, 0.0, pull, 0.0, 0.0)
+        return DisturbanceObserverState(q=m.q, q_dot=0.0, tau_ext=0.0, pull=pull, mean=0.0, variance=0.0)
     tau = 0.5 * (state.pull + pull) + state.tau_ext
     q = state.q + observer.q_of_q_dot * state.q_dot + observer.q_of_tau * tau
     q_dot = observer.q_dot_of_q_dot * state.q_dot + observer.q_dot_of_tau * tau
@@ -178,7 +184,12 @@ def step_disturbance_observer(
     mean = state.mean + _SHARE * (tau_ext - state.mean)
     variance = state.variance + _SHARE * ((tau_ext - mean) ** 2 - state.variance)
     return DisturbanceObserverState(
-        q + observer.L_q * surprise, q_dot + observer.L_q_dot * surprise, tau_ext, pull, mean, variance
+        q=q + observer.L_q * surprise,
+        q_dot=q_dot + observer.L_q_dot * surprise,
+        tau_ext=tau_ext,
+        pull=pull,
+        mean=mean,
+        variance=variance,
     )
 
 

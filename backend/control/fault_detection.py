@@ -348,7 +348,14 @@ def check(
     doubt, which, still, excess = CREDIBLE, 0, -1, 0.0
     if state.seen:
         doubt, which, still, excess = check_plausibility(
-            watched.limits, watched.tendons, state.memory, raw, m, command, zeroed, 1 + missed
+            limits=watched.limits,
+            tendons=watched.tendons,
+            memory=state.memory,
+            raw=raw,
+            m=m,
+            command=command,
+            zeroed=zeroed,
+            periods=1 + missed,
         )
     else:
         remember_readings(state.memory, raw)
@@ -372,4 +379,11 @@ def watched_for(parameters: PlantParameters, missed_max: int) -> Watched:
     """Return what the checks know of a parameter set."""
     bounds = compute_bounds(parameters)
     tendons = tendons_for(parameters)
-    return Watched(limits_for(parameters), tendons, bounds.F_slack, bounds.F_max, bounds.q_trip, missed_max)
+    return Watched(
+        limits=limits_for(parameters),
+        tendons=tendons,
+        F_slack=bounds.F_slack,
+        F_max=bounds.F_max,
+        q_trip=bounds.q_trip,
+        missed_max=missed_max,
+    )

@@ -136,8 +136,26 @@ def step_soft_stop(
     u_B = _stepped(state.u_B, braked_B + left * state.began_B, tuning.u_max)
     limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
     nan = math.nan
-    decision = ControlOutput(u_A, u_B, nan, nan, target, nan, nan, nan, limits, False, elapsed_s >= SOFT_STOP_S)
-    return decision, carry, SoftStopState(braking, elapsed_s, u_A, u_B, state.began_A, state.began_B)
+    decision = ControlOutput(
+        u_A=u_A,
+        u_B=u_B,
+        theta_A_ref=nan,
+        theta_B_ref=nan,
+        target=target,
+        q_ref_gov=nan,
+        S_ref_gov=nan,
+        bank_entry=nan,
+        limits=limits,
+        pushes=False,
+        done=elapsed_s >= SOFT_STOP_S,
+    )
+    return (
+        decision,
+        carry,
+        SoftStopState(
+            brake=braking, elapsed_s=elapsed_s, u_A=u_A, u_B=u_B, began_A=state.began_A, began_B=state.began_B
+        ),
+    )
 
 
 @compiled
@@ -149,7 +167,9 @@ def _stepped(before: float, wanted: float, u_max: float) -> float:
 
 def begin_soft_stop(u_A: float, u_B: float, m: Measurement) -> SoftStopState:
     """Brake from here on, and from the voltages [V] that there are."""
-    return SoftStopState(BrakeState(m.theta_A, m.theta_B, 0.0, 0.0), 0.0, u_A, u_B, u_A, u_B)
+    return SoftStopState(
+        brake=BrakeState(m.theta_A, m.theta_B, 0.0, 0.0), elapsed_s=0.0, u_A=u_A, u_B=u_B, began_A=u_A, began_B=u_B
+    )
 
 
 # Tension hold --------------------------------------------------------------------------------------
@@ -200,8 +220,29 @@ def step_tension_hold(
     trim, held = pid.step_force_hold(hold, state.F_ref, m.F_A, m.F_B)
     if arrived:
         hold = held
-    decision, carry = track_motors(tuning, carry, target, base_A + trim + offset, base_B, m, done)
-    return decision, carry, TensionHoldState(state.F_ref, state.goal_A, base_A, base_B, settle_ticks, chips, tick, hold)
+    decision, carry = track_motors(
+        tuning=tuning,
+        carry=carry,
+        target=target,
+        theta_A_ref=base_A + trim + offset,
+        theta_B_ref=base_B,
+        m=m,
+        done=done,
+    )
+    return (
+        decision,
+        carry,
+        TensionHoldState(
+            F_ref=state.F_ref,
+            goal_A=state.goal_A,
+            base_A=base_A,
+            base_B=base_B,
+            settle_ticks=settle_ticks,
+            chips=chips,
+            tick=tick,
+            hold=hold,
+        ),
+    )
 
 
 # Tension sweep -------------------------------------------------------------------------------------
@@ -243,7 +284,9 @@ def step_tension_sweep(
             done = leg + 1 == ticks.shape[0]
             if not done:
                 leg, elapsed = leg + 1, 0
-    decision, carry = track_motors(tuning, carry, target, theta_A, theta_B, m, done)
+    decision, carry = track_motors(
+        tuning=tuning, carry=carry, target=target, theta_A_ref=theta_A, theta_B_ref=theta_B, m=m, done=done
+    )
     return decision, carry, TensionSweepState(goals, ticks, state.settle_ticks, leg, elapsed)
 
 
@@ -270,7 +313,9 @@ def step_travel(
     if theta_A_ref == theta_A and theta_B_ref == theta_B:
         settled_s += T_s
     done = settled_s >= STANDSTILL_S
-    decision, carry = track_motors(tuning, carry, target, theta_A_ref, theta_B_ref, m, done)
+    decision, carry = track_motors(
+        tuning=tuning, carry=carry, target=target, theta_A_ref=theta_A_ref, theta_B_ref=theta_B_ref, m=m, done=done
+    )
     return decision, carry, TravelState(theta_A, theta_B, settled_s)
 
 
@@ -362,20 +407,42 @@ def step_voltage_steps(
             ticks = 0
         elif ticks >= settle_ticks:
             stage, ticks = stage + 1, 0
-        decision, carry = track_motors(tuning, carry, target, theta_A, theta_B, m, done)
+        decision, carry = track_motors(
+            tuning=tuning, carry=carry, target=target, theta_A_ref=theta_A, theta_B_ref=theta_B, m=m, done=done
+        )
         return (
             decision,
             carry,
-            VoltageStepsState(room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking),
+            VoltageStepsState(
+                room=room,
+                steps=steps,
+                settle_ticks=settle_ticks,
+                step=at,
+                stage=stage,
+                ticks=ticks,
+                began_A=began_A,
+                began_B=began_B,
+                brake=braking,
+            ),
         )
     if stage == _STANDING:
         if ticks >= _ZERO_TICKS:
             stage, ticks, began_A, began_B = _DRIVEN, 0, m.theta_A, m.theta_B
-        decision, carry = driven(tuning, target, 0.0, 0.0, m, done)
+        decision, carry = driven(tuning=tuning, target=target, u_A=0.0, u_B=0.0, m=m, done=done)
         return (
             decision,
             carry,
-            VoltageStepsState(room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking),
+            VoltageStepsState(
+                room=room,
+                steps=steps,
+                settle_ticks=settle_ticks,
+                step=at,
+                stage=stage,
+                ticks=ticks,
+                began_A=began_A,
+                began_B=began_B,
+                brake=braking,
+            ),
         )
     if stage == _DRIVEN:
         turned = max(abs(m.theta_A - began_A), abs(m.theta_B - began_B))
@@ -384,11 +451,21 @@ def step_voltage_steps(
             stage, ticks, braking = _BRAKED, 0, BrakeState(m.theta_A, m.theta_B, 0.0, 0.0)
         else:
             u = steps[at, _VOLTS]
-            decision, carry = driven(tuning, target, u, u, m, done)
+            decision, carry = driven(tuning=tuning, target=target, u_A=u, u_B=u, m=m, done=done)
             return (
                 decision,
                 carry,
-                VoltageStepsState(room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking),
+                VoltageStepsState(
+                    room=room,
+                    steps=steps,
+                    settle_ticks=settle_ticks,
+                    step=at,
+                    stage=stage,
+                    ticks=ticks,
+                    began_A=began_A,
+                    began_B=began_B,
+                    brake=braking,
+                ),
             )
     u_A, u_B, braking = step_brake(braking, m.theta_A, m.theta_B, tuning.u_max)
     if ticks >= _BRAKING_TICKS:
@@ -396,8 +473,22 @@ def step_voltage_steps(
         done = at == steps.shape[0]
         if not done:
             stage, ticks = _POSITIONED, 0
-    decision, carry = driven(tuning, target, u_A, u_B, m, done)
-    return decision, carry, VoltageStepsState(room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking)
+    decision, carry = driven(tuning=tuning, target=target, u_A=u_A, u_B=u_B, m=m, done=done)
+    return (
+        decision,
+        carry,
+        VoltageStepsState(
+            room=room,
+            steps=steps,
+            settle_ticks=settle_ticks,
+            step=at,
+            stage=stage,
+            ticks=ticks,
+            began_A=began_A,
+            began_B=began_B,
+            brake=braking,
+        ),
+    )
 
 
 # Winding -------------------------------------------------------------------------------------------
@@ -422,7 +513,15 @@ def step_winding(
     """One tick of winding."""
     wound = step_pretension(state.winding, PRETENSION_N, m.F_A, m.F_B)
     done = wound.steady_s >= STANDSTILL_S
-    decision, carry = track_motors(tuning, carry, target, wound.theta_A_ref, wound.theta_B_ref, m, done)
+    decision, carry = track_motors(
+        tuning=tuning,
+        carry=carry,
+        target=target,
+        theta_A_ref=wound.theta_A_ref,
+        theta_B_ref=wound.theta_B_ref,
+        m=m,
+        done=done,
+    )
     return decision, carry, WindingState(wound)
 
 

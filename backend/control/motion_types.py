@@ -60,7 +60,17 @@ class ControlOutput(NamedTuple):
 
 NO_REFERENCE = Setpoint(math.nan, math.nan, 0.0)
 AT_REST = ControlOutput(
-    0.0, 0.0, math.nan, math.nan, NO_REFERENCE, math.nan, math.nan, math.nan, 0, pushes=False, done=False
+    u_A=0.0,
+    u_B=0.0,
+    theta_A_ref=math.nan,
+    theta_B_ref=math.nan,
+    target=NO_REFERENCE,
+    q_ref_gov=math.nan,
+    S_ref_gov=math.nan,
+    bank_entry=math.nan,
+    limits=0,
+    pushes=False,
+    done=False,
 )
 """Zero volts, and nothing that is followed."""
 
@@ -78,10 +88,28 @@ def track_motors(
     """One tick of both motor loops towards motor references [rad]."""
     gains = tuning.motors
     state = pid.bumpless_motor_pair(carry.gains, gains, carry.state, m.theta_A, m.theta_B)
-    y, state = pid.step_motor_pair(gains, state, theta_A_ref, theta_B_ref, m.theta_A, m.theta_B, tuning.u_max)
+    y, state = pid.step_motor_pair(
+        gains=gains,
+        state=state,
+        theta_A_ref=theta_A_ref,
+        theta_B_ref=theta_B_ref,
+        theta_A=m.theta_A,
+        theta_B=m.theta_B,
+        u_max=tuning.u_max,
+    )
     limits = clipped(y.excess_A != 0.0, y.excess_B != 0.0)
     decision = ControlOutput(
-        y.u_A, y.u_B, theta_A_ref, theta_B_ref, target, target.q_ref, target.S_ref, 0.0, limits, False, done
+        u_A=y.u_A,
+        u_B=y.u_B,
+        theta_A_ref=theta_A_ref,
+        theta_B_ref=theta_B_ref,
+        target=target,
+        q_ref_gov=target.q_ref,
+        S_ref_gov=target.S_ref,
+        bank_entry=0.0,
+        limits=limits,
+        pushes=False,
+        done=done,
     )
     return decision, MotorLoopState(state, gains, theta_A_ref, theta_B_ref)
 
@@ -94,7 +122,19 @@ def driven(
     state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B)
     limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
     nan = math.nan
-    decision = ControlOutput(u_A, u_B, nan, nan, target, nan, nan, nan, limits, False, done)
+    decision = ControlOutput(
+        u_A=u_A,
+        u_B=u_B,
+        theta_A_ref=nan,
+        theta_B_ref=nan,
+        target=target,
+        q_ref_gov=nan,
+        S_ref_gov=nan,
+        bank_entry=nan,
+        limits=limits,
+        pushes=False,
+        done=done,
+    )
     return decision, MotorLoopState(state, tuning.motors, m.theta_A, m.theta_B)
 
 

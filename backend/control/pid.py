@@ -240,8 +240,12 @@ def step_motor_pair(
     ``forward_A``, ``forward_B`` [V] come on top of what the loops give. While they are ``resting`` their
     integrators leave errors alone.
     """
-    u_A, excess_A, state_A = step_i_pd(gains.A, state.A, theta_A_ref, theta_A, u_max, forward_A, resting)
-    u_B, excess_B, state_B = step_i_pd(gains.B, state.B, theta_B_ref, theta_B, u_max, forward_B, resting)
+    u_A, excess_A, state_A = step_i_pd(
+        gains=gains.A, state=state.A, r=theta_A_ref, y=theta_A, u_max=u_max, u_forward=forward_A, resting=resting
+    )
+    u_B, excess_B, state_B = step_i_pd(
+        gains=gains.B, state=state.B, r=theta_B_ref, y=theta_B, u_max=u_max, u_forward=forward_B, resting=resting
+    )
     return MotorPairOutput(u_A, u_B, excess_A, excess_B), MotorPairState(state_A, state_B)
 
 

@@ -163,11 +163,11 @@ def after(segment: NDArray[np.float64], start: Setpoint) -> Setpoint:
 @compiled
 def _at(segment: NDArray[np.float64], start: Setpoint, share: float) -> Setpoint:
     return Setpoint(
-        start.q_ref + share * (segment[_Q] - start.q_ref),
-        start.S_ref + share * (segment[_S] - start.S_ref),
-        start.F_push + share * (segment[_PUSH] - start.F_push),
-        ShaftLoad(segment[_LOAD_A], segment[_LOAD_B]),
-        int(segment[_TUNING]) if segment[_TUNING] > 0.0 else start.tuning,
-        int(segment[_WALL]) if segment[_WALL] > 0.0 else start.wall,
-        int(segment[_TOUCH]) if segment[_TOUCH] > 0.0 else start.touch,
+        q_ref=start.q_ref + share * (segment[_Q] - start.q_ref),
+        S_ref=start.S_ref + share * (segment[_S] - start.S_ref),
+        F_push=start.F_push + share * (segment[_PUSH] - start.F_push),
+        load=ShaftLoad(segment[_LOAD_A], segment[_LOAD_B]),
+        tuning=int(segment[_TUNING]) if segment[_TUNING] > 0.0 else start.tuning,
+        wall=int(segment[_WALL]) if segment[_WALL] > 0.0 else start.wall,
+        touch=int(segment[_TOUCH]) if segment[_TOUCH] > 0.0 else start.touch,
     )

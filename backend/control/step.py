@@ -72,7 +72,26 @@ class StepInputs(NamedTuple):
 
 
 NO_INPUTS = StepInputs(
-    0.0, 0.0, 0.0, False, False, math.inf, False, False, False, 0.0, NO_LOAD, 0, 0, 0, 0, 0, 0.0, 0.0, 0, 0
+    offset_A=0.0,
+    offset_B=0.0,
+    middle=0.0,
+    zeroed=False,
+    taut_wanted=False,
+    felt_from=math.inf,
+    deaf=False,
+    tripped=False,
+    reached=False,
+    F_push=0.0,
+    load=NO_LOAD,
+    tuning=0,
+    wall=0,
+    touch=0,
+    mode=0,
+    run=0,
+    lam_q=0.0,
+    lam_S=0.0,
+    fault=0,
+    limits=0,
 )
 """Those of a loop that is just being made."""
 
@@ -168,22 +187,42 @@ def detect_faults(desk: StateBlock[ControlState], raw: Measurement, missed: int)
     orders = desk.orders.value
     theta_A, theta_B = raw.theta_A + orders.offset_A, raw.theta_B + orders.offset_B
     trip = raw.safety_trip
-    m = Measurement(raw.q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip, raw.F_wall)
+    m = Measurement(
+        q=raw.q,
+        theta_A=theta_A,
+        theta_B=theta_B,
+        F_A=raw.F_A,
+        F_B=raw.F_B,
+        S_true=raw.S_true,
+        F_push=raw.F_push,
+        safety_trip=trip,
+        F_wall=raw.F_wall,
+    )
     keep_compiled(desk.m, m)
     keep_compiled(desk.velocity, motion_primitives.step_velocity(desk.velocity.value, raw.q))
     if orders.deaf:
         trip = 1.0 if orders.tripped else 0.0
     q = raw.q - orders.middle
-    heard = Measurement(q, theta_A, theta_B, raw.F_A, raw.F_B, raw.S_true, raw.F_push, trip, raw.F_wall)
+    heard = Measurement(
+        q=q,
+        theta_A=theta_A,
+        theta_B=theta_B,
+        F_A=raw.F_A,
+        F_B=raw.F_B,
+        S_true=raw.S_true,
+        F_push=raw.F_push,
+        safety_trip=trip,
+        F_wall=raw.F_wall,
+    )
     found, after = fault_detection.check(
-        desk.watched.value,
-        desk.checks.value,
-        raw,
-        heard,
-        desk.command.value,
-        orders.zeroed,
-        orders.taut_wanted,
-        missed,
+        watched=desk.watched.value,
+        state=desk.checks.value,
+        raw=raw,
+        m=heard,
+        command=desk.command.value,
+        zeroed=orders.zeroed,
+        taut_wanted=orders.taut_wanted,
+        missed=missed,
     )
     keep_compiled(desk.checks, after)
     keep_compiled(desk.found, found)
@@ -327,5 +366,13 @@ def run_batch(
             keep_compiled(simulated.load, target.load)
         m = simulate_period(simulated, u_A, u_B, stretch.period + made + 1)
         number = stretch.first + made
-        write_row(desk, rows[number % rows.shape[0]], number, MotorCommand(u_A, u_B), NO_RAW, 0.0, stretch.overruns)
+        write_row(
+            desk=desk,
+            row=rows[number % rows.shape[0]],
+            tick=number,
+            put=MotorCommand(u_A, u_B),
+            at_card=NO_RAW,
+            lateness_s=0.0,
+            overruns=stretch.overruns,
+        )
     return stretch.ticks, QUIET, 0.0, 0.0, m

@@ -44,7 +44,9 @@ def step(
         done, target, player = play(player, target)
         q_end, S_end = announced(player)
     references = LoopReferences(target.q_ref, target.S_ref, q_end, S_end)
-    y, law = cascade.step(tuning, state.law, references, state.position_loop, m, state.tau_ext)
+    y, law = cascade.step(
+        tuning=tuning, state=state.law, r=references, position_loop=state.position_loop, m=m, tau_ext=state.tau_ext
+    )
     carry = MotorLoopState(law.alone, tuning.motors, y.theta_A_ref, y.theta_B_ref)
     return (
         decided(y, target, state.plays, done),
@@ -57,17 +59,17 @@ def step(
 def decided(y: cascade.CascadeOutput, target: Setpoint, pushes: bool, done: bool) -> ControlOutput:
     """Decision of a law of position and stiffness."""
     return ControlOutput(
-        y.u_A,
-        y.u_B,
-        y.theta_A_ref,
-        y.theta_B_ref,
-        target,
-        y.q_ref_gov,
-        y.S_ref_gov,
-        y.bank_entry,
-        acting(y),
-        pushes,
-        done,
+        u_A=y.u_A,
+        u_B=y.u_B,
+        theta_A_ref=y.theta_A_ref,
+        theta_B_ref=y.theta_B_ref,
+        target=target,
+        q_ref_gov=y.q_ref_gov,
+        S_ref_gov=y.S_ref_gov,
+        bank_entry=y.bank_entry,
+        limits=acting(y),
+        pushes=pushes,
+        done=done,
     )
 
 

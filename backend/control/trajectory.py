@@ -368,21 +368,21 @@ def begin(d: Decoupler, model: TrajectoryModel, q: float, S: float, omega_A: flo
     F_A, F_B = _tensions(d, q_e, S, q)
     K = min(model.K_A, model.K_B)
     return TrajectoryState(
-        Goal(difference.theta, 0.0, math.nan, 0.0),
-        Goal(common.theta, 0.0, math.nan, 0.0),
-        difference,
-        common,
-        _filled(difference.omega / K),
-        _filled(common.omega / K),
-        Lagged(difference.theta, difference.omega, difference.omega / K),
-        Lagged(common.theta, common.omega, common.omega / K),
-        0.5,
-        -1.0,
-        (abs(difference.omega) + abs(common.omega)) / K,
-        q,
-        q_dot,
-        F_A,
-        F_B,
+        goal_d=Goal(difference.theta, 0.0, math.nan, 0.0),
+        goal_c=Goal(common.theta, 0.0, math.nan, 0.0),
+        d=difference,
+        c=common,
+        window_d=_filled(difference.omega / K),
+        window_c=_filled(common.omega / K),
+        smooth_d=Lagged(difference.theta, difference.omega, difference.omega / K),
+        smooth_c=Lagged(common.theta, common.omega, common.omega / K),
+        share=0.5,
+        asked=-1.0,
+        allowed=(abs(difference.omega) + abs(common.omega)) / K,
+        q=q,
+        q_dot=q_dot,
+        F_held_A=F_A,
+        F_held_B=F_B,
     )
 
 
@@ -391,7 +391,7 @@ def now(d: Decoupler, state: TrajectoryState) -> AxisState:
     """Return where the model is."""
     A, B = _motors(state.smooth_d, state.smooth_c)
     q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
-    return AxisState(A.theta, B.theta, A.omega, B.omega, state.q, q_e, S)
+    return AxisState(theta_A=A.theta, theta_B=B.theta, omega_A=A.omega, omega_B=B.omega, q=state.q, q_e=q_e, S=S)
 
 
 @compiled
@@ -417,9 +417,19 @@ def step(
     distance = abs(goal_d.theta - state.smooth_d.theta) + abs(goal_c.theta - state.smooth_c.theta)
     if budget == 0.0:
         if state.asked != 0.0:
-            goal_d, goal_c, share = soonest_stand(K, T, allowed, state.d, state.c, goal_d, goal_c)
+            goal_d, goal_c, share = soonest_stand(
+                K=K, T=T, U=allowed, d=state.d, c=state.c, goal_d=goal_d, goal_c=goal_c
+            )
     elif budget != state.asked or jumps(state.goal_d, goal_d) or jumps(state.goal_c, goal_c):
-        share, allowed = shared(K, T, _usable(budget, state, goal_d, goal_c), budget, state, goal_d, goal_c)
+        share, allowed = shared(
+            K=K,
+            T=T,
+            usable=_usable(budget, state, goal_d, goal_c),
+            budget=budget,
+            state=state,
+            goal_d=goal_d,
+            goal_c=goal_c,
+        )
     elif distance < STANDING:
         allowed = min(allowed, budget)
     held_d, held_c = abs(goal_d.rate) / K, abs(goal_c.rate) / K
@@ -438,31 +448,44 @@ def step(
 
     A, B = _motors(smooth_d, smooth_c)
     q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
-    q, q_dot = _swung(model, state.q, state.q_dot, at.q_e, at.S, q_e, S)
+    q, q_dot = _swung(model=model, q=state.q, q_dot=state.q_dot, q_e=at.q_e, S=at.S, q_e_next=q_e, S_next=S)
 
     forward = TrajectoryState(
-        goal_d, goal_c, state.d, state.c, window_d, window_c, state.smooth_d, state.smooth_c, share, budget, allowed,
-        state.q, state.q_dot, state.F_held_A, state.F_held_B,
-    )  # fmt: skip
+        goal_d=goal_d,
+        goal_c=goal_c,
+        d=state.d,
+        c=state.c,
+        window_d=window_d,
+        window_c=window_c,
+        smooth_d=state.smooth_d,
+        smooth_c=state.smooth_c,
+        share=share,
+        asked=budget,
+        allowed=allowed,
+        q=state.q,
+        q_dot=state.q_dot,
+        F_held_A=state.F_held_A,
+        F_held_B=state.F_held_B,
+    )
     u_A, u_B = voltages(d, model, forward, at)
     moving = distance > STANDING or goal_d.rate != 0.0 or goal_c.rate != 0.0
     driven = Driven(u_A, u_B, moving)
     return driven, TrajectoryState(
-        goal_d,
-        goal_c,
-        turned(K, T, state.d, u_d),
-        turned(K, T, state.c, u_c),
-        window_d,
-        window_c,
-        smooth_d,
-        smooth_c,
-        share,
-        budget,
-        allowed,
-        q,
-        q_dot,
-        state.F_held_A,
-        state.F_held_B,
+        goal_d=goal_d,
+        goal_c=goal_c,
+        d=turned(K, T, state.d, u_d),
+        c=turned(K, T, state.c, u_c),
+        window_d=window_d,
+        window_c=window_c,
+        smooth_d=smooth_d,
+        smooth_c=smooth_c,
+        share=share,
+        asked=budget,
+        allowed=allowed,
+        q=q,
+        q_dot=q_dot,
+        F_held_A=state.F_held_A,
+        F_held_B=state.F_held_B,
     )
 
 
@@ -511,8 +534,8 @@ def shared(
     allowed for a while.
     """
     most = max(budget, state.allowed)
-    needs_c = _needed(K, T, state.c, state.goal_c, goal_c, most)
-    needs_d = _needed(K, T, state.d, state.goal_d, goal_d, most - needs_c)
+    needs_c = _needed(K=K, T=T, axis=state.c, before=state.goal_c, goal=goal_c, most=most)
+    needs_d = _needed(K=K, T=T, axis=state.d, before=state.goal_d, goal=goal_d, most=most - needs_c)
     allowed = max(usable, needs_c + needs_d)
     low, high = needs_d / allowed, 1.0 - needs_c / allowed
     far_d, far_c = goal_d.theta - state.d.theta, goal_c.theta - state.c.theta

@@ -145,7 +145,9 @@ class Numbers:
         self._q, self._S = 0.0, 10.0
 
     def _time(self, expression: float | str, name: str = "duration_s", words: str = "") -> float:
-        return round(self._number(name, expression, 0.01, LONGEST_PART_S, "s", words), 3)
+        return round(
+            self._number(name=name, expression=expression, least=0.01, most=LONGEST_PART_S, unit="s", words=words), 3
+        )
 
     def _whole(self, name: str, expression: float | str, least: int, most: int) -> int:
         number = self._number(name, expression, least, most, "1")
@@ -177,9 +179,18 @@ class Numbers:
         """Return the amplitudes; the references stay within their bounds on both sides."""
         room_q, room_S = Q_REF_MAX - abs(self._q), min(S_HIGHEST - self._S, self._S - S_LOWEST)
         about = f"around {self._q:.6g} rad" if self._q else ""
-        amplitude_q = self._number("q_amplitude", q, -room_q, room_q, "rad", f"amplitude of q_ref {about}".strip())
+        amplitude_q = self._number(
+            name="q_amplitude",
+            expression=q,
+            least=-room_q,
+            most=room_q,
+            unit="rad",
+            words=f"amplitude of q_ref {about}".strip(),
+        )
         words = f"amplitude of S_ref around {self._S:.6g} N·m/rad"
-        return amplitude_q, self._number("S_amplitude", S, -room_S, room_S, "N·m/rad", words)
+        return amplitude_q, self._number(
+            name="S_amplitude", expression=S, least=-room_S, most=room_S, unit="N·m/rad", words=words
+        )
 
     def _refused(self, why: str, path: Path) -> ExperimentError:
         return ExperimentError(why, path, find_line(path, self._lines))
@@ -250,7 +261,15 @@ def list_played_parts(laid: CompiledExperiment) -> list[PlayedPart]:
         end_s = clock_s + segment.duration_s
         q_from, S_from = at or (None, None)
         first = found.get(path) or PlayedPart(
-            path, clock_s, end_s, 0, segment.duration_s, q_from, S_from, segment.q_ref, segment.S_ref
+            path=path,
+            start_s=clock_s,
+            end_s=end_s,
+            pieces=0,
+            piece_s=segment.duration_s,
+            q_from=q_from,
+            S_from=S_from,
+            q_to=segment.q_ref,
+            S_to=segment.S_ref,
         )
         found[path] = replace(first, end_s=end_s, pieces=first.pieces + 1)
         clock_s = end_s
@@ -380,14 +399,14 @@ class _Layout(Numbers):
         if not self._segments:
             raise self._refused("it plays nothing: give it a motion", ("phases",))
         return CompiledExperiment(
-            tuple(self._segments),
-            tuple(self._places),
-            tuple(phases),
-            tuple(self._changes),
-            tuple(self._change_places),
-            tuple(self._walls),
-            tuple(self._wall_places),
-            tuple(self._touches.made),
+            segments=tuple(self._segments),
+            places=tuple(self._places),
+            phases=tuple(phases),
+            changes=tuple(self._changes),
+            change_places=tuple(self._change_places),
+            walls=tuple(self._walls),
+            wall_places=tuple(self._wall_places),
+            touches=tuple(self._touches.made),
         )
 
     def _play(self, parts: Sequence[Any], path: Path) -> None:
@@ -441,7 +460,15 @@ class _Layout(Numbers):
         duration_s = self._time(part.duration_s)
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
         end_s = 1.0 / to_Hz
-        swept = Segment(duration_s, self._q + q, self._S + S, 0.0, Shape.SWEEP, 1.0 / from_Hz, period_end_s=end_s)
+        swept = Segment(
+            duration_s=duration_s,
+            q_ref=self._q + q,
+            S_ref=self._S + S,
+            F_push=0.0,
+            shape=Shape.SWEEP,
+            period_s=1.0 / from_Hz,
+            period_end_s=end_s,
+        )
         self._add(swept)
 
     @_lay.register
@@ -459,12 +486,31 @@ class _Layout(Numbers):
         lines = self._whole("lines", part.lines, 1, MOST_LINES)
         with error_context((*self._path, "lines"), self._lines):
             fastest = f"{_FASTEST_HZ:g} Hz is the fastest: take fewer lines or a longer period"
-            check_range("lines", lines / period_s, None, _FASTEST_HZ, "Hz", fastest, words="highest frequency")
+            check_range(
+                "lines",
+                lines / period_s,
+                minimum=None,
+                maximum=_FASTEST_HZ,
+                unit="Hz",
+                remedy=fastest,
+                words="highest frequency",
+            )
         periods = self._whole("periods", part.periods, 1, 1000)
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
         duration_s = self._time(periods * period_s, "periods", "time of all periods")
         peak, shape = peak_of(lines), Shape.MULTISINE
-        self._add(Segment(duration_s, self._q + q, self._S + S, 0.0, shape, period_s, count=lines, peak=peak))
+        self._add(
+            Segment(
+                duration_s=duration_s,
+                q_ref=self._q + q,
+                S_ref=self._S + S,
+                F_push=0.0,
+                shape=shape,
+                period_s=period_s,
+                count=lines,
+                peak=peak,
+            )
+        )
 
     @_lay.register
     def _push(self, part: schema.Push) -> None:
@@ -599,6 +645,14 @@ class _Layout(Numbers):
         self._duration_s += segment.duration_s
         with error_context(self._path, self._lines):
             words = "time of all parts up to here"
-            check_range("duration_s", self._duration_s, None, LONGEST_S, "s", "leave some out", words=words)
+            check_range(
+                "duration_s",
+                self._duration_s,
+                minimum=None,
+                maximum=LONGEST_S,
+                unit="s",
+                remedy="leave some out",
+                words=words,
+            )
         self._segments.append(segment)
         self._places.append(self._path)

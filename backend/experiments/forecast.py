@@ -213,7 +213,11 @@ class ReferenceTrajectory:
     def _done(self, number: int, of: int, set_point: float, stage: Stage) -> None:
         """Put what the program was played by since the last stretch to a set point's stage."""
         begin = self.stretches[-1].end if self.stretches else 0
-        self.stretches.append(ProgramInterval(number, of, set_point, stage, begin, self.ticks - self._began))
+        self.stretches.append(
+            ProgramInterval(
+                number=number, of=of, set_point=set_point, stage=stage, begin=begin, end=self.ticks - self._began
+            )
+        )
 
     def _walk(self, goal: JointAngles) -> None:
         (from_A, from_B), (to_A, to_B) = self.at, goal
@@ -448,12 +452,33 @@ class Forecast:
         # A start beyond the range is no reason to stay there: only what the run itself does is refused.
         reach = max(self.q_high, -self.q_low, key=abs)
         if reach > bounds.q_trip and reach > abs(self.q_start) + ASIDE_RAD:
-            raise OutOfRangeError("joint position on the way", reach, -bounds.q_trip, bounds.q_trip, "rad", remedy)
+            raise OutOfRangeError(
+                quantity="joint position on the way",
+                value=reach,
+                minimum=-bounds.q_trip,
+                maximum=bounds.q_trip,
+                unit="rad",
+                remedy=remedy,
+            )
         if self.F_high > bounds.F_max:
-            raise OutOfRangeError("tension on the way", self.F_high, None, bounds.F_max, "N", remedy)
+            raise OutOfRangeError(
+                quantity="tension on the way",
+                value=self.F_high,
+                minimum=None,
+                maximum=bounds.F_max,
+                unit="N",
+                remedy=remedy,
+            )
         if self.F_low < bounds.F_slack and not self.let_slack:
             remedy = "take a higher tension or a smaller amplitude: a tendon would go slack"
-            raise OutOfRangeError("tension on the way", self.F_low, bounds.F_slack, None, "N", remedy)
+            raise OutOfRangeError(
+                quantity="tension on the way",
+                value=self.F_low,
+                minimum=bounds.F_slack,
+                maximum=None,
+                unit="N",
+                remedy=remedy,
+            )
 
 
 def forecast_identifications(

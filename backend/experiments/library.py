@@ -205,7 +205,7 @@ class _Follower:
         last = min(end, len(self._F)) - 1
         force = round(float(self._F[at if shape == "step" else last]), _DECIMALS)
         share = np.arange(1, end - at + 1) / (end - at) if shape == "ramp" else np.ones(end - at)
-        off = _off(self._F, at, share, self._force, force, self._off[2])
+        off = _off(column=self._F, at=at, share=share, before=self._force, after=force, most=self._off[2])
         self._off = *self._off[:2], off
         part = {"do": "push", "F_push": force, "duration_s": round((end - at) * T_s, 3)}
         self._parts.append(part if shape == "step" else {**part, "shape": shape})
@@ -230,8 +230,8 @@ class _Follower:
         arrived = round(float(self._q[last]), _DECIMALS), round(float(self._S[last]), _DECIMALS)
         self._parts.append(_part("ramp" if ramp else "step", end - at, self._reached, arrived))
         share = np.arange(1, end - at + 1) / (end - at) if ramp else np.ones(end - at)
-        off_q = _off(self._q, at, share, self._reached[0], arrived[0], self._off[0])
-        off_S = _off(self._S, at, share, self._reached[1], arrived[1], self._off[1])
+        off_q = _off(column=self._q, at=at, share=share, before=self._reached[0], after=arrived[0], most=self._off[0])
+        off_S = _off(column=self._S, at=at, share=share, before=self._reached[1], after=arrived[1], most=self._off[1])
         self._off = off_q, off_S, self._off[2]
         if pushed:
             self._unpushed = _joined(self._unpushed, at, min(end, int(self._edge(at))))
@@ -388,13 +388,13 @@ def build_library_entry(
     """Return the entry of an experiment that is data. Raises ExperimentError for one that cannot be played."""
     where = {} if lines is None else lines
     entry = ExperimentDefinition(
-        name or experiment.name,
-        experiment.title,
-        experiment.description,
-        settings_of_parser(experiment, where),
-        lambda values: composed(experiment, values, run_kind, where),
-        run_kind,
-        experiment,
+        name=name or experiment.name,
+        title=experiment.title,
+        description=experiment.description,
+        settings=settings_of_parser(experiment, where),
+        make=lambda values: composed(experiment, values, run_kind, where),
+        run_kind=run_kind,
+        written=experiment,
     )
     _ = entry.usual
     return entry
@@ -407,12 +407,12 @@ def experiments_by_name() -> Mapping[str, ExperimentDefinition]:
         name: build_library_entry(*ready_made(name), run_kind=name if name in OF_THE_PAPER else KIND) for name in NAMES
     }
     sequence = ExperimentDefinition(
-        SequencePlan.kind,
-        "Own sequence",
-        "Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
-        describe_settings(SequencePlan),
-        lambda values: build_plan(SequencePlan, values),
-        SequencePlan.kind,
+        name=SequencePlan.kind,
+        title="Own sequence",
+        description="Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
+        settings=describe_settings(SequencePlan),
+        make=lambda values: build_plan(SequencePlan, values),
+        run_kind=SequencePlan.kind,
     )
     return {**ready, sequence.name: sequence}
 

@@ -371,7 +371,14 @@ def _blame(rule: Rule, settings: tuple[Setting, ...], values: Mapping[str, Value
         return
     least, most = (None, compared.bound) if compared.below else (compared.bound, None)
     raise OutOfRangeError(
-        blamed.name, compared.value, least, most, blamed.unit, rule.remedy, words=blamed.meaning, path=(blamed.name,)
+        quantity=blamed.name,
+        value=compared.value,
+        minimum=least,
+        maximum=most,
+        unit=blamed.unit,
+        remedy=rule.remedy,
+        words=blamed.meaning,
+        path=(blamed.name,),
     )
 
 

@@ -132,17 +132,40 @@ class MotorIdentificationPlan:
 
     kind: ClassVar[str] = "motor_identification"
 
-    u_low: float = number_setting(2.0, 0.3, 9.0, "V", "u_low", "smallest voltage step")
-    u_high: float = number_setting(5.0, 0.5, 9.5, "V", "u_high", "largest voltage step, short of saturation")
+    u_low: float = number_setting(
+        2.0, minimum=0.3, maximum=9.0, unit="V", symbol="u_low", meaning="smallest voltage step"
+    )
+    u_high: float = number_setting(
+        5.0, minimum=0.5, maximum=9.5, unit="V", symbol="u_high", meaning="largest voltage step, short of saturation"
+    )
     levels: int = integer_setting(4, 2, 8, "n", "number of voltages from the smallest to the largest")
-    travel_rad: float = number_setting(12.0, 2.0, 12.0, "rad", "Δθ", "a step ends once a motor has turned by this much")
-    step_s: float = number_setting(2.5, 0.3, 10.0, "s", "t_u", "a step ends after this time at the latest")
-    settle_s: float = number_setting(1.0, 0.5, 10.0, "s", "t_0", "time the motors are held where a step starts")
+    travel_rad: float = number_setting(
+        12.0,
+        minimum=2.0,
+        maximum=12.0,
+        unit="rad",
+        symbol="Δθ",
+        meaning="a step ends once a motor has turned by this much",
+    )
+    step_s: float = number_setting(
+        2.5, minimum=0.3, maximum=10.0, unit="s", symbol="t_u", meaning="a step ends after this time at the latest"
+    )
+    settle_s: float = number_setting(
+        1.0, minimum=0.5, maximum=10.0, unit="s", symbol="t_0", meaning="time the motors are held where a step starts"
+    )
 
     def __post_init__(self) -> None:
         if self.u_low >= self.u_high:
             words, remedy = "smallest voltage step", "keep it below the largest"
-            raise OutOfRangeError("u_low", self.u_low, None, self.u_high, "V", remedy, words=words)
+            raise OutOfRangeError(
+                quantity="u_low",
+                value=self.u_low,
+                minimum=None,
+                maximum=self.u_high,
+                unit="V",
+                remedy=remedy,
+                words=words,
+            )
 
     def voltages(self) -> tuple[float, ...]:
         """Return the voltages [V] stepped to, both ways."""
@@ -182,13 +205,29 @@ class SpringIdentificationPlan:
 
     kind: ClassVar[str] = "spring_identification"
 
-    F_low: float = number_setting(2.0, 1.5, 15.0, "N", "F_low", "tension where the sweep starts, above slack")
-    F_high: float = number_setting(
-        45.0, 20.0, 47.0, "N", "F_high", "tension where the sweep turns, below the solid spring's"
+    F_low: float = number_setting(
+        2.0, minimum=1.5, maximum=15.0, unit="N", symbol="F_low", meaning="tension where the sweep starts, above slack"
     )
-    sweep_s: float = number_setting(15.0, 3.0, 120.0, "s", "t_s", "time of one way up or down")
+    F_high: float = number_setting(
+        45.0,
+        minimum=20.0,
+        maximum=47.0,
+        unit="N",
+        symbol="F_high",
+        meaning="tension where the sweep turns, below the solid spring's",
+    )
+    sweep_s: float = number_setting(
+        15.0, minimum=3.0, maximum=120.0, unit="s", symbol="t_s", meaning="time of one way up or down"
+    )
     cycles: int = integer_setting(2, 1, 10, "n", "number of times up and down")
-    settle_s: float = number_setting(2.0, 0.5, 30.0, "s", "t_0", "time at the lowest tension before the sweep starts")
+    settle_s: float = number_setting(
+        2.0,
+        minimum=0.5,
+        maximum=30.0,
+        unit="s",
+        symbol="t_0",
+        meaning="time at the lowest tension before the sweep starts",
+    )
 
     def program(self) -> Program:
         """Return the sweep."""
@@ -331,7 +370,9 @@ class SequencePlan:
         segments = tuple(_segment(position, item) for position, item in enumerate(_listed(self.segments), start=1))
         duration = sum(segment.duration_s for segment in segments)
         words = "time of all segments together"
-        check_range("segments", duration, None, MAX_SEQUENCE_S, "s", "leave some out", words=words)
+        check_range(
+            "segments", duration, minimum=None, maximum=MAX_SEQUENCE_S, unit="s", remedy="leave some out", words=words
+        )
         return Program(Law.CASCADE, segments)
 
     def phases(self) -> tuple[Phase, ...]:
@@ -375,12 +416,12 @@ def _segment(position: int, item: Any) -> Segment:
         check_range(name, value, minimum, maximum, unit, words=named, path=where)
     values = {"F_push": 0.0, "period_s": 1.0} | {name: float(value) for name, value in numbers.items()}
     return Segment(
-        round(values["duration_s"], 3),  # whole milliseconds, as the loop plays them
-        values["q_ref"],
-        values["S_ref"],
-        values["F_push"],
-        Shape(shape),
-        values["period_s"],
+        duration_s=round(values["duration_s"], 3),  # whole milliseconds, as the loop plays them
+        q_ref=values["q_ref"],
+        S_ref=values["S_ref"],
+        F_push=values["F_push"],
+        shape=Shape(shape),
+        period_s=values["period_s"],
     )
 
 
@@ -404,15 +445,31 @@ class ActuatorIdentificationPlan:
 
     kind: ClassVar[str] = "actuator_identification"
 
-    tension_N: float = number_setting(20.0, 8.0, 42.0, "N", "F_0", "tendon tension held while θ_A,ref is excited")
-    amplitude_rad: float = number_setting(1.0, 0.01, 2.0, "rad", "a", "amplitude of the binary sequence on θ_A,ref")
-    chip_s: float = number_setting(0.080, 0.001, 2.0, "s", "t_c", "shortest time between two changes of the sequence")
+    tension_N: float = number_setting(
+        20.0, minimum=8.0, maximum=42.0, unit="N", symbol="F_0", meaning="tendon tension held while θ_A,ref is excited"
+    )
+    amplitude_rad: float = number_setting(
+        1.0, minimum=0.01, maximum=2.0, unit="rad", symbol="a", meaning="amplitude of the binary sequence on θ_A,ref"
+    )
+    chip_s: float = number_setting(
+        0.080,
+        minimum=0.001,
+        maximum=2.0,
+        unit="s",
+        symbol="t_c",
+        meaning="shortest time between two changes of the sequence",
+    )
     bits: int = integer_setting(7, 4, 12, "n", "length of the shift register; a period has 2^n - 1 chips")
     periods: int = integer_setting(
         2, 1, 10, "p", "periods of the sequence; the last third of all is kept for validation"
     )
     settle_s: float = number_setting(
-        8.0, 1.0, 60.0, "s", "t_0", "time the tension is held before the excitation starts"
+        8.0,
+        minimum=1.0,
+        maximum=60.0,
+        unit="s",
+        symbol="t_0",
+        meaning="time the tension is held before the excitation starts",
     )
     estimator: str = choice_setting(
         Method.DEFAULT,
@@ -435,10 +492,10 @@ class ActuatorIdentificationPlan:
         check_range(
             "chip_s",
             excitation.duration_s,
-            None,
-            MAX_EXCITATION_S,
-            "s",
-            "take a shorter chip, fewer bits or fewer periods",
+            minimum=None,
+            maximum=MAX_EXCITATION_S,
+            unit="s",
+            remedy="take a shorter chip, fewer bits or fewer periods",
             words="time of all chips together",
         )
         return excitation

@@ -82,7 +82,18 @@ def import_export(database: Database, file: Path, who: str, name: str = "", look
             return TakenIn(here, was, new=False)
         alone = {**document, "bank_id": None, "settings": drop_first_bank(document["settings"])}
         run_id = store_run(session, alone if named else document, file, look_over)
-        origins.add(session, Origin(RUN, run_id, was, name or file.name, file_digest(file), who, carried))
+        origins.add(
+            session,
+            Origin(
+                kind=RUN,
+                number=run_id,
+                was=was,
+                file=name or file.name,
+                sha256=file_digest(file),
+                who=who,
+                carried=carried,
+            ),
+        )
     return TakenIn(run_id, was, new=True)
 
 
@@ -155,7 +166,14 @@ def store_run(session: Session, document: Mapping[str, Any], file: Path | None, 
         raise ImportRefusedError(f"its run: {error}") from None
     if file is not None:
         facts, batches = read_export(file)
-        recordings.begin_imported(session, run_id, facts.fields, facts.period_s, facts.missed, facts.problem)
+        recordings.begin_imported(
+            session=session,
+            run_id=run_id,
+            fields=facts.fields,
+            period_s=facts.period_s,
+            missed=facts.missed,
+            problem=facts.problem,
+        )
         for tick, batch in _pieces(facts, batches):
             table = table_of(batch, facts.fields)
             chunks = [
@@ -206,11 +224,18 @@ def import_bundle(
         recorded = _recordings(bundle, Path(unpacked))
         numbers: Numbers = {}
         new = False
-        origin = Origin("", 0, 0, name or file.name, bundle.sha256, who)
+        origin = Origin(kind="", number=0, was=0, file=name or file.name, sha256=bundle.sha256, who=who)
         with database.session() as session:
             exclude_other_imports(session)
             for record in bundle.records:
-                new |= _take_in(session, record, numbers, recorded, origin, look_over)
+                new |= _take_in(
+                    session=session,
+                    record=record,
+                    numbers=numbers,
+                    recorded=recorded,
+                    origin=origin,
+                    look_over=look_over,
+                )
             if (RUN, bundle.run) not in numbers:
                 raise ImportRefusedError(f"run {bundle.run}, which it is of, is not among its records")
             run_id = numbers[RUN, bundle.run]
@@ -260,7 +285,15 @@ def _take_in(
         new = here is None or (kind == RUN and not unconnected and connect_imported_bank(session, here, document))
         if here is None:
             here = _store(session, kind, document, file, look_over)
-            told = Origin(kind, here, was, origin.file, origin.sha256, origin.who, record["carried"])
+            told = Origin(
+                kind=kind,
+                number=here,
+                was=was,
+                file=origin.file,
+                sha256=origin.sha256,
+                who=origin.who,
+                carried=record["carried"],
+            )
             origins.add(session, told)
     except (UnfitDocumentError, UnreadableDocumentError, ImportRefusedError) as error:
         raise ImportRefusedError(f"{kind} {was}: {error}") from None

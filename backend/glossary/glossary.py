@@ -218,7 +218,16 @@ def _figure_entry(name: str, label: str, unit: str, meanings: dict[str, list[str
     more = tuple((", ".join(dict.fromkeys(of)), definition) for definition, of in others)
     shown = "" if unit == "1" else unit
     source = "docs/experiments.md"
-    return GlossaryTerm(TermKind.FIGURE, name, label, first, shown, EQUATIONS.get(name, ""), source, more)
+    return GlossaryTerm(
+        kind=TermKind.FIGURE,
+        name=name,
+        term=label,
+        meaning=first,
+        unit=shown,
+        equation=EQUATIONS.get(name, ""),
+        source=source,
+        more=more,
+    )
 
 
 RESULTS = {
@@ -309,13 +318,13 @@ def _of_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
     source, equation = (_cited(found[1]), found[2] or "") if found else ("docs/notation.md", equation)
     return [
         GlossaryTerm(
-            kind,
-            name,
-            (symbols[at] if len(symbols) > at else "") or name,
-            meaning,
-            _no_one(units[min(at, len(units) - 1)]),
-            equation,
-            source,
+            kind=kind,
+            name=name,
+            term=(symbols[at] if len(symbols) > at else "") or name,
+            meaning=meaning,
+            unit=_no_one(units[min(at, len(units) - 1)]),
+            equation=equation,
+            source=source,
         )
         for at, name in enumerate(names)
     ]

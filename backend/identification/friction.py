@@ -72,7 +72,17 @@ def dry_friction(record: Record, linear_error: Signal, dead_time_s: float) -> Dr
         return None
     fit = 100.0 * (1.0 - np.linalg.norm(fitted.residuals) / np.linalg.norm(record.y - np.mean(record.y)))
     K, T, _, t_d = (float(value) for value in fitted.parameters)
-    return DryFriction(bool(told), K, T, u_c, float(std[0]), float(std[1]), float(std[2]), float(fit), t_d)
+    return DryFriction(
+        found=bool(told),
+        K=K,
+        T=T,
+        u_c=u_c,
+        K_std=float(std[0]),
+        T_std=float(std[1]),
+        u_c_std=float(std[2]),
+        fit_percent=float(fit),
+        t_d=t_d,
+    )
 
 
 def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
@@ -87,7 +97,19 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
 
     def residuals(z: Signal) -> Signal:
         late = period_s * z[5] if z.size > 5 else 0.0
-        return np.asarray(y - moving(u, period_s, z[0], positive_lag(float(z[1]), period_s), z[2], z[3], z[4], late)[0])
+        return np.asarray(
+            y
+            - moving(
+                u=u,
+                period_s=period_s,
+                K=z[0],
+                T=positive_lag(float(z[1]), period_s),
+                u_c=z[2],
+                u_0=z[3],
+                initial=z[4],
+                dead_time_s=late,
+            )[0]
+        )
 
     start = _start(u, y, period_s, dead_time_s)
     try:
@@ -129,7 +151,7 @@ def _start(u: Signal, y: Signal, period_s: float, dead_time_s: float) -> Signal:
     lags = np.geomspace(3.0 * period_s, u.size * period_s / 5.0, _LAGS)
     dead_times = (0.0, 0.5 * dead_time_s, dead_time_s) if dead_time_s else (0.0,)
     for T, u_c, t_d in itertools.product(lags.tolist(), _FRICTIONS, dead_times):
-        speed = moving(u, period_s, 1.0, T, u_c, 0.0, 0.0, t_d)[0]
+        speed = moving(u=u, period_s=period_s, K=1.0, T=T, u_c=u_c, u_0=0.0, initial=0.0, dead_time_s=t_d)[0]
         size = float(speed @ speed)
         K = float(speed @ y) / size if size > 0.0 else 0.0
         error = float(np.linalg.norm(y - K * speed))

@@ -167,9 +167,13 @@ def _counted(name: str, columns: Columns, unit: str | None, period_s: float | No
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         raise RecordError(
-            f"number of rows without a time in '{name}' (first in row {bad[0] + 1})", bad.size, None, 0, "1",
-            f"cut the file, or give the sample time by --period with --time {NO_COLUMN}",
-        )  # fmt: skip
+            quantity=f"number of rows without a time in '{name}' (first in row {bad[0] + 1})",
+            value=bad.size,
+            minimum=None,
+            maximum=0,
+            unit="1",
+            remedy=f"cut the file, or give the sample time by --period with --time {NO_COLUMN}",
+        )
     whole = columns.whole.get(name)
     since = values - values[:1] if whole is None else (whole - whole[:1]).astype(np.float64)
     unit, unit_from = (unit, "--time-unit") if unit else _unit_of(name, columns, since, period_s)
@@ -230,15 +234,24 @@ def require_forward(time: TimeColumn, first_row: int) -> None:
         return
     if float(np.max(steps)) <= 0.0:
         raise RecordError(
-            "largest time step", float(np.max(steps)), 0.0, None, "s", "the rows are in reverse order: turn them round"
+            quantity="largest time step",
+            value=float(np.max(steps)),
+            minimum=0.0,
+            maximum=None,
+            unit="s",
+            remedy="the rows are in reverse order: turn them round",
         )
     at = int(np.argmax(steps < 0.0))
     row = first_row + at + 1
     raise RecordError(
-        f"time step after row {row} (at {time.seconds[at]:.6g} s)", float(steps[at]), 0.0, None, "s",
-        f"the time must not run back{_cause(float(steps[at]), SECONDS.get(time.unit, 1.0))}; take the rows before it"
-        f" (--skip {first_row} --take {at + 1}) or after it (--skip {row})",
-    )  # fmt: skip
+        quantity=f"time step after row {row} (at {time.seconds[at]:.6g} s)",
+        value=float(steps[at]),
+        minimum=0.0,
+        maximum=None,
+        unit="s",
+        remedy=f"the time must not run back{_cause(float(steps[at]), SECONDS.get(time.unit, 1.0))}; "
+        f"take the rows before it (--skip {first_row} --take {at + 1}) or after it (--skip {row})",
+    )
 
 
 def _cause(step_s: float, unit_s: float) -> str:
@@ -262,19 +275,33 @@ def even(t: Signal, values: Signal, period_s: float, *, held: bool) -> Signal:
     if not float(np.min(steps)) >= 0.0:
         at = int(np.argmin(steps))
         raise RecordError(
-            f"time step after sample {at}", float(steps[at]), 0.0, None, "s", "the time must not run back"
+            quantity=f"time step after sample {at}",
+            value=float(steps[at]),
+            minimum=0.0,
+            maximum=None,
+            unit="s",
+            remedy="the time must not run back",
         )
     if float(np.max(steps)) > MAX_BRIDGED * period_s:
         at = int(np.argmax(steps))
         raise RecordError(
-            f"gap after sample {at}", float(np.max(steps)), None, MAX_BRIDGED * period_s, "s",
-            f"too long to be bridged: use the part before it (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
+            quantity=f"gap after sample {at}",
+            value=float(np.max(steps)),
+            minimum=None,
+            maximum=MAX_BRIDGED * period_s,
+            unit="s",
+            remedy=f"too long to be bridged: use the part before it (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
             f" (--range {t[at + 1]:.6g}:)",
-        )  # fmt: skip
+        )
     count = (t[-1] - t[0]) / period_s
     if count > MAX_SAMPLES:
         raise RecordError(
-            "samples at even instants", float(count), None, MAX_SAMPLES, "1", "give a longer sample time or a --range"
+            quantity="samples at even instants",
+            value=float(count),
+            minimum=None,
+            maximum=MAX_SAMPLES,
+            unit="1",
+            remedy="give a longer sample time or a --range",
         )
     instants = t[0] + period_s * np.arange(int((t[-1] - t[0]) / period_s * (1.0 + 1e-12)) + 1)
     if not held:
@@ -553,9 +580,13 @@ def _require_one_length(signals: dict[str, Signal], found: TimeColumn | None) ->
     for name, size in others:
         if size != expected:
             raise RecordError(
-                f"length of {name}", size, expected, expected, "samples",
-                f"give columns of one length, {first} has {expected}",
-            )  # fmt: skip
+                quantity=f"length of {name}",
+                value=size,
+                minimum=expected,
+                maximum=expected,
+                unit="samples",
+                remedy=f"give columns of one length, {first} has {expected}",
+            )
 
 
 def _part(found: TimeColumn | None, at: Signal, selection: Selection) -> slice:

@@ -83,30 +83,63 @@ class VoltageStepRecord:
 
     def __post_init__(self) -> None:
         if self.u.shape != self.theta.shape or self.u.ndim != 1 or self.u.size < 50:
-            raise RecordError("length of the run", self.u.size, 50, None, "samples", "give u and theta of one length")
+            raise RecordError(
+                quantity="length of the run",
+                value=self.u.size,
+                minimum=50,
+                maximum=None,
+                unit="samples",
+                remedy="give u and theta of one length",
+            )
         for name, values in (("u", self.u), ("theta", self.theta)):
             bad = int(np.count_nonzero(~np.isfinite(values)))
             if bad:
                 raise RecordError(
-                    f"number of samples of {name} that are not finite", bad, None, 0, "1", "repeat the run"
+                    quantity=f"number of samples of {name} that are not finite",
+                    value=bad,
+                    minimum=None,
+                    maximum=0,
+                    unit="1",
+                    remedy="repeat the run",
                 )
         if float(np.max(np.abs(self.u))) >= self.u_max:
             raise RecordError(
-                "voltage", float(np.max(np.abs(self.u))), None, self.u_max, "V", "the output saturates: step lower"
+                quantity="voltage",
+                value=float(np.max(np.abs(self.u))),
+                minimum=None,
+                maximum=self.u_max,
+                unit="V",
+                remedy="the output saturates: step lower",
             )
         after = self.u[self.first :]
         if self.voltage == 0.0 or float(np.ptp(after)) > 1e-3 * abs(self.voltage):
             raise RecordError(
-                "change of voltage after the step", float(np.ptp(after)), None, 1e-3 * abs(self.voltage), "V", "hold it"
+                quantity="change of voltage after the step",
+                value=float(np.ptp(after)),
+                minimum=None,
+                maximum=1e-3 * abs(self.voltage),
+                unit="V",
+                remedy="hold it",
             )
         if self.tension_N is not None and float(np.max(np.abs(self.tension_N))) > MAX_LOAD_N:
             raise RecordError(
-                "tendon force", float(np.max(np.abs(self.tension_N))), None, MAX_LOAD_N, "N",
-                "the load touches: step towards the slack side or take the tendon off",
-            )  # fmt: skip
+                quantity="tendon force",
+                value=float(np.max(np.abs(self.tension_N))),
+                minimum=None,
+                maximum=MAX_LOAD_N,
+                unit="N",
+                remedy="the load touches: step towards the slack side or take the tendon off",
+            )
         counts = float(np.ptp(self.theta)) / self.count_rad
         if counts < MIN_MOTION_COUNTS:
-            raise RecordError("motion", counts, MIN_MOTION_COUNTS, None, "counts", "step higher or record for longer")
+            raise RecordError(
+                quantity="motion",
+                value=counts,
+                minimum=MIN_MOTION_COUNTS,
+                maximum=None,
+                unit="counts",
+                remedy="step higher or record for longer",
+            )
 
     @property
     def first(self) -> int:
@@ -156,9 +189,13 @@ def identify_motor(runs: Sequence[VoltageStepRecord]) -> MotorIdentification:
     voltages = {abs(run.voltage) for run in runs}
     if len(voltages) < MIN_RUNS:
         raise RecordError(
-            "number of different voltages", len(voltages), MIN_RUNS, None, "1",
-            "one voltage cannot tell the gain from dry friction: step to several",
-        )  # fmt: skip
+            quantity="number of different voltages",
+            value=len(voltages),
+            minimum=MIN_RUNS,
+            maximum=None,
+            unit="1",
+            remedy="one voltage cannot tell the gain from dry friction: step to several",
+        )
     rule = tuple(rule_of_63_percent(run) for run in runs)
     gains, lags = np.array([[result.K_m, result.T_m] for result in rule]).T
     start = np.array([np.mean(gains), np.mean(lags), 0.0])
@@ -255,12 +292,12 @@ def _check_length(runs: Sequence[VoltageStepRecord], T_m: float) -> None:
     shortest = min((run.u.size - run.first) * run.period_s for run in runs)
     if shortest < _MIN_LENGTH_LAGS * T_m:
         raise RecordError(
-            "time recorded after the step",
-            shortest,
-            _MIN_LENGTH_LAGS * T_m,
-            None,
-            "s",
-            "wait until the speed is steady",
+            quantity="time recorded after the step",
+            value=shortest,
+            minimum=_MIN_LENGTH_LAGS * T_m,
+            maximum=None,
+            unit="s",
+            remedy="wait until the speed is steady",
         )
 
 
@@ -414,13 +451,24 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
     wrap = wrap_of(record.y, least=1)
     if wrap is not None:
         raise RecordError(
-            f"jump of the angle after sample {wrap[0]}", abs(float(record.y[wrap[0] + 1] - record.y[wrap[0]])),
-            None, 0.5 * wrap[1], "(unit of y)", "the angle wraps: unwrap it first, as numpy.unwrap does",
-        )  # fmt: skip
+            quantity=f"jump of the angle after sample {wrap[0]}",
+            value=abs(float(record.y[wrap[0] + 1] - record.y[wrap[0]])),
+            minimum=None,
+            maximum=0.5 * wrap[1],
+            unit="(unit of y)",
+            remedy="the angle wraps: unwrap it first, as numpy.unwrap does",
+        )
     resolution = y_resolution or coarse_resolution(record.y)
     counts = float(np.ptp(record.y)) / resolution if resolution else None
     if counts is not None and counts < MIN_COUNTS:
-        raise RecordError("motion", counts, MIN_COUNTS, None, "counts", "step higher or record for longer")
+        raise RecordError(
+            quantity="motion",
+            value=counts,
+            minimum=MIN_COUNTS,
+            maximum=None,
+            unit="counts",
+            remedy="step higher or record for longer",
+        )
     both = _goes_both_ways(record)
     free = [which for which in _ALL if both or which != _OFFSET]
     starts = _starts(record, offset=False)[: 1 if both else _STARTS_TRIED]
@@ -530,7 +578,18 @@ def _model(record: Record, z: Signal) -> Signal:
     """Turn by K, ln T, first speed, u_c, dead time in samples and u_0, shape (n,)."""
     late = record.period_s * float(z[_DELAY])
     lag = positive_lag(float(z[_LAG]), record.period_s)
-    return np.asarray(moving(record.u, record.period_s, z[_GAIN], lag, z[_FRICTION], z[_OFFSET], z[_SPEED], late)[1])
+    return np.asarray(
+        moving(
+            u=record.u,
+            period_s=record.period_s,
+            K=z[_GAIN],
+            T=lag,
+            u_c=z[_FRICTION],
+            u_0=z[_OFFSET],
+            initial=z[_SPEED],
+            dead_time_s=late,
+        )[1]
+    )
 
 
 def _fitted(record: Record, free: list[int], starts: list[Signal], first: int | None = None) -> _Fitted:

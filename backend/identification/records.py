@@ -179,7 +179,12 @@ class Record:
             values = getattr(self, name)
             if values is not None and values.size != self.u.size:
                 raise RecordError(
-                    f"length of {name}", values.size, self.u.size, self.u.size, "samples", "give columns of one length"
+                    quantity=f"length of {name}",
+                    value=values.size,
+                    minimum=self.u.size,
+                    maximum=self.u.size,
+                    unit="samples",
+                    remedy="give columns of one length",
                 )
         _require("length of the record", self.u.size, MIN_SAMPLES, "samples", "record for longer")
         for name in ("u", "y"):
@@ -319,36 +324,58 @@ def wrap_of(values: Signal, least: int = 2) -> tuple[int, float] | None:
 def _signal(name: str, values: ArrayLike) -> Signal:
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.ndim != 1:
-        raise RecordError(f"number of dimensions of {name}", array.ndim, 1, 1, "1", "give one column per signal")
+        raise RecordError(
+            quantity=f"number of dimensions of {name}",
+            value=array.ndim,
+            minimum=1,
+            maximum=1,
+            unit="1",
+            remedy="give one column per signal",
+        )
     bad = int(array.size - np.count_nonzero(np.isfinite(array)))
     if bad:
         first = int(np.argmin(np.isfinite(array)))
         raise RecordError(
-            f"number of samples of {name} that are not finite (first at index {first})",
-            bad, None, 0, "1", "cut the record before or after them",
-        )  # fmt: skip
+            quantity=f"number of samples of {name} that are not finite (first at index {first})",
+            value=bad,
+            minimum=None,
+            maximum=0,
+            unit="1",
+            remedy="cut the record before or after them",
+        )
     array.setflags(write=False)
     return array
 
 
 def _require(quantity: str, value: float, minimum: float, unit: str, remedy: str) -> None:
     if not value >= minimum:
-        raise RecordError(quantity, value, minimum, None, unit, remedy)
+        raise RecordError(quantity=quantity, value=value, minimum=minimum, maximum=None, unit=unit, remedy=remedy)
 
 
 def check_period(period_s: float) -> None:
     """Raise RecordError for a sample time [s] that is none."""
     if not (np.isfinite(period_s) and 1e-7 <= period_s <= 1e3):
-        raise RecordError("sample time", period_s, 1e-7, 1e3, "s", "give the sample time in seconds")
+        raise RecordError(
+            quantity="sample time",
+            value=period_s,
+            minimum=1e-7,
+            maximum=1e3,
+            unit="s",
+            remedy="give the sample time in seconds",
+        )
 
 
 def mean_period(t: Signal) -> float:
     """Sample time [s] that a time column, shape (n,), has on the whole. Raises RecordError."""
     if t.size < 2 or not t[-1] > t[0]:
         raise RecordError(
-            "length of the time column", float(t[-1] - t[0]) if t.size > 1 else 0.0, 1e-7, None, "s",
-            "the time column does not rise: give the sample time by --period, with --time none",
-        )  # fmt: skip
+            quantity="length of the time column",
+            value=float(t[-1] - t[0]) if t.size > 1 else 0.0,
+            minimum=1e-7,
+            maximum=None,
+            unit="s",
+            remedy="the time column does not rise: give the sample time by --period, with --time none",
+        )
     return float((t[-1] - t[0]) / (t.size - 1))
 
 
@@ -360,34 +387,50 @@ def check_time(t: Signal, period_s: float) -> None:
     if not float(np.min(steps)) > 0.0:
         at = int(np.argmin(steps))
         raise RecordError(
-            f"time step after sample {at}", float(steps[at]), MIN_STEP * period_s, MAX_STEP * period_s, "s",
-            "the time column must rise from row to row; --time none beside --period leaves out one that is too coarse",
-        )  # fmt: skip
+            quantity=f"time step after sample {at}",
+            value=float(steps[at]),
+            minimum=MIN_STEP * period_s,
+            maximum=MAX_STEP * period_s,
+            unit="s",
+            remedy="the time column must rise from row to row; "
+            "--time none beside --period leaves out one that is too coarse",
+        )
     largest = float(np.max(steps))
     typical = float(np.median(steps))
     if largest > MAX_STEP * max(period_s, typical):
         at = int(np.argmax(steps))
         raise RecordError(
-            f"gap after sample {at}", largest, None, MAX_STEP * period_s, "s",
-            f"samples are missing: use the part before the gap (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
+            quantity=f"gap after sample {at}",
+            value=largest,
+            minimum=None,
+            maximum=MAX_STEP * period_s,
+            unit="s",
+            remedy=f"samples are missing: use the part before the gap (--range {t[0]:.6g}:{t[at]:.6g}) or after it"
             f" (--range {t[at + 1]:.6g}:), or --resample where it is short",
-        )  # fmt: skip
+        )
     mean = mean_period(t)
     if abs(mean / period_s - 1.0) > MAX_PERIOD_ERROR:
         raise RecordError(
-            "sample time of the time column", mean,
-            (1.0 - MAX_PERIOD_ERROR) * period_s, (1.0 + MAX_PERIOD_ERROR) * period_s, "s",
-            "give the sample time the record was taken with, or --resample",
-        )  # fmt: skip
+            quantity="sample time of the time column",
+            value=mean,
+            minimum=(1.0 - MAX_PERIOD_ERROR) * period_s,
+            maximum=(1.0 + MAX_PERIOD_ERROR) * period_s,
+            unit="s",
+            remedy="give the sample time the record was taken with, or --resample",
+        )
 
 
 def _check_moves(name: str, values: Signal) -> None:
     spread = float(np.ptp(values))
     if spread <= 1e-12 * max(1.0, float(np.max(np.abs(values)))):
         raise RecordError(
-            f"peak-to-peak of {name}", spread, 1e-12, None, f"(unit of {name})",
-            "a constant signal identifies nothing: excite the input and record again",
-        )  # fmt: skip
+            quantity=f"peak-to-peak of {name}",
+            value=spread,
+            minimum=1e-12,
+            maximum=None,
+            unit=f"(unit of {name})",
+            remedy="a constant signal identifies nothing: excite the input and record again",
+        )
 
 
 def _check_saturation(u: Signal, y: Signal) -> None:
@@ -397,6 +440,10 @@ def _check_saturation(u: Signal, y: Signal) -> None:
     moves = rest is not None and rest.moving_percent > MAX_SATURATED_PERCENT
     if rest is not None and moves and rest.abrupt and rest.limit != 0.0:
         raise RecordError(
-            f"time that y spends at its limit of {rest.limit:.6g} while u moves", rest.moving_percent,
-            None, MAX_SATURATED_PERCENT, "%", "the output is saturated: excite with a smaller amplitude",
-        )  # fmt: skip
+            quantity=f"time that y spends at its limit of {rest.limit:.6g} while u moves",
+            value=rest.moving_percent,
+            minimum=None,
+            maximum=MAX_SATURATED_PERCENT,
+            unit="%",
+            remedy="the output is saturated: excite with a smaller amplitude",
+        )

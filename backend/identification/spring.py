@@ -85,19 +85,43 @@ def read_load_sweep(
 
 def _check_points(x: Signal, F: Signal, order: int) -> None:
     if x.shape != F.shape or x.ndim != 1:
-        raise RecordError("number of forces", F.size, x.size, x.size, "1", "give one force per elongation")
+        raise RecordError(
+            quantity="number of forces",
+            value=F.size,
+            minimum=x.size,
+            maximum=x.size,
+            unit="1",
+            remedy="give one force per elongation",
+        )
     bad = int(np.count_nonzero(~(np.isfinite(x) & np.isfinite(F))))
     if bad:
-        raise RecordError("number of points that are not finite", bad, None, 0, "1", "leave those points out")
+        raise RecordError(
+            quantity="number of points that are not finite",
+            value=bad,
+            minimum=None,
+            maximum=0,
+            unit="1",
+            remedy="leave those points out",
+        )
     needed = MIN_POINTS_PER_ORDER * (order + 1)
     if np.unique(x).size < needed:
         raise RecordError(
-            "number of different elongations", np.unique(x).size, needed, None, "1", "measure more points"
+            quantity="number of different elongations",
+            value=np.unique(x).size,
+            minimum=needed,
+            maximum=None,
+            unit="1",
+            remedy="measure more points",
         )
     lowest = -NOISE_SHARE * float(np.max(F))
     if float(np.min(F)) < lowest:
         raise RecordError(
-            "smallest force", float(np.min(F)), lowest, None, "N", "a tendon never pushes: check the sensor"
+            quantity="smallest force",
+            value=float(np.min(F)),
+            minimum=lowest,
+            maximum=None,
+            unit="N",
+            remedy="a tendon never pushes: check the sensor",
         )
 
 

@@ -579,7 +579,14 @@ def find_headline(
     """
     for item in sorted(criteria, key=lambda item: item.passed is not False):
         if item.figure is not None:
-            return RunHeadline(item.name, item.title, item.figure, item.unit, item.relation, item.bound)
+            return RunHeadline(
+                name=item.name,
+                label=item.title,
+                value=item.figure,
+                unit=item.unit,
+                relation=item.relation,
+                bound=item.bound,
+            )
     if fits:
         channel = min(fits, key=lambda name: fits[name])
         return RunHeadline("fit_percent", f"Fit of {channel}", fits[channel], "%")

@@ -243,7 +243,19 @@ class MotorTrial(CommissioningMotion):
         self._carry = MotorLoopState(
             pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B), tuning.motors, m.theta_A, m.theta_B
         )
-        return ControlOutput(u_A, u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=False)
+        return ControlOutput(
+            u_A=u_A,
+            u_B=u_B,
+            theta_A_ref=nan,
+            theta_B_ref=nan,
+            target=self.target,
+            q_ref_gov=nan,
+            S_ref_gov=nan,
+            bank_entry=nan,
+            limits=0,
+            pushes=False,
+            done=False,
+        )
 
     def _voltage(self) -> float:
         if not self._out:
@@ -310,5 +322,15 @@ class ModuleTrial(PythonMotion):
         self._carry = MotorLoopState(at_rest, tuning.motors, m.theta_A, m.theta_B)
         nan = math.nan
         return ControlOutput(
-            self._u_A, self._u_B, nan, nan, self.target, nan, nan, nan, 0, pushes=False, done=self.done
+            u_A=self._u_A,
+            u_B=self._u_B,
+            theta_A_ref=nan,
+            theta_B_ref=nan,
+            target=self.target,
+            q_ref_gov=nan,
+            S_ref_gov=nan,
+            bank_entry=nan,
+            limits=0,
+            pushes=False,
+            done=self.done,
         )

@@ -102,7 +102,14 @@ class Contact:
         if len(bias) == 0 and self._tunings.gains.rejection.k_ext > 0.0:
             raise CommandRejectedError("pushes are rejected by what was learned: set k_ext to 0 before it is forgotten")
         if command.contact_N != 0.0:
-            check_range("contact_N", command.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
+            check_range(
+                "contact_N",
+                command.contact_N,
+                minimum=CONTACT_MIN_N,
+                maximum=CONTACT_MAX_N,
+                unit="N",
+                remedy="0 N reacts to nothing",
+            )
         self._operators, self._from_N = bias, command.contact_N or math.inf
         self._take_off()
 
@@ -124,7 +131,14 @@ class Contact:
                 raise CommandRejectedError(f"a segment wants touch {segment.touch} of the program's {len(touches)}")
         for touch in touches:
             if touch.contact_N != 0.0:
-                check_range("contact_N", touch.contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N reacts to nothing")
+                check_range(
+                    "contact_N",
+                    touch.contact_N,
+                    minimum=CONTACT_MIN_N,
+                    maximum=CONTACT_MAX_N,
+                    unit="N",
+                    remedy="0 N reacts to nothing",
+                )
         if touches and program.law is not Law.CASCADE:
             raise CommandRejectedError(f"a {program.law} program gives way to nothing: play it by the cascade")
         if self._from_N != math.inf and any(touch.contact_N for touch in touches):
@@ -232,7 +246,15 @@ def giving_way(
         Segment(T_s * span, q, S_ref, F_push, load_A=load_A, load_B=load_B, tuning=number, wall=wall, touch=touch)
         for span, S_ref in ((min(STAND_TICKS, ticks), as_it_is), (max(ticks - STAND_TICKS, 0), bounds.S_min))
     )
-    return Tracking(tuning, carry, m, bounds, False, Program(Law.COMPLIANCE, parts), gives_way=True)
+    return Tracking(
+        tuning=tuning,
+        carry=carry,
+        m=m,
+        bounds=bounds,
+        position_loop=False,
+        program=Program(Law.COMPLIANCE, parts),
+        gives_way=True,
+    )
 
 
 # Hand push -----------------------------------------------------------------------------------------
@@ -274,7 +296,14 @@ class ManualDisturbance:
                 f"a push takes a joint under the operator's control, in {wanted}; the mode is {mode}"
             )
         check_range("F_push", command.F_push, None, None, "N")
-        check_range("duration_s", command.duration_s, 0.0, PUSH_MAX_S, "s", "order it again to push for longer")
+        check_range(
+            "duration_s",
+            command.duration_s,
+            minimum=0.0,
+            maximum=PUSH_MAX_S,
+            unit="s",
+            remedy="order it again to push for longer",
+        )
         if command.F_push == 0.0 and self._until is None:
             return  # a program's push is not an operator's to let go of
         self._plant.push(command.F_push)

@@ -169,7 +169,11 @@ def _home(position: float, machine: ModeManager, plant: Plant, now: TickContext)
     ratio, at_end = machine.turns_per_joint, lambda: plant.at_end
     if not plant.zeroed:
         machine.zeros.say_middle(m.q)  # that is what the person who started it has said
-    machine.try_out(lambda carry: Homing(carry, NO_REFERENCE, m, position, ratio, at_end), Cause.HOMING, now)
+    machine.try_out(
+        lambda carry: Homing(carry=carry, target=NO_REFERENCE, m=m, position=position, ratio=ratio, at_end=at_end),
+        Cause.HOMING,
+        now,
+    )
 
 
 def _require_off(machine: ModeManager, what: str) -> None:
@@ -193,26 +197,26 @@ def orders_of(machine: ModeManager) -> StepInputs:
     zeros, lambdas, push, motion = machine.zeros, machine.tunings.lambdas, machine.push, machine.motion
     trial = isinstance(motion, ModuleTrial)  # the trip that it provokes is heard when it is done, and then in any case
     return StepInputs(
-        zeros.offset_A,
-        zeros.offset_B,
-        zeros.middle,
-        zeros.motors_known,
-        machine.keeps_taut,
-        machine.contact.felt_from(motion),
-        trial,
-        trial and motion is not None and motion.done,
-        machine.reached_told,
-        push.F_push,
-        push.load,
-        machine.tunings.number,
-        push.wall,
-        push.touch,
-        MODE_CODE[machine.mode],
-        machine.run,
-        lambdas.lam_q,
-        lambdas.lam_S,
-        FAULT_CODE[machine.fault],
-        Limit.CONTACT if machine.contact.felt else 0,
+        offset_A=zeros.offset_A,
+        offset_B=zeros.offset_B,
+        middle=zeros.middle,
+        zeroed=zeros.motors_known,
+        taut_wanted=machine.keeps_taut,
+        felt_from=machine.contact.felt_from(motion),
+        deaf=trial,
+        tripped=trial and motion is not None and motion.done,
+        reached=machine.reached_told,
+        F_push=push.F_push,
+        load=push.load,
+        tuning=machine.tunings.number,
+        wall=push.wall,
+        touch=push.touch,
+        mode=MODE_CODE[machine.mode],
+        run=machine.run,
+        lam_q=lambdas.lam_q,
+        lam_S=lambdas.lam_S,
+        fault=FAULT_CODE[machine.fault],
+        limits=Limit.CONTACT if machine.contact.felt else 0,
     )
 
 
@@ -402,7 +406,12 @@ class Loop:
             plant.open()
             self._desk.begin(plant.read())
             self._machine = ModeManager(
-                plant, parameters, self._desk, gains, TuningParameters(tuning.lam_q, tuning.lam_S), self._events
+                plant=plant,
+                parameters=parameters,
+                desk=self._desk,
+                tuning=gains,
+                lambdas=TuningParameters(tuning.lam_q, tuning.lam_S),
+                events=self._events,
             )
         except BaseException:  # the drives may be on already, and nobody else has this plant to close
             self.close()

@@ -65,7 +65,14 @@ def tuning_of(command: SetTuning, known: PlantModel) -> cascade.CascadeTuning:
         raise ValueError("a gain is not a finite number: no gain was changed")
     check_range("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")
     require_share(command.k_ext)
-    return combine_tuning(known, inner, table, command.interpolate, command.u_plan, command.k_ext)
+    return combine_tuning(
+        known=known,
+        inner=inner,
+        entries=table,
+        interpolate=command.interpolate,
+        u_plan=command.u_plan,
+        k_ext=command.k_ext,
+    )
 
 
 # Tunings -------------------------------------------------------------------------------------------

@@ -266,7 +266,14 @@ class ModeManager:
         playing, ticks = self._program is not None, self.contact.pause(self._program, self.motion)
         goes_on = bool(ticks) or (self.contact.feel(now.tick) and playing)
         acting = self.push.acting(self.tunings.number) if goes_on else NOTHING
-        motion = giving_way(self.tunings.gains, self._carried(now.m), now.m, self.bounds, acting, ticks or TAIL_TICKS)
+        motion = giving_way(
+            tuning=self.tunings.gains,
+            carry=self._carried(now.m),
+            m=now.m,
+            bounds=self.bounds,
+            acting=acting,
+            ticks=ticks or TAIL_TICKS,
+        )
         if goes_on:
             self.motion = motion
         else:
@@ -300,7 +307,16 @@ class ModeManager:
         if pending is None or self.mode is not Mode.TRIPPED:
             return
         stop, elapsed_ms = pending.stop, 1e3 * (time.perf_counter() - pending.clock_s)
-        self._events.append(Stopped(stop.fault, stop.hard, pending.arrived_tick, tick, elapsed_ms, pending.detail))
+        self._events.append(
+            Stopped(
+                fault=stop.fault,
+                hard=stop.hard,
+                arrived_tick=pending.arrived_tick,
+                zero_tick=tick,
+                milliseconds=elapsed_ms,
+                detail=pending.detail,
+            )
+        )
         self._pending_stop = None
 
     def end_motion(self, now: TickContext) -> Measurement:
@@ -311,7 +327,14 @@ class ModeManager:
             self._enter(now, Mode.OFF, None, self.motion.cause)
         elif self.contact.paused is not None:
             self._program = rest = self.contact.go_on(self.contact.paused)
-            self.motion = Tracking(self.tunings.gains, self._carried(now.m), now.m, self.bounds, True, rest)
+            self.motion = Tracking(
+                tuning=self.tunings.gains,
+                carry=self._carried(now.m),
+                m=now.m,
+                bounds=self.bounds,
+                position_loop=True,
+                program=rest,
+            )
         elif self.contact.felt and self.mode is Mode.EXPERIMENT:
             self.give_way(now)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):

@@ -101,7 +101,17 @@ def voltage_steps_of(program: Program, room: motion_primitives.VoltageMargin) ->
     steps = np.array(rows, dtype=np.float64).reshape(-1, 4)
     still = motion_primitives.BrakeState(0.0, 0.0, 0.0, 0.0)
     first = motion_primitives.CENTRED
-    return motion_primitives.VoltageStepsState(room, steps, round(program.settle_s / T_s), 0, first, 0, 0.0, 0.0, still)
+    return motion_primitives.VoltageStepsState(
+        room=room,
+        steps=steps,
+        settle_ticks=round(program.settle_s / T_s),
+        step=0,
+        stage=first,
+        ticks=0,
+        began_A=0.0,
+        began_B=0.0,
+        brake=still,
+    )
 
 
 # Motion --------------------------------------------------------------------------------------------
@@ -283,7 +293,15 @@ class PythonMotion(Motion):
         self, tuning: cascade.CascadeTuning, m: Measurement, theta_A_ref: float, theta_B_ref: float
     ) -> ControlOutput:
         """One tick of both motor loops towards motor references [rad]."""
-        decision, self._carry = track_motors(tuning, self._carry, self.target, theta_A_ref, theta_B_ref, m, False)
+        decision, self._carry = track_motors(
+            tuning=tuning,
+            carry=self._carry,
+            target=self.target,
+            theta_A_ref=theta_A_ref,
+            theta_B_ref=theta_B_ref,
+            m=m,
+            done=False,
+        )
         return decision
 
 
@@ -329,8 +347,18 @@ class ProgramMotions:
         self._require_segments(program)
         bounds = self._bounds
         if program.law in BASELINES:
-            return Baseline(program, self._parameters, lambdas, tuning, carry, m, bounds)
-        return Tracking(tuning, carry, m, bounds, program.law is Law.CASCADE, program)
+            return Baseline(
+                program=program,
+                parameters=self._parameters,
+                lambdas=lambdas,
+                tuning=tuning,
+                carry=carry,
+                m=m,
+                bounds=bounds,
+            )
+        return Tracking(
+            tuning=tuning, carry=carry, m=m, bounds=bounds, position_loop=program.law is Law.CASCADE, program=program
+        )
 
     def off_by(self, tensions: tuple[float, float], m: Measurement) -> tuple[float, float]:
         """How much less motors A and B read [rad] than they stand at, as the tensions [N] say."""
@@ -366,7 +394,14 @@ class ProgramMotions:
             raise CommandRejectedError("a program of voltage steps needs at least one step")
         theta_max = self._geometry.r_j / self._geometry.r_m * self._bounds.q_trip  # what the joint's range winds up
         for step in program.steps:
-            check_range("theta_start", step.theta_start, -theta_max, 0.0, "rad", "0 is where the tendons go slack")
+            check_range(
+                "theta_start",
+                step.theta_start,
+                minimum=-theta_max,
+                maximum=0.0,
+                unit="rad",
+                remedy="0 is where the tendons go slack",
+            )
             check_range("u", step.u, -self._bounds.u_max, self._bounds.u_max, "V")
         room = VoltageMargin(*self.wound(PRETENSION_N), self._bounds.F_slack, theta_max)
         return MotorSteps(carry, voltage_steps_of(program, room))

@@ -126,7 +126,16 @@ class PlayerLoop:
         self._go(False, self._speed, self._sample)
         if stop.fault is Fault.STOP_PRESSED:
             elapsed_ms = 1e3 * (time.perf_counter() - begun_s)
-            self._events.append(Stopped(stop.fault, stop.hard, self._tick, self._tick, elapsed_ms, stop.detail))
+            self._events.append(
+                Stopped(
+                    fault=stop.fault,
+                    hard=stop.hard,
+                    arrived_tick=self._tick,
+                    zero_tick=self._tick,
+                    milliseconds=elapsed_ms,
+                    detail=stop.detail,
+                )
+            )
         return ""
 
 

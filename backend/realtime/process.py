@@ -117,7 +117,14 @@ def _bring_up(parameters: PlantParameters, tuning: SetTuning) -> None:
     """Step what the interpreter steps; of what is compiled, a homing takes all that the bring-up does."""
     plant = Simulator(parameters)
     gains = tuning_of(tuning, collect_plant_knowledge(parameters))
-    homing = Homing(IdleMotion(gains.motors).carry(), NO_REFERENCE, plant.read(), 0.5, 1.0, lambda: False)
+    homing = Homing(
+        carry=IdleMotion(gains.motors).carry(),
+        target=NO_REFERENCE,
+        m=plant.read(),
+        position=0.5,
+        ratio=1.0,
+        at_end=lambda: False,
+    )
     homing.step(gains, plant.read())
 
 

@@ -221,7 +221,9 @@ def final_references(segment: Segment, q_ref: float, S_ref: float) -> tuple[floa
 def require_few(segments: Collection[Segment]) -> None:
     """Raise OutOfRangeError for more segments than a program may have."""
     words = "number of segments"
-    check_range("segments", len(segments), None, MAX_SEGMENTS, "1", "split the program", words=words)
+    check_range(
+        "segments", len(segments), minimum=None, maximum=MAX_SEGMENTS, unit="1", remedy="split the program", words=words
+    )
 
 
 NO_WALL = "no wall can be put in this joint's way by command: play it as a dry run"
@@ -238,7 +240,7 @@ def require_plant_ability(segment: Segment, *, pushes: bool, loads_shafts: bool)
     for load in filter(None, (segment.load_A, segment.load_B)):
         if not loads_shafts:
             raise CommandRejectedError("this rig cannot load its motors' shafts by itself: play it as a dry run")
-        check_range("load", load, 0.0, None, "N·m", "loads pull as tendons do")
+        check_range("load", load, minimum=0.0, maximum=None, unit="N·m", remedy="loads pull as tendons do")
 
 
 @dataclass(frozen=True)

@@ -64,21 +64,21 @@ class StepContext:
     ) -> None:
         self.cell = cell = StateBlock(
             ControlState(
-                tuning,
-                fault_detection.watched_for(parameters, round(unattended_max_s / T_s)),
-                NO_INPUTS,
-                fault_detection.FaultDetectionState(
+                tuning=tuning,
+                watched=fault_detection.watched_for(parameters, round(unattended_max_s / T_s)),
+                orders=NO_INPUTS,
+                checks=fault_detection.FaultDetectionState(
                     0.0, False, NOT_MEASURED, NOT_MEASURED, fault_detection.nothing_remembered()
                 ),
-                fault_detection.CLEAR,
-                motion_primitives.VelocityState(0.0, math.nan),
-                NOT_MEASURED,
-                ZERO_VOLTS,
-                AT_REST,
-                disturbance_observer.observer_for(parameters),
-                disturbance_observer.UNKNOWN,
-                np.zeros((0, 2)),
-                math.nan,
+                found=fault_detection.CLEAR,
+                velocity=motion_primitives.VelocityState(0.0, math.nan),
+                m=NOT_MEASURED,
+                command=ZERO_VOLTS,
+                decision=AT_REST,
+                observer=disturbance_observer.observer_for(parameters),
+                touch=disturbance_observer.UNKNOWN,
+                bias=np.zeros((0, 2)),
+                F_ext_hat=math.nan,
             )
         )
         self._tuning, self._orders_cell, self._m = cell.field("tuning"), cell.field("orders"), cell.field("m")

@@ -111,7 +111,9 @@ class FlightRecorder:
                 self._end_of_ring()
                 ring = self._ring()
                 text = f"The control loop died: {reason}"
-                self._trip(_Trip(ring, DIED, ring.count, text, time_of(ring, ring.count), True))
+                self._trip(
+                    _Trip(ring=ring, fault=DIED, tick=ring.count, text=text, at=time_of(ring, ring.count), is_last=True)
+                )
             case _:
                 return
 
@@ -175,7 +177,15 @@ class FlightRecorder:
                 event = events.add(session, EventKind.TRIP, trip.text, tick=trip.tick, at=trip.at)
             events.complete(session, event.id, run_id=known, followed_by=trip.followed_by)
             samples = pack_table(rows[:, STORED_COLUMNS].astype(np.float32))
-            flight = NewFlight(event.id, trip.fault, first_tick, trip.tick, len(rows), list(STORED_NAMES), samples)
+            flight = NewFlight(
+                event_id=event.id,
+                fault=trip.fault,
+                first_tick=first_tick,
+                trip_tick=trip.tick,
+                count=len(rows),
+                fields=list(STORED_NAMES),
+                samples=samples,
+            )
             flights.add(session, flight)
             make_room(session, self._quota)
 

@@ -340,7 +340,9 @@ class Trigger:
     def _begin(self, ring: Ring, tick: int, rows: NDArray[np.float64]) -> None:
         assert self.standing is not None
         armed, number = self.standing.armed, self.standing.captured + 1
-        self._capture = _Capture(armed, ring, tick, time_of(ring, tick), number, run_of(rows[:1]))
+        self._capture = _Capture(
+            armed=armed, ring=ring, tick=tick, at=time_of(ring, tick), number=number, run=run_of(rows[:1])
+        )
         self.heard.triggered(tick, f"trigger: {armed.condition.told()}")
 
     def _finish_if_whole(self) -> None:
@@ -391,7 +393,15 @@ class Trigger:
             samples = pack_table(table)
             flights.add(
                 session,
-                NewFlight(event.id, TRIGGER, capture.first_tick, capture.tick, len(table), list(STORED_NAMES), samples),
+                NewFlight(
+                    event_id=event.id,
+                    fault=TRIGGER,
+                    first_tick=capture.first_tick,
+                    trip_tick=capture.tick,
+                    count=len(table),
+                    fields=list(STORED_NAMES),
+                    samples=samples,
+                ),
             )
             make_room(session, self._quota, TRIGGER)
             if capture.number == armed.captures and not self.is_armed:

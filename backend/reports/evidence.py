@@ -262,14 +262,18 @@ def source_of(
     moment = run.started_at
     stored: dict[str, Any] = {"run_id": run.id, "who": run.who, "software": run.software, "id": 0, "created_at": moment}
     return RunData(
-        run,
-        None if metrics is None else Result(run.id, metrics, criteria, run.software, 0, moment),
-        columns,
-        None if bank is None else Bank(0, bank.name, bank.version, "", "", moment, bank.entries),
-        None if estimate is None else Identification(**asdict(estimate), **stored),
-        evidence.runs_of,
-        evidence.angles,
-        evidence.fits,
+        run=run,
+        result=None
+        if metrics is None
+        else Result(run_id=run.id, metrics=metrics, criteria=criteria, software=run.software, id=0, created_at=moment),
+        columns=columns,
+        bank=None
+        if bank is None
+        else Bank(id=0, name=bank.name, version=bank.version, note="", who="", created_at=moment, entries=bank.entries),
+        identification=None if estimate is None else Identification(**asdict(estimate), **stored),
+        runs_of=evidence.runs_of,
+        angles=evidence.angles,
+        fits=evidence.fits,
     )
 
 

@@ -105,7 +105,9 @@ def _compliance_figures(source: RunData, metrics: Metrics) -> ReportSection:
     delay_s = metrics.value_of("delay_s") or 0.0
     r_j = source.run.number("geometry", "r_j")
     F_max = source.run.number("safety", "F_max")
-    panels = force_panels(source.columns, r_j, pushed_s, delay_s, "forces", source.angles)
+    panels = force_panels(
+        columns=source.columns, r_j=r_j, pushed_s=pushed_s, delay_s=delay_s, name="forces", angles=source.angles
+    )
     return ReportSection(
         "Figures",
         (
@@ -198,7 +200,14 @@ def papers_law(source: RunData) -> PapersLaw | None:
     except (BankError, TuningError, ParameterError) as error:
         return PapersLaw(reason=str(error))
     push = columns["F_push"] if np.all(np.isfinite(columns["F_push"])) else None
-    found = simulate_cascade(parameters, tuning, columns["q_ref"], columns["S_ref"], push, int(settings.loop.seed or 0))
+    found = simulate_cascade(
+        parameters=parameters,
+        tuning=tuning,
+        q_ref=columns["q_ref"],
+        S_ref=columns["S_ref"],
+        F_push=push,
+        seed=int(settings.loop.seed or 0),
+    )
     if found.tripped_at >= 0:
         return PapersLaw(reason=f"with it the safety module would have tripped after {found.tripped_at * T_s:g} s")
     return PapersLaw({"t": t, "q": found.q, "S": found.S})
@@ -315,7 +324,15 @@ def _segments_table(segments: list[dict[str, Any]], angles: AngleUnit) -> Table:
 def _recording_figures(source: RunData) -> ReportSection:
     columns, run = source.columns, source.run
     u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
-    panels = tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABCDEF", "panels", u_max, source.angles)
+    panels = tracking_panels(
+        columns=columns,
+        start_s=0.0,
+        end_s=float(columns["t"][-1]),
+        letters="ABCDEF",
+        name="panels",
+        u_max=u_max,
+        angles=source.angles,
+    )
     caption = f"{WHAT_IS_DRAWN}. References dashed. {CUT_OFF}"
     tensions = TENSIONS
     return ReportSection(
@@ -455,7 +472,16 @@ def _tracking_figures(
     blocks = [
         Figure(
             "separate",
-            tracking_panels(columns, 0.0, split_s, "ABCDEF", "separate", u_max, source.angles, theirs),
+            tracking_panels(
+                columns=columns,
+                start_s=0.0,
+                end_s=split_s,
+                letters="ABCDEF",
+                name="separate",
+                u_max=u_max,
+                angles=source.angles,
+                papers_law=theirs,
+            ),
             f"Position and stiffness moved one after the other: {WHAT_IS_DRAWN}. References dashed.{beside_it} "
             f"{CUT_OFF} Compare q, S and u with figure 7A–C of the paper{_of_governor(law)}.",
         )
@@ -464,7 +490,16 @@ def _tracking_figures(
         blocks.append(
             Figure(
                 "together",
-                tracking_panels(columns, split_s, played_s, "GHIJKL", "together", u_max, source.angles, theirs),
+                tracking_panels(
+                    columns=columns,
+                    start_s=split_s,
+                    end_s=played_s,
+                    letters="GHIJKL",
+                    name="together",
+                    u_max=u_max,
+                    angles=source.angles,
+                    papers_law=theirs,
+                ),
                 "Position and stiffness moved at once: the same in (G) to (L). "
                 f"References dashed.{beside_it} Compare q, S and u with figure 7D–F of the paper{_of_governor(law)}.",
             )
@@ -631,7 +666,15 @@ def _seen(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
     drawn = [
         Figure(
             "whole",
-            tracking_panels(columns, 0.0, float(columns["t"][-1]), "ABCDEF", "whole", u_max, source.angles),
+            tracking_panels(
+                columns=columns,
+                start_s=0.0,
+                end_s=float(columns["t"][-1]),
+                letters="ABCDEF",
+                name="whole",
+                u_max=u_max,
+                angles=source.angles,
+            ),
             f"The whole experiment: {WHAT_IS_DRAWN}. References dashed. {CUT_OFF}",
         ),
     ]
@@ -663,7 +706,9 @@ def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
         first_s, r_j = acted[0].start * T_s, source.run.number("geometry", "r_j")
         yield Figure(
             "forces",
-            force_panels(columns, r_j, first_s, delay_s, "forces", source.angles),
+            force_panels(
+                columns=columns, r_j=r_j, pushed_s=first_s, delay_s=delay_s, name="forces", angles=source.angles
+            ),
             "Pushes on the joint: (A) joint position, (B) measured force F_ext and the force F_exp that stiffness and "
             "position let expect, (C) their difference as measured (grey) and aligned.",
         )

@@ -207,7 +207,7 @@ def _actuator_figures(source: RunData, found: Identification) -> tuple[Block, ..
     return (
         Figure(
             "record",
-            record_panels(columns, start, models, period_s, "record", angles),
+            record_panels(columns=columns, start=start, models=models, period_s=period_s, name="record", angles=angles),
             "The record: (A) excitation on the held tension, (B) joint position and (D) joint stiffness, each with the "
             "identified model simulated from rest on the recorded input (dashed), (C, E) measured less simulated, "
             "(F, G) tendon tensions.",

@@ -55,4 +55,13 @@ def load_source(database: Database, run_id: int, angles: AngleUnit = AngleUnit.D
         fits = {} if bank is None else load_bank_fits(session, bank)
     by_hand = run.kind == RunKind.SESSION
     columns = read_drawn_columns(database, run_id) if by_hand else read_recorded_columns(database, run_id)[0]
-    return RunData(run, result, columns, bank, estimates[0] if estimates else None, runs_of, angles, fits)
+    return RunData(
+        run=run,
+        result=result,
+        columns=columns,
+        bank=bank,
+        identification=estimates[0] if estimates else None,
+        runs_of=runs_of,
+        angles=angles,
+        fits=fits,
+    )

@@ -73,7 +73,14 @@ def overlay(runs: Sequence[tuple[int, Mapping[str, NDArray[np.float64]]]], angle
         for panel, signal in zip(axes, ("q", "S"), strict=True):
             for place, (number, columns) in enumerate(runs):
                 named = len(runs) <= _LEGEND or place in (0, len(runs) - 1)
-                _curve(panel, columns, signal, colours[place], f"run {number}" if named else "", angles)
+                _curve(
+                    panel=panel,
+                    columns=columns,
+                    signal=signal,
+                    colour=colours[place],
+                    label=f"run {number}" if named else "",
+                    angles=angles,
+                )
             panel.set_ylabel(axis_label(signal, _UNITS[signal], angles))
         upper_legend(axes[0])
         axes[1].set_xlabel("t [s]")

@@ -591,7 +591,14 @@ def _again(evidence: ReportManifest, columns: Columns) -> _Result:
     parameters = parse_parameters(run.parameters_name, run.parameters)
     missed = evidence.missed_before + count_missing_ticks(columns)
     try:
-        result, estimate = compute_result(columns, missed, parameters, plan, run, load_bank_points(evidence.bank))
+        result, estimate = compute_result(
+            columns=columns,
+            missed=missed,
+            parameters=parameters,
+            plan=plan,
+            run=run,
+            points=load_bank_points(evidence.bank),
+        )
     except NoSamplesError:
         return None, (), None
     return result.metrics, result.criteria, None if estimate is None else estimate_of(estimate)

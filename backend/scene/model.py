@@ -586,7 +586,9 @@ class SceneNodes:
             position=_units(sign * (self._r_j + 0.030), 0.0, -0.075),
             anchor="center-left" if sign > 0 else "center-right",
         )
-        return _SideNodes(name, sign, reel, carriage, coils, taut, loose, label)
+        return _SideNodes(
+            name=name, sign=sign, reel=reel, carriage=carriage, coils=coils, taut=taut, loose=loose, label=label
+        )
 
     def _show_side(self, nodes: _SideNodes, side: Side) -> None:
         drawn, name = self._drawn, nodes.name

@@ -216,10 +216,23 @@ class ActuatorService:
         self._changed: list[Callable[[], None]] = []
         self._turn, self.starting = asyncio.Lock(), asyncio.Lock()
         self.retuning = TuningService(
-            supervisor, present, journal, kept, supervision, self._command, self._turn, self.changed
+            supervisor=supervisor,
+            present=present,
+            journal=journal,
+            kept=kept,
+            supervision=supervision,
+            send=self._command,
+            turn=self._turn,
+            changed=self.changed,
         )
         self.touching = Touching(
-            supervisor, present, journal, self._command, self.changed, self.starting, self.retuning.leave_pushes
+            supervisor=supervisor,
+            present=present,
+            journal=journal,
+            command=self._command,
+            changed=self.changed,
+            starting=self.starting,
+            forgotten=self.retuning.leave_pushes,
         )
         self.player = RecordingPlayer(recording, self._command, self.changed)
         present.touch, present.player = self.touching.view, self.player.view
@@ -379,7 +392,15 @@ class ActuatorService:
             raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
         check_range("F_push", push.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
         remedy = "order it again to push for longer"
-        check_range("duration_s", push.duration_s, 0.0, PUSH_MAX_S, "s", remedy, words="time of the push")
+        check_range(
+            "duration_s",
+            push.duration_s,
+            minimum=0.0,
+            maximum=PUSH_MAX_S,
+            unit="s",
+            remedy=remedy,
+            words="time of the push",
+        )
         # before it is sent: whoever loses control meanwhile has it let go after it has begun
         self._pushed = push.F_push != 0.0
         accepted = await self._command(commands.ApplyPush(push.F_push, push.duration_s))
@@ -479,6 +500,16 @@ def _possible(wall: WallView, parameters: PlantParameters) -> Obstacle:
     bounds, q_max = wall_bounds(parameters), parameters.geometry.q_max
     remedy = "the simulator's steps do not resolve more"
     check_range("q_wall", wall.q_wall, -q_max, q_max, "rad", path=("wall", "q_wall"))
-    check_range("k_wall", wall.k_wall, bounds.k_min, bounds.k_max, "N/m", remedy, path=("wall", "k_wall"))
-    check_range("c_wall", wall.c_wall, 0.0, bounds.c_max, "s/m", remedy, path=("wall", "c_wall"))
+    check_range(
+        "k_wall",
+        wall.k_wall,
+        minimum=bounds.k_min,
+        maximum=bounds.k_max,
+        unit="N/m",
+        remedy=remedy,
+        path=("wall", "k_wall"),
+    )
+    check_range(
+        "c_wall", wall.c_wall, minimum=0.0, maximum=bounds.c_max, unit="s/m", remedy=remedy, path=("wall", "c_wall")
+    )
     return Obstacle(1.0 if wall.side == "above" else -1.0, wall.q_wall, wall.k_wall, wall.c_wall)

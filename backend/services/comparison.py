@@ -133,7 +133,15 @@ def chosen_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
     Raises OutOfRangeError, RequestRejectedError.
     """
     numbers = list(dict.fromkeys(asked.run))
-    check_range("runs", len(numbers), 2, MOST_RUNS, "1", "name other runs to compare", words="number of runs")
+    check_range(
+        "runs",
+        len(numbers),
+        minimum=2,
+        maximum=MOST_RUNS,
+        unit="1",
+        remedy="name other runs to compare",
+        words="number of runs",
+    )
     chosen = numbers[0] if asked.reference is None else asked.reference
     if chosen not in numbers:
         raise RequestRejectedError(
@@ -369,7 +377,16 @@ def beside(session: Session, asked: DifferencesAsked) -> AlignedRuns:
     offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
     made = select_derived(session, [asked.signal])
     unit = made[asked.signal].unit if made else UNIT_OF[asked.signal]
-    return AlignedRuns(reference, unit, own.period_s, grid, own.at(grid), others, offsets, reasons)
+    return AlignedRuns(
+        reference=reference,
+        unit=unit,
+        period_s=own.period_s,
+        t=grid,
+        own=own.at(grid),
+        others=others,
+        offsets=offsets,
+        reasons=reasons,
+    )
 
 
 def samples_of(database: Database, run_ids: Sequence[int]) -> int:

@@ -303,7 +303,14 @@ class Touching:
         starting: asyncio.Lock,
         forgotten: Callable[[], None],
     ) -> None:
-        self.sweep = TouchSweep(supervisor, present, journal, command, self._learn_on, changed)
+        self.sweep = TouchSweep(
+            supervisor=supervisor,
+            present=present,
+            journal=journal,
+            command=command,
+            learn=self._learn_on,
+            changed=changed,
+        )
         self._supervisor = supervisor
         self._journal = journal
         self._command = command
@@ -340,7 +347,14 @@ class Touching:
                 points = _with(points, self._learned(self._since))
             contact_N = self._contact_N if order.contact_N is None else order.contact_N
             if contact_N != 0.0:
-                check_range("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "0 N gives way to nothing")
+                check_range(
+                    "contact_N",
+                    contact_N,
+                    minimum=CONTACT_MIN_N,
+                    maximum=CONTACT_MAX_N,
+                    unit="N",
+                    remedy="0 N gives way to nothing",
+                )
                 _require_learned(points, contact_N)
             tick = await self._put(points, contact_N)
         if order.forget:

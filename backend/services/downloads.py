@@ -51,7 +51,9 @@ def import_run_file(database: Database, file: Path, who: str, folder: Path, name
     """
     called = as_line(name or file.name)
     if file.suffix.lower() == ".zip":
-        return importer.import_bundle(database, file, who, folder, called, look_over)
+        return importer.import_bundle(
+            database=database, file=file, who=who, folder=folder, name=called, look_over=look_over
+        )
     return importer.import_export(database, file, who, called, look_over)
 
 

@@ -79,11 +79,11 @@ class EventLog:
         mark = EventMessage(tick=tick, kind=kind, text=f"{text} ({who})" if who else text)
         for announce in self._announce:
             announce(mark)
-        self._keep(_Entry(EventKind(kind), text, tick, who, run, datetime.now(UTC)))
+        self._keep(_Entry(kind=EventKind(kind), text=text, tick=tick, who=who, run=run, at=datetime.now(UTC)))
 
     def record(self, kind: EventKind, text: str, who: str = "") -> None:
         """Keep an event that is nothing on the time axis: for the log alone."""
-        self._keep(_Entry(kind, text, None, who, None, datetime.now(UTC)))
+        self._keep(_Entry(kind=kind, text=text, tick=None, who=who, run=None, at=datetime.now(UTC)))
 
     async def run(self) -> None:
         """Write until cancelled; a transaction that is under way then is waited for."""
@@ -114,7 +114,9 @@ class EventLog:
             counts = self._waiting[-1].lost and len(self._waiting) > self._under_way
             lost = self._waiting.pop().lost + 1 if counts else 1
             text = f"{lost} events that followed could not be kept"
-            self._waiting.append(_Entry(EventKind.NOTE, text, entry.tick, "", None, entry.at, lost))
+            self._waiting.append(
+                _Entry(kind=EventKind.NOTE, text=text, tick=entry.tick, who="", run=None, at=entry.at, lost=lost)
+            )
             _log.error("event lost: %s", entry.text)
         self._arrived.set()
 

@@ -187,12 +187,12 @@ def _one_of_several(values: dict[str, Any], place: int, tension_N: float) -> Act
         if error.quantity != "tension_N":
             raise
         raise OutOfRangeError(
-            error.quantity,
-            error.value,
-            error.minimum,
-            error.maximum,
-            error.unit,
-            error.remedy,
+            quantity=error.quantity,
+            value=error.value,
+            minimum=error.minimum,
+            maximum=error.maximum,
+            unit=error.unit,
+            remedy=error.remedy,
             words=f"tension {place + 1}",
             path=("tensions_N", place),
         ) from None

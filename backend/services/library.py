@@ -194,14 +194,14 @@ class OwnExperiments:
         assert isinstance(plan, ExperimentPlan)
         program = compile_program(bank_lookup(self._database), parameters, plan, tuning)
         return ExperimentCheck(
-            entry.name,
-            entry.title,
-            plan,
-            program.duration_s,
-            len(program.segments),
-            len(program.tunings),
-            parser.document_of(written)[0],
-            list_played_parts(plan.laid),
+            name=entry.name,
+            title=entry.title,
+            plan=plan,
+            duration_s=program.duration_s,
+            segments=len(program.segments),
+            changes_of_tuning=len(program.tunings),
+            document=parser.document_of(written)[0],
+            parts=list_played_parts(plan.laid),
         )
 
     def _stored(self, name: str) -> StoredExperiment:

@@ -272,7 +272,15 @@ class LineageGraph:
         origins = [self._gains(run), self._parameters(run), *self._calibration(run)]
         found = identifications.find(self._session, run_id=run.id)
         mine = self._samples.of(self._session, run)
-        own = self._node(LineageKind.RUN, f"run-{run.id}", f"Run {run.id}", run_title(run), mine, origins, run=run.id)
+        own = self._node(
+            kind=LineageKind.RUN,
+            node=f"run-{run.id}",
+            title=f"Run {run.id}",
+            detail=run_title(run),
+            digest=mine,
+            origins=origins,
+            run=run.id,
+        )
         for estimate in found:
             self._identification(estimate, "", [own])
         for bank in built:
@@ -310,7 +318,14 @@ class LineageGraph:
         try:
             loop = run.set_to.loop.known()
         except UnreadableDocumentError as error:
-            return self._node(LineageKind.GAINS, "gains", "Gains", "", (None, str(error)), [self._parameters(run)])
+            return self._node(
+                kind=LineageKind.GAINS,
+                node="gains",
+                title="Gains",
+                detail="",
+                digest=(None, str(error)),
+                origins=[self._parameters(run)],
+            )
         way = origins.banks_on_the_way(self._session, run)
         used = [banks.get(self._session, number) for number in sorted(way.numbers - {run.bank_id})]
         if run.bank_id is None:
@@ -328,7 +343,9 @@ class LineageGraph:
             digest = None, "its bank was not imported with it: a bundle has it"
         elif way.computed:
             digest = None, f"it computes the numbers of its banks: {', '.join(way.computed)}"
-        return self._node(LineageKind.GAINS, "gains", "Gains", detail, digest, made_of)
+        return self._node(
+            kind=LineageKind.GAINS, node="gains", title="Gains", detail=detail, digest=digest, origins=made_of
+        )
 
     def _carried(self, run: Run) -> Document:
         origin = origins.of_runs(self._session, [run.id]).get(run.id)
@@ -353,7 +370,16 @@ class LineageGraph:
         title, entries = f"{bank.name} v{bank.version}", f"{len(bank.entries)} entries"
         detail = entries if _sources(bank) else f"{entries}, imported"
         digest = document_digest(_content(bank)), ""
-        return self._node(LineageKind.BANK, node, title, detail, digest, made_of, "; ".join(marks), bank=bank.id)
+        return self._node(
+            kind=LineageKind.BANK,
+            node=node,
+            title=title,
+            detail=detail,
+            digest=digest,
+            origins=made_of,
+            out_of_date="; ".join(marks),
+            bank=bank.id,
+        )
 
     def _identification(self, estimate: Identification, name: str, origins: Sequence[str] | None = None) -> str:
         node = f"identification-{estimate.id}"
@@ -376,7 +402,14 @@ class LineageGraph:
         detail = f"{estimate.kind}, {estimate.method}"
         digest = document_digest(content), ""
         return self._node(
-            LineageKind.IDENTIFICATION, node, title, detail, digest, made_of, mark, identification=estimate.run_id
+            kind=LineageKind.IDENTIFICATION,
+            node=node,
+            title=title,
+            detail=detail,
+            digest=digest,
+            origins=made_of,
+            out_of_date=mark,
+            identification=estimate.run_id,
         )
 
     def _data(self, estimate: Identification) -> list[str]:
@@ -384,14 +417,32 @@ class LineageGraph:
             name, sha256 = estimate.data.get("file"), estimate.data.get("sha256")
             kept: Digest = (sha256, "") if isinstance(sha256, str) else (None, "its file was not kept")
             node = f"file-{estimate.id}"
-            return [self._node(LineageKind.DATA, node, "Imported data", str(name or "not from a run"), kept, [])]
+            return [
+                self._node(
+                    kind=LineageKind.DATA,
+                    node=node,
+                    title="Imported data",
+                    detail=str(name or "not from a run"),
+                    digest=kept,
+                    origins=[],
+                )
+            ]
         run = runs.get(self._session, estimate.run_id)
         node = f"data-{run.id}"
         if node not in self._nodes:
             made_of = [self._parameters(run), *self._calibration(run)]
             digest, started = self._samples.of(self._session, run), f"{run.started_at:%Y-%m-%d %H:%M} UTC"
             mark = self._missing(run)
-            self._node(LineageKind.DATA, node, f"Samples of run {run.id}", started, digest, made_of, mark, run=run.id)
+            self._node(
+                kind=LineageKind.DATA,
+                node=node,
+                title=f"Samples of run {run.id}",
+                detail=started,
+                digest=digest,
+                origins=made_of,
+                out_of_date=mark,
+                run=run.id,
+            )
         return [node]
 
     def _missing(self, run: Run) -> str:
@@ -407,7 +458,15 @@ class LineageGraph:
         if node not in self._nodes:
             elsewhere = self._station != session_station(self._session)
             mark = "" if elsewhere else _difference(run.parameters, self._now)
-            self._node(LineageKind.PARAMETERS, node, f"Parameters {run.parameters_name}", "", (digest, ""), [], mark)
+            self._node(
+                kind=LineageKind.PARAMETERS,
+                node=node,
+                title=f"Parameters {run.parameters_name}",
+                detail="",
+                digest=(digest, ""),
+                origins=[],
+                out_of_date=mark,
+            )
         return node
 
     def _calibration(self, run: Run) -> list[str]:
@@ -423,21 +482,47 @@ class LineageGraph:
         if not then:
             none = None, "nothing was calibrated before the run"
             return [
-                self._node(LineageKind.CALIBRATION, "calibration-none", "Calibration", "from the wiring file", none, [])
+                self._node(
+                    kind=LineageKind.CALIBRATION,
+                    node="calibration-none",
+                    title="Calibration",
+                    detail="from the wiring file",
+                    digest=none,
+                    origins=[],
+                )
             ]
         content = [commissioning.told(one) for one in then.values()]
         detail = ", ".join(f"{one.step} {one.at:%Y-%m-%d}" for one in then.values())
         mark = f"done again since: {', '.join(later)}" if later else ""
         digest = document_digest(content)
         node = f"calibration-{digest[:16]}"
-        return [self._node(LineageKind.CALIBRATION, node, "Calibration", detail, (digest, ""), [], mark)]
+        return [
+            self._node(
+                kind=LineageKind.CALIBRATION,
+                node=node,
+                title="Calibration",
+                detail=detail,
+                digest=(digest, ""),
+                origins=[],
+                out_of_date=mark,
+            )
+        ]
 
     def _carried_calibration(self, origin: Origin) -> list[str]:
         """Return the box of what was calibrated at the rig that made an imported run."""
         content = origin.carried.get(origins.CALIBRATIONS)
         digest: Digest = (document_digest(content), "") if content else (None, "nothing came with the run")
         node = f"calibration-{(digest[0] or 'none')[:16]}"
-        return [self._node(LineageKind.CALIBRATION, node, "Calibration", "of the rig that made it", digest, [])]
+        return [
+            self._node(
+                kind=LineageKind.CALIBRATION,
+                node=node,
+                title="Calibration",
+                detail="of the rig that made it",
+                digest=digest,
+                origins=[],
+            )
+        ]
 
 
 def _sources(bank: Bank) -> set[int]:

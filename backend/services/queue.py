@@ -78,7 +78,16 @@ class DryRuns:
         """
         duration_s = order.plan.program().duration_s
         remedy = "play it with `sinew experiment` on the command line"
-        check_range("duration_s", duration_s, None, LONGEST_S, "s", remedy, words="length of a dry run", path=())
+        check_range(
+            "duration_s",
+            duration_s,
+            minimum=None,
+            maximum=LONGEST_S,
+            unit="s",
+            remedy=remedy,
+            words="length of a dry run",
+            path=(),
+        )
         with self.places.held(person):
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
             self._under_way[person] = Path(folder), duration_s

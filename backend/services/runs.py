@@ -903,7 +903,14 @@ def envelope_of(database: Database, asked: SampleSlice) -> tuple[SampleEnvelope,
     """Return what is asked of a recording, and whether its buckets are single samples. Raises like ``samples``."""
     with database.reading() as session:
         period_s = recordings.get(session, asked.run).period_s
-        envelope = read_envelope(session, asked.run, asked.points, asked.signals, asked.from_s, asked.to_s)
+        envelope = read_envelope(
+            session=session,
+            run_id=asked.run,
+            points=asked.points,
+            names=asked.signals,
+            from_s=asked.from_s,
+            to_s=asked.to_s,
+        )
     return envelope, envelope.width_s <= 1.5 * period_s
 
 

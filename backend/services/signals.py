@@ -157,7 +157,15 @@ def spectra_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     stretch, told, samples = _stretch(database, asked), _told(database, asked), 0
     remedy = "choose a shorter range or fewer signals"
     words = "samples times signals of a spectrum"
-    check_range("range", stretch.ticks * len(asked.signals), None, MOST_VALUES, "1", remedy, words=words)
+    check_range(
+        "range",
+        stretch.ticks * len(asked.signals),
+        minimum=None,
+        maximum=MOST_VALUES,
+        unit="1",
+        remedy=remedy,
+        words=words,
+    )
     values = {name: np.full(stretch.ticks, np.nan) for name in asked.signals}
     for slab in read_slabs(database, stretch, asked.signals):
         for name, column in slab.columns.items():
@@ -206,7 +214,7 @@ def values_at(database: Database, run: int, times_s: Sequence[float], signals: S
         for time_s in times_s:
             if not 0 <= whole.tick_at(time_s) < whole.end:  # a sum of times may miss the last sample by a rounding
                 remedy = f"choose a time within the recording of run {run}"
-                check_range("at", time_s, 0.0, whole.to_s, "s", remedy, words="time")
+                check_range("at", time_s, minimum=0.0, maximum=whole.to_s, unit="s", remedy=remedy, words="time")
         ticks = [recordings.tick_before(session, run, whole.tick_at(time_s)) for time_s in times_s]
     return RecordedValues(
         run=run,
@@ -346,7 +354,17 @@ class Formulas:
                     ErrorCode.BAD_VALUE, f"{name!r} differs from {alike!r} by case only", code="bad_formula"
                 )
             steps = [asdict(step) for step in derived.steps]
-            return _view(formulas.put(session, name, text.expression, steps, text.unit, text.meaning, who))
+            return _view(
+                formulas.put(
+                    session=session,
+                    name=name,
+                    expression=text.expression,
+                    steps=steps,
+                    unit=text.unit,
+                    meaning=text.meaning,
+                    who=who,
+                )
+            )
 
     def _remove(self, name: str, who: str) -> None:
         with self._database.session() as session:

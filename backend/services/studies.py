@@ -150,7 +150,7 @@ class Studies:
         _, points, design = self._read(study_id)
         axes = dict(design.axes)
         x, y = over or maps.axes_to_draw(axes) or ("", "")
-        return maps.map_of(points, axes, x, y, figure, pick), design
+        return maps.map_of(points=points, axes=axes, x=x, y=y, figure=figure, pick=pick), design
 
     def _read(self, study_id: int) -> tuple[StoredStudy, list[StoredPoint], Design]:
         with self._database.reading() as session:

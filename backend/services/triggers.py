@@ -62,7 +62,16 @@ class Triggers:
                 told = f"{standing.armed.who} has armed it: {standing.armed.condition.told()}; disarm it first"
                 raise RequestRejectedError(ErrorCode.NOT_NOW, f"the trigger is armed. {told}", code="trigger_armed")
             before, after = round(order.before_s / T_s), round(order.after_s / T_s)
-            self._trigger.arm(Armed(condition, before, after, order.captures, who, datetime.now(UTC)))
+            self._trigger.arm(
+                Armed(
+                    condition=condition,
+                    before=before,
+                    after=after,
+                    captures=order.captures,
+                    who=who,
+                    at=datetime.now(UTC),
+                )
+            )
             try:
                 await asyncio.to_thread(self._trigger.keep_armed, who)
             except StorageError:

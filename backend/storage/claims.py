@@ -57,7 +57,14 @@ class Claim:
 def own_claim() -> Claim:
     """Return the claim of this process."""
     me = os.getpid()
-    return Claim(secrets.token_hex(8), __version__, socket.gethostname(), me, _began(me), _seen_by())
+    return Claim(
+        key=secrets.token_hex(8),
+        version=__version__,
+        host=socket.gethostname(),
+        process=me,
+        began=_began(me),
+        seen_by=_seen_by(),
+    )
 
 
 class HeldClaim:

@@ -101,16 +101,16 @@ def find(session: Session, limit: int = 100) -> list[Flight]:
     query = of_station.order_by(FlightRow.event_id.desc()).limit(limit)
     return [
         Flight(
-            event_id,
-            at,
-            fault,
-            _with_followers(text, detail),
-            run_id,
-            first_tick,
-            trip_tick,
-            count,
-            who,
-            detail.get(TRIGGER),
+            event_id=event_id,
+            at=at,
+            fault=fault,
+            text=_with_followers(text, detail),
+            run_id=run_id,
+            first_tick=first_tick,
+            trip_tick=trip_tick,
+            count=count,
+            who=who,
+            trigger=detail.get(TRIGGER),
         )
         for event_id, at, fault, text, detail, run_id, first_tick, trip_tick, count, who in session.execute(query)
     ]
@@ -124,4 +124,12 @@ def _with_followers(text: str, detail: Document) -> str:
 def get(session: Session, event_id: int) -> NewFlight:
     """Return one flight record with its samples. Raises UnknownRecordError."""
     row = require(session, FlightRow, event_id, "flight record")
-    return NewFlight(row.event_id, row.fault, row.first_tick, row.trip_tick, row.count, row.fields, row.samples)
+    return NewFlight(
+        event_id=row.event_id,
+        fault=row.fault,
+        first_tick=row.first_tick,
+        trip_tick=row.trip_tick,
+        count=row.count,
+        fields=row.fields,
+        samples=row.samples,
+    )

@@ -27,7 +27,19 @@ def put(
     session: Session, name: str, expression: str, steps: list[Document], unit: str, meaning: str, who: str
 ) -> Formula:
     """Write a formula, or change the one of this name."""
-    return to_record(Formula, _add(session, name, expression, steps, unit, meaning, who, removed=False))
+    return to_record(
+        Formula,
+        _add(
+            session=session,
+            name=name,
+            expression=expression,
+            steps=steps,
+            unit=unit,
+            meaning=meaning,
+            who=who,
+            removed=False,
+        ),
+    )
 
 
 def remove(session: Session, name: str, who: str) -> None:
@@ -35,7 +47,16 @@ def remove(session: Session, name: str, who: str) -> None:
     found = next((one for one in find(session) if one.name == name), None)
     if found is None:
         raise UnknownRecordError(f"there is no formula {name}")
-    _add(session, name, found.expression, found.steps, found.unit, found.meaning, who, removed=True)
+    _add(
+        session=session,
+        name=name,
+        expression=found.expression,
+        steps=found.steps,
+        unit=found.unit,
+        meaning=found.meaning,
+        who=who,
+        removed=True,
+    )
 
 
 def find(session: Session) -> list[Formula]:

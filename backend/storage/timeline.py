@@ -196,13 +196,13 @@ def _of_events(session: Session, asked: LogQuery) -> _Query:
 def _event(row: _Row) -> tuple[LogEntry, str]:
     event, said, flight = row
     happening = LogEntry(
-        event.at,
-        EventKind(event.kind) if event.kind in set(EventKind) else EventKind.NOTE,
-        event.who,
-        event.text,
-        event.id,
-        event.run_id,
-        event.tick,
+        at=event.at,
+        kind=EventKind(event.kind) if event.kind in set(EventKind) else EventKind.NOTE,
+        who=event.who,
+        text=event.text,
+        event_id=event.id,
+        run_id=event.run_id,
+        tick=event.tick,
         flight=flight is not None,
         note="" if said is None else said.note,
         tags=() if said is None else tuple(said.tags.split()),

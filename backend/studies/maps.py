@@ -206,12 +206,12 @@ def map_of(
 
     cells = over_cells(cell)
     return Map(
-        figure,
-        shown,
-        x,
-        y,
-        axes[x],
-        axes[y],
+        figure=figure,
+        pick=shown,
+        x=x,
+        y=y,
+        x_values=axes[x],
+        y_values=axes[y],
         cells=tuple(tuple(_finite(value) for value in row) for row in cells),
         unstable=tuple(tuple(value is not None and math.isinf(value) for value in row) for row in cells),
         counts=over_cells(lambda place: len(found.get(place, ()))),
@@ -284,7 +284,9 @@ def shares(points: Sequence[StoredPoint]) -> list[Share]:
         count, of = round(sum(values)), len(values)
         low, high = _wilson(count, of) if of else (None, None)
         percent = 100.0 * count / of if of else None
-        found.append(Share(name, count, of, len(points) - of, percent, low, high))
+        found.append(
+            Share(name=name, count=count, of=of, left_out=len(points) - of, percent=percent, low=low, high=high)
+        )
     return found
 
 

@@ -173,7 +173,9 @@ def without_run(
     point: Point, state: str, detail: str, figures: Mapping[str, float | None] = MappingProxyType({})
 ) -> PointResult:
     """Return the row of a point that was not run, why, and the ``figures`` that are known all the same."""
-    return PointResult(point.number, state, detail, None, _values(point), dict(figures))
+    return PointResult(
+        number=point.number, state=state, detail=detail, passed=None, values=_values(point), figures=dict(figures)
+    )
 
 
 def planned(base: StudyBase, point: Point) -> tuple[PlantParameters, ExperimentPlan, LoopSettings]:
@@ -254,7 +256,14 @@ def _computed(base: StudyBase, point: Point, figures: dict[str, float | None]) -
     judged = [item.passed for item in played.criteria]
     passed = None if not judged or (None in judged and False not in judged) else all(judged)
     measured = {item.name: item.value for item in played.metrics.figures}
-    return PointResult(point.number, played.end_state, played.end_detail, passed, _values(point), measured | figures)
+    return PointResult(
+        number=point.number,
+        state=played.end_state,
+        detail=played.end_detail,
+        passed=passed,
+        values=_values(point),
+        figures=measured | figures,
+    )
 
 
 def _values(point: Point) -> dict[str, Value]:

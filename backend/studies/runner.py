@@ -81,7 +81,9 @@ def run_study(
         design = parse_design(study)
         crew = make_crew(design.base)
         try:
-            whole = _Work(database, study_id, runner, design, crew, notify).through()
+            whole = _Work(
+                database=database, study_id=study_id, runner=runner, design=design, crew=crew, notify=notify
+            ).through()
         finally:
             crew.close()
         problem = ""

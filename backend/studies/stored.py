@@ -63,7 +63,14 @@ def create_study(written: str, around: StudyContext, who: str) -> NewStudy:
     )
     design = designed(study, lines, base, entry.settings)
     base = replace(base, banks=_banks(design, around.bank_of, lines))
-    return NewStudy(study.name, study.title, written, _BASE.dump_python(base, mode="json"), len(design), who)
+    return NewStudy(
+        name=study.name,
+        title=study.title,
+        text=written,
+        base=_BASE.dump_python(base, mode="json"),
+        points=len(design),
+        who=who,
+    )
 
 
 def parse_design(stored: StoredStudy) -> Design:

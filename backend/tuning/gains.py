@@ -260,7 +260,16 @@ def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
     A, B = parameters.identified_of("A"), parameters.identified_of("B")
     joint, motor_A, motor_B = known.joint, known.motor_A, known.motor_B
     model = trajectory.TrajectoryModel(
-        A.K_m, A.T_m, B.K_m, B.T_m, motor_A.K_t, motor_B.K_t, joint.J_j, joint.B_j, motor_A.tau_e, motor_B.tau_e
+        K_A=A.K_m,
+        T_A=A.T_m,
+        K_B=B.K_m,
+        T_B=B.T_m,
+        K_t_A=motor_A.K_t,
+        K_t_B=motor_B.K_t,
+        J_j=joint.J_j,
+        B_j=joint.B_j,
+        tau_e_A=motor_A.tau_e,
+        tau_e_B=motor_B.tau_e,
     )
     return PlantModel(build_decoupler(parameters), compute_bounds(parameters), model, parameters.sensors.joint_step)
 
@@ -283,7 +292,14 @@ def rejection(known: PlantModel, inner: pid.MotorPairGains, k_ext: float) -> Rej
 
 def require_share(k_ext: float) -> None:
     """Raise OutOfRangeError unless ``k_ext`` [1] is offered."""
-    check_range("k_ext", k_ext, 0.0, 1.0, "1", "0 leaves pushes to the position loop, 1 answers them whole")
+    check_range(
+        "k_ext",
+        k_ext,
+        minimum=0.0,
+        maximum=1.0,
+        unit="1",
+        remedy="0 leaves pushes to the position loop, 1 answers them whole",
+    )
 
 
 def motor_lag(gains: pid.IPDGains, T_m: float) -> float:
@@ -341,7 +357,9 @@ def make_cascade_tuning(
         rows.append((point.S_nominal, q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r))
     known = collect_plant_knowledge(parameters)
     inner = make_motor_loops(parameters, lambdas.lam_motor, motor)
-    return combine_tuning(known, inner, np.array(rows), interpolate, u_plan, k_ext)
+    return combine_tuning(
+        known=known, inner=inner, entries=np.array(rows), interpolate=interpolate, u_plan=u_plan, k_ext=k_ext
+    )
 
 
 def combine_tuning(
@@ -355,12 +373,12 @@ def combine_tuning(
     """Put gains of the motor loops and of a bank (n, 7) together with what is known of the plant."""
     bounds, schedule = known.bounds, Schedule(entries, interpolate)
     return cascade.CascadeTuning(
-        inner,
-        schedule,
-        known.decoupler,
-        bounds.envelope,
-        bounds.omega_max,
-        bounds.u_max,
-        following(known, u_plan),
-        rejection(known, inner, k_ext),
+        motors=inner,
+        schedule=schedule,
+        decoupler=known.decoupler,
+        envelope=bounds.envelope,
+        omega_max=bounds.omega_max,
+        u_max=bounds.u_max,
+        following=following(known, u_plan),
+        rejection=rejection(known, inner, k_ext),
     )

@@ -232,8 +232,8 @@ class TuningPreviewer:
         require_budget(self._parameters, u_plan)
         lam_q_min, lam_S_min = self.safe_range()
         remedy = "below it the loop's sensitivity peak M_s exceeds 1.7 or a step takes all of the voltage"
-        check_range("lam_q", lambdas.lam_q, lam_q_min, LAM_MAX, "s", remedy)
-        check_range("lam_S", lambdas.lam_S, lam_S_min, LAM_MAX, "s", remedy)
+        check_range("lam_q", lambdas.lam_q, minimum=lam_q_min, maximum=LAM_MAX, unit="s", remedy=remedy)
+        check_range("lam_S", lambdas.lam_S, minimum=lam_S_min, maximum=LAM_MAX, unit="s", remedy=remedy)
 
     def steps_at(self, S: float) -> Steps:
         """Return the steps that are shown where no others are asked for, from q = 0 and S [N·m/rad]."""
@@ -265,7 +265,14 @@ class TuningPreviewer:
         lambdas = replace(lambdas, lam_motor=self._lam_motor, b=self._b)
         S = self.points[0].S_nominal if S is None else S
         steps = steps or self.steps_at(S)
-        tuning = make_cascade_tuning(self._parameters, lambdas, self.points, self._motor, interpolate, u_plan)
+        tuning = make_cascade_tuning(
+            parameters=self._parameters,
+            lambdas=lambdas,
+            points=self.points,
+            motor=self._motor,
+            interpolate=interpolate,
+            u_plan=u_plan,
+        )
         known = collect_plant_knowledge(self._parameters)
         active = decoupler.select_entry(tuning.schedule, entry, S)
         gains = decoupler.interpolate_gains(tuning.schedule, active)
@@ -277,7 +284,7 @@ class TuningPreviewer:
             lam = (lambdas.lam_q, lambdas.lam_S)[number]
             seconds = 2.0 + (3.0 if u_plan else 9.0) * lam
             q, S_ref = ((steps.q, (S, S)), ((steps.q[0], steps.q[0]), steps.S))[number]
-            return step_forecast(plant, tuning, q, S_ref, seconds, active, rig)
+            return step_forecast(plant=plant, tuning=tuning, q=q, S=S_ref, seconds=seconds, entry=active, rig=rig)
 
         def pushed(share: float) -> PushForecast:
             rejecting = tuning._replace(rejection=rejection(known, tuning.motors, share))
@@ -300,7 +307,15 @@ class TuningPreviewer:
             OuterLoopPreview(process.robustness(k), lam_min, LAM_MAX, next(done, None))
             for process, k, lam_min in zip(processes, gains, self.safe_range(), strict=True)
         )
-        return Preview(S, self._motor_robustness, position, stiffness, step_q, step_S, pushes)
+        return Preview(
+            S=S,
+            motor=self._motor_robustness,
+            position=position,
+            stiffness=stiffness,
+            step_q=step_q,
+            step_S=step_S,
+            pushes=pushes,
+        )
 
     def _printed_gains(self, lambdas: TuningParameters) -> list[tuple[pid.IPGains, pid.IPGains]]:
         """Gains of the printed formula for the loops of q and S, by point."""

@@ -113,11 +113,17 @@ def linear_plant(
         plant = parameters.identified_dynamics()
     load_A = d.r_m * tendon_tension(plant.spring_A, d.r_m * theta_A)
     load_B = d.r_m * tendon_tension(plant.spring_B, d.r_m * theta_B)
-    at = np.array(PlantState(0.0, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B))[:_STATES]
+    at = np.array(
+        PlantState(
+            q=0.0, q_dot=0.0, theta_A=theta_A, omega_A=0.0, tau_A=load_A, theta_B=theta_B, omega_B=0.0, tau_B=load_B
+        )
+    )[:_STATES]
     u_A, u_B = load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
 
     def rate(x: NDArray[np.float64], u_A: float, u_B: float, tau_ext: float = 0.0) -> NDArray[np.float64]:
-        return np.array(state_derivative(plant, PlantState(*x), u_A, u_B, tau_ext, NO_LOAD))[:_STATES]
+        return np.array(
+            state_derivative(plant=plant, x=PlantState(*x), u_A=u_A, u_B=u_B, tau_ext=tau_ext, load=NO_LOAD)
+        )[:_STATES]
 
     A = np.column_stack(
         [(rate(at + dx, u_A, u_B) - rate(at - dx, u_A, u_B)) / (2.0 * _STEP) for dx in _STEP * np.eye(_STATES)]

@@ -87,7 +87,17 @@ class ClosedLoopInputs(NamedTuple):
 def fill_delay_line(rig: SimulatedRig, x: PlantState, line: Array) -> None:
     """Let the load cells have seen the state x for as long as they remember; the first tick is DELAY_SLOTS."""
     for slot in range(DELAY_SLOTS):
-        sense_state(rig.plant, rig.sensors, x, line, slot, 0.0, 0.0, 0.0, 0.0)
+        sense_state(
+            plant=rig.plant,
+            sensors=rig.sensors,
+            x=x,
+            line=line,
+            tick=slot,
+            noise_A=0.0,
+            noise_B=0.0,
+            F_push=0.0,
+            safety_trip=0.0,
+        )
 
 
 @compiled
@@ -119,11 +129,28 @@ def simulate(
     fill_delay_line(rig, x, line)
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
-        m = sense_state(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        m = sense_state(
+            plant=rig.plant,
+            sensors=rig.sensors,
+            x=x,
+            line=line,
+            tick=k + DELAY_SLOTS,
+            noise_A=noise[0],
+            noise_B=noise[1],
+            F_push=F_push,
+            safety_trip=0.0,
+        )
         r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
         y, controller = cascade.step(tuning, controller, r, True, m)
         record(out[k], m, y)
-        x = actuate_plant(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        x = actuate_plant(
+            plant=rig.plant,
+            sensors=rig.sensors,
+            u_max=rig.u_max,
+            x=x,
+            command=MotorCommand(y.u_A, y.u_B),
+            F_push=F_push,
+        )
         if is_limit_exceeded(rig.plant, rig.bounds, x):
             return x, controller, k
     return x, controller, -1
@@ -149,14 +176,33 @@ def simulate_feeling(
     felt, bias = disturbance_observer.UNKNOWN, math.nan
     for k in range(inputs.q_ref.shape[0]):
         noise, F_push = inputs.noise[k], inputs.F_push[k]
-        m = sense_state(rig.plant, rig.sensors, x, line, k + DELAY_SLOTS, noise[0], noise[1], F_push, 0.0)
+        m = sense_state(
+            plant=rig.plant,
+            sensors=rig.sensors,
+            x=x,
+            line=line,
+            tick=k + DELAY_SLOTS,
+            noise_A=noise[0],
+            noise_B=noise[1],
+            F_push=F_push,
+            safety_trip=0.0,
+        )
         felt = disturbance_observer.step_disturbance_observer(observer, felt, m)
         if k == learned_at:
             bias = felt.mean
         r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
-        y, controller = cascade.step(tuning, controller, r, True, m, felt.tau_ext - bias)
+        y, controller = cascade.step(
+            tuning=tuning, state=controller, r=r, position_loop=True, m=m, tau_ext=felt.tau_ext - bias
+        )
         record(out[k], m, y)
-        x = actuate_plant(rig.plant, rig.sensors, rig.u_max, x, MotorCommand(y.u_A, y.u_B), F_push)
+        x = actuate_plant(
+            plant=rig.plant,
+            sensors=rig.sensors,
+            u_max=rig.u_max,
+            x=x,
+            command=MotorCommand(y.u_A, y.u_B),
+            F_push=F_push,
+        )
         if is_limit_exceeded(rig.plant, rig.bounds, x):
             return k
     return -1
@@ -214,7 +260,18 @@ def rest_state(rig: SimulatedRig, theta_A: float, theta_B: float) -> tuple[Plant
         low, high = (q, high) if F_A > F_B else (low, q)
     F_A, F_B = forces(q)
     load_A, load_B = r_m * F_A, r_m * F_B
-    x = PlantState(q, 0.0, theta_A, 0.0, load_A, theta_B, 0.0, load_B, z_A=0.0, z_B=0.0)
+    x = PlantState(
+        q=q,
+        q_dot=0.0,
+        theta_A=theta_A,
+        omega_A=0.0,
+        tau_A=load_A,
+        theta_B=theta_B,
+        omega_B=0.0,
+        tau_B=load_B,
+        z_A=0.0,
+        z_B=0.0,
+    )
     return x, load_A / plant.motor_A.K_t, load_B / plant.motor_B.K_t
 
 
@@ -244,8 +301,21 @@ def simulate_cascade(
     line, out = empty_arrays(q_ref.size)
     if learned_at is not None:
         observer = disturbance_observer.observer_for(parameters)
-        return trajectory_of(out, simulate_feeling(rig, tuning, observer, learned_at, x, controller, inputs, line, out))
-    _, _, tripped_at = simulate(rig, tuning, x, controller, inputs, line, out)
+        return trajectory_of(
+            out,
+            simulate_feeling(
+                rig=rig,
+                tuning=tuning,
+                observer=observer,
+                learned_at=learned_at,
+                x=x,
+                controller=controller,
+                inputs=inputs,
+                line=line,
+                out=out,
+            ),
+        )
+    _, _, tripped_at = simulate(rig=rig, tuning=tuning, x=x, controller=controller, inputs=inputs, line=line, out=out)
     return trajectory_of(out, tripped_at)
 
 
@@ -255,9 +325,13 @@ def at_rest(
     """Plant and cascade standing where the decoupler puts (q_ref [rad], S_ref [N·m/rad])."""
     theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, q_ref, S_ref)
     x, u_A, u_B = rest_state(rig, theta_A, theta_B)
-    m = Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)
+    m = Measurement(
+        q=x.q, theta_A=x.theta_A, theta_B=x.theta_B, F_A=0.0, F_B=0.0, S_true=0.0, F_push=0.0, safety_trip=0.0
+    )
     inner = pid.at_rest_motor_pair(tuning.motors, theta_A, theta_B, u_A, u_B)
-    return x, cascade.initialize_bumpless(tuning, inner, tuning.motors, theta_A, theta_B, m, x.q)
+    return x, cascade.initialize_bumpless(
+        tuning=tuning, inner=inner, motor_gains=tuning.motors, theta_A_ref=theta_A, theta_B_ref=theta_B, m=m, q_ref=x.q
+    )
 
 
 def empty_arrays(ticks: int) -> tuple[Array, Array]:
@@ -485,7 +559,7 @@ def planned_response(
     modelled = np.empty((axis.theta.size, 3, 2), dtype=np.complex128)
     modelled[:, 0, :] = (axis.theta * joint)[:, None] * np.array([1.0, 0.0])
     modelled[:, 1:, :] = axis.theta[:, None, None] * loop.split
-    forward = _forward(tuning, loop, S, f, axis, joint)
+    forward = _forward(tuning=tuning, loop=loop, S=S, f=f, axis=axis, joint=joint)
 
     plant, law = loop.plant.response(f)[:, :, :2], loop.law.response(f)
     # The loops see y − y_m alone, so y − y_m = P (u_m + L (y − y_m)) − y_m.
@@ -608,15 +682,15 @@ def step_forecast(
         y = y[: max(trajectory.tripped_at - ticks[0], 0) + 1]
     shown = shown_ticks(y.size, settling_s)
     return StepForecast(
-        start,
-        end,
-        t90_s,
-        settling_s,
-        overshoot_percent,
-        max(float(np.nanmax(np.abs(u[after]))) for u in voltages),
-        min(float(np.nanmin(F[after])) for F in tensions),
-        np.asarray(shown * T_s, dtype=np.float64),
-        y[shown],
+        start=start,
+        end=end,
+        t90_s=t90_s,
+        settling_s=settling_s,
+        overshoot_percent=overshoot_percent,
+        peak_voltage=max(float(np.nanmax(np.abs(u[after]))) for u in voltages),
+        least_tension=min(float(np.nanmin(F[after])) for F in tensions),
+        t=np.asarray(shown * T_s, dtype=np.float64),
+        y=y[shown],
     )
 
 
@@ -723,7 +797,14 @@ def push_forecast(
     closed = make_sampled_loop(parameters, tuning, S, plant=held).closed
     felt_slow, felt_fast = map(float, np.abs(felt_stiffness(closed, tuning.rejection, S, np.array(FELT_HZ))))
     give = float(np.nanmax(np.abs(off)))
-    return PushForecast(give, back_s, felt_slow, felt_fast, np.asarray(shown * T_s, dtype=np.float64), off[shown])
+    return PushForecast(
+        give=give,
+        back_s=back_s,
+        felt_slow=felt_slow,
+        felt_fast=felt_fast,
+        t=np.asarray(shown * T_s, dtype=np.float64),
+        off=off[shown],
+    )
 
 
 def disturbance_response(r: Rejection, tau: Array, S: float) -> tuple[Array, Array]:

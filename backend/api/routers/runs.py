@@ -88,7 +88,9 @@ async def list_runs(
 ) -> RunList:
     """List stored runs, newest first."""
     kinds = kind.split(",") if kind else ()
-    return await service.runs.runs(RunQuery(kinds, search, where, everywhere, limit, offset))
+    return await service.runs.runs(
+        RunQuery(kinds=kinds, search=search, where=where, everywhere=everywhere, limit=limit, offset=offset)
+    )
 
 
 @runs_router.get("/foxglove-layout.json", response_class=Response, responses={200: {"content": {JSON: {}}}})
