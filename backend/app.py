@@ -5,7 +5,6 @@ import logging
 from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fastapi import APIRouter
@@ -15,17 +14,18 @@ from backend.api import Service, require_signed_in
 from backend.auth import AUTHENTICATION_PART as TOKENS
 from backend.auth import CONTROL_LEASE_PART as CONTROL
 from backend.auth import HANDOVER_PART as HAND_OVER
-from backend.auth import Authentication, ControlHandover, ControlLease
+from backend.auth import AccessChanged, Authentication, ControlHandover, ControlLease, ControlReleased, HolderChanged
 from backend.commissioning import KeptHands, find_completed_commissioning
 from backend.data_folder import DATA_FOLDER_PART as FOLDER
 from backend.data_folder import FolderWatch, HeldFolder
+from backend.event_bus import EventBus, StateChanged
 from backend.execution import ExperimentRig
 from backend.faults import Fault
 from backend.models import UnreadableDocumentError
 from backend.realtime import LoopProcess, Setup, Supervisor
 from backend.recording import FLIGHT_RECORDER_PART as FLIGHTS
 from backend.recording import TRIGGER_PART as TRIGGER
-from backend.recording import FlightRecorder, Heard, Quota, Recorder, RetentionRule, Trigger
+from backend.recording import FlightRecorder, Quota, Recorder, RetentionRule, Trigger, Triggered
 from backend.scene import SCENE_PART as SCENE
 from backend.scene import SceneMirror
 from backend.scene import create_scene_router as scene_router
@@ -51,12 +51,15 @@ from backend.services import (
     LiveState,
     LiveStream,
     Maintenance,
+    MarkAdded,
     OwnExperiments,
+    ParametersApplied,
     RecordedFigures,
     Refusals,
     ReplayView,
     Retention,
     RunLibrary,
+    RunReevaluated,
     SafeStop,
     SavedTunings,
     SessionRuns,
@@ -232,6 +235,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     folder: HeldFolder,
     authentication: Authentication,
     supervision: Supervision,
+    events: EventBus,
     stack: AsyncExitStack,
 ) -> Services:
     """Put all parts together, each taken down again by ``stack``, in reverse."""
@@ -252,7 +256,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     stack.callback(flights.close)
     keep(FLIGHTS, flights.run)
 
-    trigger = Trigger(database, lambda: supervisor.ring, quota, lambda: _lengths(present))
+    trigger = Trigger(database, lambda: supervisor.ring, quota, lambda: _lengths(present), events)
     stack.callback(trigger.close)
     keep(TRIGGER, trigger.run)
 
@@ -265,12 +269,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     retention = Retention(database, RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
     keep(RETENTION, retention.run)
 
-    journal = EventLog(database)
+    journal = EventLog(database, events)
     stack.callback(journal.close)
     keep(JOURNAL, journal.run)
     refusals = Refusals(journal, asyncio.get_running_loop().call_later)
     stack.callback(refusals.close)
-    authentication.tell = partial(journal.record, EventKind.ACCESS)
+    events.subscribe(AccessChanged, lambda access: journal.record(EventKind.ACCESS, access.text, access.who))
     if foundation.said:
         journal.note(MarkKind.TUNING, foundation.said, tick=0)
     present = LiveState(supervisor, parameters, tuning, problems)
@@ -288,11 +292,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         on_new_ring=recorder.follow,
         supervision=supervision,
         hands=hands,
+        events=events,
         recording=recording,
     )
-    control = ControlLease(actuator.operator_lost, actuator.note_control)
-    control.let_go = actuator.let_go
-    control.holder_changed = partial(actuator.retuning.leave_trial, "as the holder of control has changed")
+    control = ControlLease(events, actuator.operator_lost, actuator.note_control)
+    events.subscribe(ControlReleased, lambda _: actuator.let_go())
+    events.subscribe(HolderChanged, lambda _: actuator.retuning.leave_trial("as the holder of control has changed"))
 
     def say_of_control(text: str, who: str) -> None:
         """Put on record what is asked and answered: nothing on the time axis, where control itself is a mark."""
@@ -306,16 +311,16 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
     keep(HAND_OVER, hand_over.run)
     live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(present.state())))
-    journal.on_mark(live.announce)
-    actuator.on_change(live.state_changed)
+    events.subscribe(MarkAdded, lambda added: live.announce(added.mark))
+    events.subscribe(StateChanged, lambda _: live.state_changed())
     keep(LIVE, live.run)
     triggers = Triggers(trigger, actuator, journal, database)
     present.trigger = triggers.view
 
-    def triggered(tick: int, text: str) -> None:
-        live.announce(EventMessage(tick=tick, kind=MarkKind.TRIGGER, text=text))
+    def announce_trigger(triggered: Triggered) -> None:
+        live.announce(EventMessage(tick=triggered.tick, kind=MarkKind.TRIGGER, text=triggered.text))
 
-    trigger.heard = Heard(triggered, actuator.changed)
+    events.subscribe(Triggered, announce_trigger)
     watch = FolderWatch((folder.problem, soundness.displaced, foundation.claim.problem), actuator.changed)
     keep(FOLDER, watch.run)
     soundness.start()
@@ -323,7 +328,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     history = History(database, parameters, lambda: _id_of_bank(present.operators_tuning))
     processes = Processes(supervision)
     stack.callback(processes.close)
-    evaluations = Evaluations(database, processes.evaluations, lambda: present.task)
+    evaluations = Evaluations(database, processes.evaluations, lambda: present.task, events)
     downloads = Downloads(database, processes.reports, settings.data, evaluations.again)
     stored_runs = StoredRuns(
         database,
@@ -354,7 +359,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         supervision=supervision,
         safe_stop=safe_stop,
     )
-    evaluations.done = ordered_runs.evaluated
+    events.subscribe(RunReevaluated, lambda evaluated: ordered_runs.evaluated(evaluated.run))
 
     replay = ReplayView(database)
     mirrors = {
@@ -387,14 +392,16 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     )
     stack.push_async_callback(studies.close)
 
-    def use(changed: PlantParameters) -> None:
-        station.parameters = changed
-        for heard in (history.use, bring_up.use, studies.use, *(mirror.use for mirror in mirrors.values())):
-            heard(changed)
+    def use(applied: ParametersApplied) -> None:
+        station.parameters = applied.parameters
+        for take_up in (history.use, bring_up.use, studies.use, *(mirror.use for mirror in mirrors.values())):
+            take_up(applied.parameters)
+
+    events.subscribe(ParametersApplied, use)
 
     service = Service(
         applied=Applied(
-            actuator=actuator, supervisor=supervisor, database=database, kept=kept, base=foundation.base, use=use
+            actuator=actuator, supervisor=supervisor, database=database, kept=kept, base=foundation.base, events=events
         ),
         actuator=actuator,
         control=control,

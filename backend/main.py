@@ -81,10 +81,12 @@ async def _serve(
         from backend.api import create_app
         from backend.app import build_services
         from backend.auth import Authentication, Sessions
+        from backend.event_bus import EventBus
         from backend.server import Server, prepare_routes
         from backend.storage import EventKind
 
-        authentication = Authentication(files, Sessions(settings.data))
+        events = EventBus()
+        authentication = Authentication(files, Sessions(settings.data), events=events)
         # All who listen to the loop are there before the event loop gets to hear from it.
         assembled = build_services(
             settings=settings,
@@ -92,6 +94,7 @@ async def _serve(
             folder=folder,
             authentication=authentication,
             supervision=supervision,
+            events=events,
             stack=parts,
         )
         # The service's own commands ask at the address that it listens on.

@@ -1,5 +1,5 @@
-from .authentication import AUTHENTICATION_PART, BEARER, OPEN, Authentication, Shown, User
-from .control_lease import CONTROL_LEASE_PART, HEADER, ControlLease, read_stamp
+from .authentication import AUTHENTICATION_PART, BEARER, OPEN, AccessChanged, Authentication, Shown, User
+from .control_lease import CONTROL_LEASE_PART, HEADER, ControlLease, ControlReleased, HolderChanged, read_stamp
 from .handover import HANDOVER_PART, ControlHandover
 from .sessions import FILES, Sessions, TokenFiles, Tokens, load_tokens, replace_tokens
 
@@ -11,9 +11,12 @@ __all__ = [
     "HANDOVER_PART",
     "HEADER",
     "OPEN",
+    "AccessChanged",
     "Authentication",
     "ControlHandover",
     "ControlLease",
+    "ControlReleased",
+    "HolderChanged",
     "Sessions",
     "Shown",
     "TokenFiles",

@@ -14,6 +14,7 @@ from itsdangerous import BadData, URLSafeSerializer
 
 from backend.auth.sessions import Sessions, TokenFiles, Tokens
 from backend.errors import RequestRejectedError
+from backend.event_bus import EventBus
 from backend.schemas import PersonView, Role
 from backend.supervision import Part
 from plant import ErrorCode
@@ -238,6 +239,14 @@ class _Replaced:
     until: float
 
 
+@dataclass(frozen=True)
+class AccessChanged:
+    """Somebody has signed in or out, or made new tokens: ``text`` for the log, and ``who`` did it."""
+
+    text: str
+    who: str
+
+
 class Authentication:
     """Tells who asks. ``files`` None asks for nothing: everyone is an operator.
 
@@ -250,7 +259,9 @@ class Authentication:
         files: TokenFiles | None,
         sessions: Sessions | None = None,
         clock: Callable[[], float] = time.monotonic,
+        events: EventBus | None = None,
     ) -> None:
+        self._events = events or EventBus()
         self._files = files
         self._clock = clock
         self._attempts = Attempts(clock)
@@ -259,8 +270,6 @@ class Authentication:
         self._turn = asyncio.Lock()
         self.sessions = sessions or Sessions()
         self.people = ActiveUsers()
-        self.tell: Callable[[str, str], None] = lambda _text, _who: None
-        """Told of who signs in and out and of new tokens, for the log: what happened, and by whom."""
 
     def sign_in(self, shown: Shown, token: str, name: str = "") -> User:
         """Return who ``token`` belongs to.
@@ -286,7 +295,7 @@ class Authentication:
         session = secrets.token_urlsafe(12)
         self.sessions.begin(session, role, in_use={person.session for _, person in self.people.connected()})
         person = User(self.people.shown(called, role, session), role, session, called or role)
-        self.tell(f"signed in as {role}", person.name)
+        self._events.publish(AccessChanged(f"signed in as {role}", person.name))
         return person
 
     def cookie(self, person: User) -> str | None:
@@ -302,7 +311,7 @@ class Authentication:
         person = self._genuine(shown)
         if person is not None:
             self.sessions.end(person.session)
-            self.tell("signed out", person.name)
+            self._events.publish(AccessChanged("signed out", person.name))
             self._dismiss()
 
     def recognise(self, shown: Shown) -> User | None:
@@ -340,7 +349,7 @@ class Authentication:
                     ErrorCode.UNAVAILABLE, f"the new tokens cannot be written: {error.strerror or error}"
                 ) from error
             await self._refresh(but=person.session)
-        self.tell(f"new tokens for {' and '.join(roles)}", person.name)
+        self._events.publish(AccessChanged(f"new tokens for {' and '.join(roles)}", person.name))
         await self.sessions.save()
         return self._files.tokens
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from backend.auth.authentication import BEARER, OPEN, User
 from backend.errors import RequestRejectedError
+from backend.event_bus import EventBus
 from backend.schemas import HolderView, Lease
 from backend.supervision import Part
 from plant import ErrorCode, InvariantError
@@ -178,24 +179,32 @@ def read_stamp(text: str | None) -> CommandToken | None:
     return CommandToken(found[1], int(found[2]))
 
 
+@dataclass(frozen=True)
+class ControlReleased:
+    """Whoever held control does not hold it any more, or is not heard: what is held by hand ends."""
+
+
+@dataclass(frozen=True)
+class HolderChanged:
+    """A page has given control up or is lost, or another person has taken it; not a page that is loaded again."""
+
+
 class ControlLease:
     """The one lease. ``lost`` is called when the page that held it was not heard for LOST_S + HOLD_S.
 
-    ``told`` hears what happens to control: a sentence, and who did it. ``let_go`` is called when whoever held control
-    does not hold it any more or is not heard: what was held by hand is let go of. ``holder_changed`` is called when a
-    page gives control up or is lost, and when another person takes it; not when a page is loaded again.
+    ``told`` hears what happens to control: a sentence, and who did it. Publishes ControlReleased and HolderChanged.
     """
 
     def __init__(
         self,
+        events: EventBus,
         lost: Callable[[str], Awaitable[None]],
         told: Callable[[str, str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.holder: LeaseHolder | None = None
-        self.let_go: Callable[[], None] = lambda: None
-        self.holder_changed: Callable[[], None] = lambda: None
         self._last_session = ""
+        self._events = events
         self._lost = lost
         self._told = told
         self._clock = clock
@@ -218,9 +227,9 @@ class ControlLease:
             )
         self._epoch += 1
         self._muted = False
-        self.let_go()
+        self._events.publish(ControlReleased())
         if person.session != self._last_session:
-            self.holder_changed()
+            self._events.publish(HolderChanged())
         self._last_session = person.session
         self.holder = LeaseHolder(person, self._epoch, is_page)
         if is_page:
@@ -235,7 +244,7 @@ class ControlLease:
         """
         self._holder_at(person, page)
         self._epoch += 1
-        self.let_go()
+        self._events.publish(ControlReleased())
         # What the page sent before it was loaded again and still waits carries a key that is gone.
         self.holder = LeaseHolder(person, self._epoch, is_page=True)
         return self.holder
@@ -244,8 +253,8 @@ class ControlLease:
         """Hold control no longer. Raises RequestRejectedError for those who do not hold it."""
         async with self.turn(person, stamp):
             self.holder = None
-            self.let_go()
-            self.holder_changed()
+            self._events.publish(ControlReleased())
+            self._events.publish(HolderChanged())
             self._told("control given up", person.name)
 
     @asynccontextmanager
@@ -305,8 +314,8 @@ class ControlLease:
             self.require_consistent()
         except InvariantError:
             self._looked, self.holder = self._clock(), None
-            self.let_go()
-            self.holder_changed()
+            self._events.publish(ControlReleased())
+            self._events.publish(HolderChanged())
             raise
         # What was said while this process stood still waits in its sockets: that is not silence.
         passed_s, self._looked = min(now - self._looked, _LATE_LOOK_S), now
@@ -316,11 +325,11 @@ class ControlLease:
         was_lost = holder.lost
         holder.silent_s += passed_s
         if holder.lost and not was_lost:
-            self.let_go()
-            self.holder_changed()
+            self._events.publish(ControlReleased())
+            self._events.publish(HolderChanged())
         if holder.silent_s > (LOST_S + HOLD_S if holder.is_page else SCRIPT_S):
             self.holder = None
-            self.let_go()
+            self._events.publish(ControlReleased())
             if holder.is_page:
                 await self._lost(holder.person.name)
 

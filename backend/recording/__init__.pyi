@@ -35,7 +35,7 @@ from .reader import (
 )
 from .recorder import CHUNK_TICKS, RECORDER_PART, Recorder, describe_end
 from .retention import NotRemovableError, Overview, RetentionRule, delete_recordings, summarise_retention
-from .trigger import TRIGGER_PART, WINDOWS, Armed, Condition, ConditionKind, Heard, Trigger, load_armed_trigger
+from .trigger import TRIGGER_PART, WINDOWS, Armed, Condition, ConditionKind, Trigger, Triggered, load_armed_trigger
 from .verification import RecordingsCheck, check_recordings
 
 __all__ = [
@@ -56,7 +56,6 @@ __all__ = [
     "FlightRecorder",
     "Following",
     "FormulaStep",
-    "Heard",
     "NotRemovableError",
     "Operation",
     "Overview",
@@ -71,6 +70,7 @@ __all__ = [
     "Statistics",
     "TickInterval",
     "Trigger",
+    "Triggered",
     "add_slab",
     "build_derived_signal",
     "check_recordings",

@@ -11,6 +11,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.event_bus import EventBus, StateChanged
 from backend.realtime import Ring
 from backend.recording.codec import pack_table
 from backend.recording.derived_signals import Derived, columns_of, computed
@@ -220,11 +221,11 @@ class TriggerStatus:
 
 
 @dataclass(frozen=True)
-class Heard:
-    """Who is told: of a trigger at a tick with its text, and of each change of what stands."""
+class Triggered:
+    """The condition was met at a tick; ``text`` names it."""
 
-    triggered: Callable[[int, str], None] = field(default=lambda _tick, _text: None)
-    changed: Callable[[], None] = field(default=lambda: None)
+    tick: int
+    text: str
 
 
 class Trigger:
@@ -235,11 +236,16 @@ class Trigger:
     """
 
     def __init__(
-        self, database: Database, ring: Callable[[], Ring], quota: Quota, lengths: Callable[[], dict[str, float]]
+        self,
+        database: Database,
+        ring: Callable[[], Ring],
+        quota: Quota,
+        lengths: Callable[[], dict[str, float]],
+        events: EventBus,
     ) -> None:
         self.problem = ""
         self.standing: TriggerStatus | None = None
-        self.heard = Heard()
+        self._events = events
         self._database, self._present, self._quota, self._lengths = database, ring, quota, lengths
         self._ring = ring()
         self._position = 0
@@ -260,7 +266,7 @@ class Trigger:
         _, rows, _ = self._ring.read(max(self._position - 1, 0), 1)
         self._previous = self._last_of(rows, armed.condition)
         self.standing = TriggerStatus(armed)
-        self.heard.changed()
+        self._events.publish(StateChanged())
 
     def disarm(self, why: str) -> None:
         """Wait for nothing; what a capture under way has until now is kept."""
@@ -268,7 +274,7 @@ class Trigger:
             self._finish(self._capture, why)
         if self.standing is not None and self.is_armed:
             self.standing.ended = why
-            self.heard.changed()
+            self._events.publish(StateChanged())
 
     def keep_armed(self, who: str) -> None:
         """Put on record what is armed, for a next start to tell. Raises StorageError."""
@@ -286,7 +292,7 @@ class Trigger:
                 await asyncio.to_thread(self._capture.read_lead)
             if self._waiting:
                 await asyncio.to_thread(self.drain)
-                self.heard.changed()
+                self._events.publish(StateChanged())
 
     def close(self) -> None:
         """End with the service: what a capture has until now is kept."""
@@ -343,7 +349,7 @@ class Trigger:
         self._capture = _Capture(
             armed=armed, ring=ring, tick=tick, at=time_of(ring, tick), number=number, run=run_of(rows[:1])
         )
-        self.heard.triggered(tick, f"trigger: {armed.condition.told()}")
+        self._events.publish(Triggered(tick, f"trigger: {armed.condition.told()}"))
 
     def _finish_if_whole(self) -> None:
         if self._capture is not None and self._capture.wanted == 0:
@@ -357,7 +363,7 @@ class Trigger:
         if capture.number == capture.armed.captures:
             self.standing.ended = "all captures were made"
         self._waiting.append(capture)
-        self.heard.changed()
+        self._events.publish(StateChanged())
 
     def _last_of(self, rows: NDArray[np.float64], condition: Condition) -> float:
         return float(condition.values(rows[-1:], self._lengths())[0]) if len(rows) else np.nan

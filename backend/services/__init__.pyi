@@ -4,7 +4,7 @@ from .background_work import ChartSheets, TextWork, WorkPlaces, run_while_connec
 from .banks import StoredBanks
 from .commissioning import BringUp
 from .downloads import Downloads, import_run_file, stream_bundle
-from .event_log import EVENT_LOG_PART, EventLog, Refusals
+from .event_log import EVENT_LOG_PART, EventLog, MarkAdded, Refusals
 from .fault_injection import apply_fault, clear_faults, describe_faults
 from .identifications import StoredIdentifications
 from .jobs import JobManager, describe_identification_kinds
@@ -15,6 +15,7 @@ from .maintenance import MAINTENANCE_PART, Maintenance, Retention, Soundness
 from .parameters import (
     Applied,
     AppliedVersion,
+    ParametersApplied,
     changed_sections,
     find_last_applicant,
     list_parameter_versions,
@@ -22,7 +23,16 @@ from .parameters import (
 )
 from .player import describe_recording
 from .queue import DryRuns
-from .runs import Evaluations, ReplayView, RunQuery, SampleSlice, StoredRuns, StoredTimeline, read_planned_run
+from .runs import (
+    Evaluations,
+    ReplayView,
+    RunQuery,
+    RunReevaluated,
+    SampleSlice,
+    StoredRuns,
+    StoredTimeline,
+    read_planned_run,
+)
 from .signals import Formulas, RangeAsked, RecordedFigures
 from .state import LiveState
 from .studies import Studies, StudyScheduler, axis_symbol, axis_unit
@@ -53,7 +63,9 @@ __all__ = [
     "LiveState",
     "LiveStream",
     "Maintenance",
+    "MarkAdded",
     "OwnExperiments",
+    "ParametersApplied",
     "RangeAsked",
     "RecordedFigures",
     "Refusals",
@@ -61,6 +73,7 @@ __all__ = [
     "Retention",
     "RunLibrary",
     "RunQuery",
+    "RunReevaluated",
     "SafeStop",
     "SampleSlice",
     "SavedTunings",

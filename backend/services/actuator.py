@@ -9,6 +9,7 @@ from dataclasses import replace
 from backend import __version__
 from backend.commissioning import KeptHands, switch_drives
 from backend.errors import RequestRejectedError, check_range
+from backend.event_bus import EventBus, StateChanged
 from backend.faults import EXPLAINED, Fault
 from backend.models import SETTINGS, RunSettings, StoredLoopSettings
 from backend.realtime import (
@@ -201,6 +202,7 @@ class ActuatorService:
         on_new_ring: Callable[[Ring], None],
         supervision: Supervision,
         hands: KeptHands,
+        events: EventBus,
         recording: PlayedRecording | None = None,
     ) -> None:
         self.present = present
@@ -213,7 +215,7 @@ class ActuatorService:
         self._asked: tuple[Mode, str] | None = None
         self._releasing: KeptTask | None = None
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
-        self._changed: list[Callable[[], None]] = []
+        self._events = events
         self._turn, self.starting = asyncio.Lock(), asyncio.Lock()
         self.retuning = TuningService(
             supervisor=supervisor,
@@ -238,14 +240,9 @@ class ActuatorService:
         present.touch, present.player = self.touching.view, self.player.view
         supervisor.listen(self._hear)
 
-    def on_change(self, changed: Callable[[], None]) -> None:
-        """Call ``changed`` when the state is worth telling at once."""
-        self._changed.append(changed)
-
     def changed(self) -> None:
-        """Tell that the state has changed."""
-        for changed in self._changed:
-            changed()
+        """Publish that the state has changed."""
+        self._events.publish(StateChanged())
 
     async def stop(self, who: str) -> StopProof:
         """Stop hard and wait for the proof. Raises RequestRejectedError when the loop does not give it."""

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from itertools import islice
 from typing import Protocol
 
+from backend.event_bus import EventBus
 from backend.logs import EVENT
 from backend.plain_text import as_line
 from backend.schemas import EventMessage, MarkKind
@@ -44,6 +45,13 @@ class _Entry:
     lost: int = 0
 
 
+@dataclass(frozen=True)
+class MarkAdded:
+    """A mark is on the time axis."""
+
+    mark: EventMessage
+
+
 class EventLog:
     """Takes marks from the event loop; a task writes them, so that a slow disk delays nobody.
 
@@ -51,14 +59,14 @@ class EventLog:
     ``bound`` events, the next ones are lost: how many stands in their place.
     """
 
-    def __init__(self, database: Database, bound: int = BOUND) -> None:
+    def __init__(self, database: Database, events: EventBus, bound: int = BOUND) -> None:
         self._database = database
+        self._events = events
         self._bound = bound
         self._waiting: deque[_Entry] = deque()
         self._under_way = 0  # so many of the first of those are being written at this moment
         self._arrived = asyncio.Event()
         self._error = ""
-        self._announce: list[Callable[[EventMessage], None]] = []
 
     @property
     def problem(self) -> str:
@@ -70,15 +78,10 @@ class EventLog:
         kept = sum(not entry.lost for entry in self._waiting)
         return f"events cannot be stored: {self._error}; {kept} wait in memory{past}"
 
-    def on_mark(self, announce: Callable[[EventMessage], None]) -> None:
-        """Call ``announce`` with every mark."""
-        self._announce.append(announce)
-
     def note(self, kind: MarkKind, text: str, tick: int, who: str = "", run: int | None = None) -> None:
         """Put a mark at ``tick``; ``who`` is empty when nobody asked for what happened."""
         mark = EventMessage(tick=tick, kind=kind, text=f"{text} ({who})" if who else text)
-        for announce in self._announce:
-            announce(mark)
+        self._events.publish(MarkAdded(mark))
         self._keep(_Entry(kind=EventKind(kind), text=text, tick=tick, who=who, run=run, at=datetime.now(UTC)))
 
     def record(self, kind: EventKind, text: str, who: str = "") -> None:

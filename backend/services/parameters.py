@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from backend.banks import tuning_settings
 from backend.errors import RequestRejectedError
+from backend.event_bus import EventBus
 from backend.models import APPLIED, AppliedParameters, document_digest
 from backend.realtime import Mode, Supervisor
 from backend.schemas import ParameterChange, ParameterProposal, ParametersView, ParameterVersion
@@ -204,8 +205,15 @@ class _Wanted(NamedTuple):
     tuning: ActiveTuning
 
 
+@dataclass(frozen=True)
+class ParametersApplied:
+    """Other parameters of the plant are in use."""
+
+    parameters: PlantParameters
+
+
 class Applied:
-    """Versions over ``base``, the parameter file. ``use`` hands what came into force to whoever goes by it."""
+    """Versions over ``base``, the parameter file. Publishes ParametersApplied."""
 
     def __init__(
         self,
@@ -214,10 +222,10 @@ class Applied:
         database: Database,
         kept: TuningStore,
         base: PlantParameters,
-        use: Callable[[PlantParameters], None],
+        events: EventBus,
     ) -> None:
         self._actuator, self._supervisor, self._database = actuator, supervisor, database
-        self._kept, self._base, self._use = kept, base, use
+        self._kept, self._base, self._events = kept, base, events
 
     async def view(self, estimate: int | None = None) -> ParametersView:
         """Return what is in force and was, and what applying an estimate would change. Raises UnknownRecordError."""
@@ -268,7 +276,7 @@ class Applied:
             present.begin_steps(self._kept.earlier(tuning))
             identified = changed_sections(applied)
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
-            self._use(parameters)
+            self._events.publish(ParametersApplied(parameters))
 
         self._require_idle(before)  # before it waits for its turn, too: there is nothing to wait for
         undone = "the former parameters, as the last identification was undone"

@@ -16,6 +16,7 @@ from backend import wire
 from backend.analysis import reevaluate_run, require_evaluable, select_used_settings
 from backend.banks import MODEL_NAMES, entry_point, parse_changes
 from backend.errors import RequestRejectedError
+from backend.event_bus import EventBus
 from backend.experiments import (
     FORMAT,
     LAWS,
@@ -117,14 +118,23 @@ from plant import ErrorCode, Obstacle, ParameterError, T_s, parse_parameters
 # Runs evaluated again, because they have no result, or because somebody wants it computed anew.
 
 
+@dataclass(frozen=True)
+class RunReevaluated:
+    """A stored run has a new result."""
+
+    run: int
+
+
 class Evaluations:
     """One evaluation of a run at a time. ``task`` tells what the service is doing at present.
 
-    ``done`` hears of each run that has its result.
+    Publishes RunReevaluated.
     """
 
-    def __init__(self, database: Database, offload: Offload, task: Callable[[], TaskView | None]) -> None:
-        self.done: Callable[[int], None] = lambda _run_id: None
+    def __init__(
+        self, database: Database, offload: Offload, task: Callable[[], TaskView | None], events: EventBus
+    ) -> None:
+        self._events = events
         self._database = database
         self._offload = offload
         self._task = task
@@ -153,7 +163,7 @@ class Evaluations:
             raise
         finally:
             self._under_way.discard(run_id)
-        self.done(run_id)
+        self._events.publish(RunReevaluated(run_id))
 
     def _run(self, run_id: int) -> Run:
         with self._database.reading() as session:

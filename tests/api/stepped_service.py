@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 from backend.auth.authentication import User
 from backend.commissioning.session import KeptHands
+from backend.event_bus import EventBus
 from backend.execution.runner import ExperimentRig
 from backend.realtime.commands import Accepted, Command, Refused
 from backend.realtime.headless import SimulatedLoop
@@ -95,6 +96,7 @@ class Parts:
     identifications: StoredIdentifications
     kept: TuningStore
     journal: EventLog
+    events: EventBus
     database: Database
 
     async def ended(self) -> None:
@@ -119,10 +121,13 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
     recorders.append(recorder)
     loop.listen(recorder.hear)
     supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
-    present, journal = LiveState(supervisor, parameters, tuning, list), EventLog(database)
+    events = EventBus()
+    present, journal = LiveState(supervisor, parameters, tuning, list), EventLog(database, events)
     sessions = SessionRuns(database, "simulator")
     hands = KeptHands(database, SIMULATOR)
-    actuator = ActuatorService(supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands)
+    actuator = ActuatorService(
+        supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands, events
+    )
     here = Here(lambda _cause: None)
     ordered_runs = JobManager(
         ExperimentRig(supervisor, database, "simulator", parameters),
@@ -148,6 +153,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
             StoredIdentifications(database, runs.progress, here, lambda: present.tuning),
             kept,
             journal,
+            events,
             database,
         )
     finally:

@@ -14,6 +14,7 @@ import plant
 from backend import app
 from backend.banks.tuning_settings import TuningSettings
 from backend.errors import RequestRejectedError
+from backend.event_bus import EventBus
 from backend.realtime.commands import SetMode
 from backend.realtime.ipc import Setup
 from backend.realtime.modes import Mode
@@ -21,7 +22,7 @@ from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.sample import INDEX
 from backend.schemas.tuning import TrialRequest
 from backend.services import parameters as applied_parameters
-from backend.services.parameters import Applied
+from backend.services.parameters import Applied, ParametersApplied
 from backend.services.tuning_state import ActiveTuning, initial
 from backend.storage import banks
 from backend.storage.banks import BankEntry
@@ -57,7 +58,9 @@ def restarted(monkeypatch: pytest.MonkeyPatch) -> list[Setup]:
 
 
 def applied_with(parts: Parts, heard: list[PlantParameters], base: PlantParameters = IDEAL) -> Applied:
-    return Applied(parts.actuator, parts.supervisor, parts.database, parts.kept, base, heard.append)
+    events = EventBus()
+    events.subscribe(ParametersApplied, lambda applied: heard.append(applied.parameters))
+    return Applied(parts.actuator, parts.supervisor, parts.database, parts.kept, base, events)
 
 
 def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(

@@ -17,10 +17,12 @@ from backend.auth.control_lease import (
     SCRIPT_S,
     CommandToken,
     ControlLease,
+    ControlReleased,
     LeaseHolder,
     read_stamp,
 )
 from backend.errors import RequestRejectedError
+from backend.event_bus import EventBus
 from backend.faults import Fault
 from backend.schemas.session import Role
 from plant.errors import ErrorCode, InvariantError
@@ -41,7 +43,10 @@ class Desk:
 
     def __init__(self) -> None:
         self.now, self.lost, self.told = 100.0, [], []  # type: float, list[str], list[str]
-        self.control = ControlLease(self._lose, lambda text, who: self.told.append(f"{who}: {text}"), lambda: self.now)
+        self.events = EventBus()
+        self.control = ControlLease(
+            self.events, self._lose, lambda text, who: self.told.append(f"{who}: {text}"), lambda: self.now
+        )
 
     async def _lose(self, who: str) -> None:
         self.lost.append(who)
@@ -113,7 +118,7 @@ def test_a_lease_that_is_not_consistent_is_ended(spoil: Callable[[ControlLease],
     desk = Desk()
     page = desk.take(ANA).page
     let_go: list[int] = []
-    desk.control.let_go = lambda: let_go.append(1)
+    desk.events.subscribe(ControlReleased, lambda _: let_go.append(1))
     spoil(desk.control)
     for person in (ANA, VERA):
         with pytest.raises(InvariantError):
@@ -164,7 +169,7 @@ def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -
 
 def test_what_is_held_by_hand_is_let_go_with_control_however_that_ends() -> None:
     desk, let_go = Desk(), []  # type: Desk, list[float]
-    desk.control.let_go = lambda: let_go.append(desk.now)
+    desk.events.subscribe(ControlReleased, lambda _: let_go.append(desk.now))
     page = desk.take(ANA).page
     desk.control.heard(ANA, page)
     let_go.clear()

@@ -11,6 +11,7 @@ from backend.realtime.commands import Inject, SetMode
 from backend.realtime.modes import Mode
 from backend.recording.flight import FlightRecorder, Quota
 from backend.schemas.state import MarkKind
+from backend.services.event_log import MarkAdded
 from backend.storage import flights
 from backend.storage.database import Database, open_database
 from plant.interface import Breakage, Broken, PlantChoice, PlantKind
@@ -34,7 +35,7 @@ def test_only_the_trip_that_is_provoked_is_expected(database: Database, provoked
         recorder = FlightRecorder(database, lambda: supervisor.ring, Quota(9, 10**9), present.is_expected)
         supervisor.listen(recorder.hear)
         marks: list[tuple[MarkKind, str]] = []
-        parts.journal.on_mark(lambda mark: marks.append((mark.kind, mark.text)))
+        parts.events.subscribe(MarkAdded, lambda added: marks.append((added.mark.kind, added.mark.text)))
         present.provoked_trip = lambda: provoked
         await supervisor.send(SetMode(Mode.PRETENSION))
         await supervisor.advance(0.1)

@@ -9,6 +9,7 @@ from backend.auth.authentication import BEARER, ActiveUsers, User
 from backend.auth.control_lease import HOLD_S, LOOK_S, LOST_S, CommandToken, ControlLease, LeaseHolder
 from backend.auth.handover import ANSWER_S, GONE_S, TAKE_S, TOLD_S, WAITING, ControlHandover
 from backend.errors import RequestRejectedError
+from backend.event_bus import EventBus
 from backend.schemas.session import Role
 from backend.schemas.state import HandoverAnswer
 from plant.errors import ErrorCode
@@ -23,7 +24,7 @@ class Desk:
 
     def __init__(self) -> None:
         self.now, self.told, self.stopped = 100.0, [], []  # type: float, list[str], list[str]
-        self.control = ControlLease(self._lose, self._tell, lambda: self.now)
+        self.control = ControlLease(EventBus(), self._lose, self._tell, lambda: self.now)
         self.people = ActiveUsers()
         self.hand_over = ControlHandover(self.control, self.people, self._tell, lambda: self.now)
         self.there = {one.session: ExitStack() for one in (ANA, VERA, ODA, VIC)}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from backend.event_bus import EventBus
 from backend.schemas.state import MarkKind
 from backend.services.event_log import EventLog
 from backend.storage import events
@@ -49,7 +50,7 @@ def test_events_wait_in_order_while_nothing_can_be_written(
     database: Database, breaks: Callable[[Database], None], words: str
 ) -> None:
     async def happen() -> datetime:
-        journal = EventLog(database)
+        journal = EventLog(database, EventBus())
         writing = asyncio.create_task(journal.run())
         journal.note(MarkKind.NOTE, "before", tick=1)
         await until(lambda: texts(database) == ["before"])
@@ -72,7 +73,7 @@ def test_events_wait_in_order_while_nothing_can_be_written(
 
 def test_past_the_bound_the_number_of_those_lost_stands_in_their_place(database: Database) -> None:
     async def happen() -> None:
-        journal = EventLog(database, bound=5)
+        journal = EventLog(database, EventBus(), bound=5)
         make_read_only(database)
         writing = asyncio.create_task(journal.run())
         for tick in range(9):
@@ -92,7 +93,7 @@ def test_past_the_bound_the_number_of_those_lost_stands_in_their_place(database:
 
 def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
     async def happen() -> None:
-        journal = EventLog(database)
+        journal = EventLog(database, EventBus())
         journal.note(MarkKind.NOTE, "first", 1)
         journal.note(MarkKind.NOTE, "of a run that is not there", 2, run=77)
         journal.note(MarkKind.NOTE, "half a letter \ud800", 3)
@@ -107,7 +108,7 @@ def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
 
 def test_what_waits_at_the_end_is_written_once(database: Database) -> None:
     async def happen() -> None:
-        journal = EventLog(database)
+        journal = EventLog(database, EventBus())
         writing = asyncio.create_task(journal.run())
         for tick in range(1200):
             journal.note(MarkKind.NOTE, "event", tick)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from backend.auth.authentication import User
-from backend.auth.control_lease import LOOK_S, LOST_S, ControlLease
+from backend.auth.control_lease import LOOK_S, LOST_S, ControlLease, ControlReleased
 from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.experiments.library import experiments_by_name
 from backend.experiments.plans import LoopSettings
@@ -48,8 +48,8 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
     async def lost(parts: Parts) -> None:
         await in_run(parts)
         now = 100.0
-        control = ControlLease(parts.actuator.operator_lost, parts.actuator.note_control, lambda: now)
-        control.let_go = parts.actuator.let_go
+        control = ControlLease(parts.events, parts.actuator.operator_lost, parts.actuator.note_control, lambda: now)
+        parts.events.subscribe(ControlReleased, lambda _: parts.actuator.let_go())
         control.take(ANA, is_page=True)
         await parts.actuator.push(PushRequest(F_push=6.0, duration_s=10.0), ANA.name)
         for _ in range(round((LOST_S + 3 * LOOK_S) / LOOK_S)):

@@ -10,6 +10,7 @@ import httpx
 import pytest
 
 from backend.api.middleware import values_in
+from backend.event_bus import EventBus
 from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, EventLog, Refusals
 from backend.storage import events
 from backend.storage.database import Database, open_database
@@ -27,7 +28,7 @@ class Flood:
     """Refusals with windows that the test ends; ``windows_s`` are their lengths."""
 
     def __init__(self, database: Database) -> None:
-        self._database, self._journal = database, EventLog(database)
+        self._database, self._journal = database, EventLog(database, EventBus())
         self.windows_s: list[float] = []
         self._ends: list[Callable[[], None]] = []
         self.refusals = Refusals(self._journal, self._begin)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from backend.event_bus import EventBus
 from backend.realtime.ring_buffer import Ring
 from backend.recording.flight import FlightRecorder, Quota, read_flight_columns
-from backend.recording.trigger import Armed, Condition, ConditionKind, Heard, Trigger, load_armed_trigger
+from backend.recording.trigger import Armed, Condition, ConditionKind, Trigger, Triggered, load_armed_trigger
 from backend.sample import INDEX
 from backend.storage import events, flights
 from backend.storage.database import Database
@@ -28,8 +29,8 @@ def append(ring: Ring, F_A: NDArray[np.float64], run: int = 0) -> None:
         ring.append(row)
 
 
-def trigger_on(database: Database, ring: Ring, quota: Quota = QUOTA) -> Trigger:
-    return Trigger(database, lambda: ring, quota, lambda: LENGTHS)
+def trigger_on(database: Database, ring: Ring, quota: Quota = QUOTA, events: EventBus | None = None) -> Trigger:
+    return Trigger(database, lambda: ring, quota, lambda: LENGTHS, events or EventBus())
 
 
 def armed(
@@ -45,11 +46,12 @@ def kept(database: Database) -> list[flights.Flight]:
 
 def test_samples_before_and_after_are_exactly_those_asked_for(database: Database) -> None:
     ring, run = Ring.create(8192), new_run(database)
-    trigger = trigger_on(database, ring)
+    events = EventBus()
+    trigger = trigger_on(database, ring, events=events)
     append(ring, np.zeros(1000), run.id)
     trigger.arm(armed(ConditionKind.ABOVE, 1.0, before=300, after=200))
     told: list[tuple[int, str]] = []
-    trigger.heard = Heard(lambda tick, text: told.append((tick, text)))
+    events.subscribe(Triggered, lambda triggered: told.append((triggered.tick, triggered.text)))
     ramp = np.arange(1000) * 0.01  # above 1 N from its 102nd sample on, whose tick is 1101
     for part in np.array_split(ramp, 37):
         append(ring, part, run.id)
@@ -180,7 +182,7 @@ def test_an_edge_across_samples_that_were_overwritten_does_not_trigger(database:
 def test_a_loop_that_starts_anew_ends_a_capture_and_the_trigger_stays_armed(database: Database) -> None:
     first, second = Ring.create(8192), Ring.create(8192)
     present = first
-    trigger = Trigger(database, lambda: present, QUOTA, lambda: LENGTHS)
+    trigger = Trigger(database, lambda: present, QUOTA, lambda: LENGTHS, EventBus())
     trigger.arm(armed(ConditionKind.RISING, 0.5, before=10, after=100, captures=2))
     append(first, np.concatenate((np.zeros(50), np.ones(10))))
     trigger.step()
