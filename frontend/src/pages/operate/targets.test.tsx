@@ -61,6 +61,7 @@ async function commanded(): Promise<{ q_ref: number; S_ref: number }[]> {
 const settled = () => new Promise((resolve) => setTimeout(resolve, 20));
 
 beforeEach(() => {
+  vi.useFakeTimers({ toFake: ["performance"] }); // an order counts for 1.2 s, however slow the machine is
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
   vi.stubGlobal(
     "ResizeObserver",
@@ -78,7 +79,10 @@ beforeEach(() => {
     return Response.json(path === "/api/banks" ? { banks: [] } : {});
   });
 });
-afterEach(cleanup);
+afterEach(() => {
+  cleanup();
+  vi.useRealTimers();
+});
 
 const q_ref = () => screen.getByRole("slider", { name: "q_ref" });
 const box = () => screen.getByRole("textbox", { name: "q_ref value [°]" }) as HTMLInputElement;
