@@ -1,6 +1,6 @@
-"""One tick of the loop: look at what is measured, let the motion decide, write the row. All of it on one desk.
+"""One tick of the loop: detect faults, compute the motion's voltages, write the row. All in one control state.
 
-What is rare stays with the interpreter, which gives its orders before the tick and is told what came of it: a fault was
+What is rare stays with the interpreter, which gives its inputs before the tick and is told what came of it: a fault was
 found, a motion is done, its push has changed. Whoever steps the plant, a clock or a batch, calls the same functions.
 """
 
@@ -104,7 +104,7 @@ class ControlState(NamedTuple):
 
     tuning: cascade.CascadeTuning
     watched: fault_detection.Watched
-    orders: StepInputs
+    inputs: StepInputs
     checks: fault_detection.FaultDetectionState
     found: fault_detection.DetectedFault
     velocity: motion_primitives.VelocityState
@@ -179,13 +179,13 @@ def _told(state: Any, tau_ext: Any) -> Any:
 
 
 @compiled
-def detect_faults(desk: StateBlock[ControlState], raw: Measurement, missed: int) -> int:
+def detect_faults(control: StateBlock[ControlState], raw: Measurement, missed: int) -> int:
     """Take in what is measured; FOUND where something is wrong with it, FELT where all is well but for a contact.
 
     ``missed`` deadlines since the last tick.
     """
-    orders = desk.orders.value
-    theta_A, theta_B = raw.theta_A + orders.offset_A, raw.theta_B + orders.offset_B
+    inputs = control.inputs.value
+    theta_A, theta_B = raw.theta_A + inputs.offset_A, raw.theta_B + inputs.offset_B
     trip = raw.safety_trip
     m = Measurement(
         q=raw.q,
@@ -198,11 +198,11 @@ def detect_faults(desk: StateBlock[ControlState], raw: Measurement, missed: int)
         safety_trip=trip,
         F_wall=raw.F_wall,
     )
-    keep_compiled(desk.m, m)
-    keep_compiled(desk.velocity, motion_primitives.step_velocity(desk.velocity.value, raw.q))
-    if orders.deaf:
-        trip = 1.0 if orders.tripped else 0.0
-    q = raw.q - orders.middle
+    keep_compiled(control.m, m)
+    keep_compiled(control.velocity, motion_primitives.step_velocity(control.velocity.value, raw.q))
+    if inputs.deaf:
+        trip = 1.0 if inputs.tripped else 0.0
+    q = raw.q - inputs.middle
     heard = Measurement(
         q=q,
         theta_A=theta_A,
@@ -215,58 +215,60 @@ def detect_faults(desk: StateBlock[ControlState], raw: Measurement, missed: int)
         F_wall=raw.F_wall,
     )
     found, after = fault_detection.check(
-        watched=desk.watched.value,
-        state=desk.checks.value,
+        watched=control.watched.value,
+        state=control.checks.value,
         raw=raw,
         m=heard,
-        command=desk.command.value,
-        zeroed=orders.zeroed,
-        taut_wanted=orders.taut_wanted,
+        command=control.command.value,
+        zeroed=inputs.zeroed,
+        taut_wanted=inputs.taut_wanted,
         missed=missed,
     )
-    keep_compiled(desk.checks, after)
-    keep_compiled(desk.found, found)
-    F_ext_hat = _feel(desk, m, orders.zeroed)
+    keep_compiled(control.checks, after)
+    keep_compiled(control.found, found)
+    F_ext_hat = _estimate_outside_force(control, m, inputs.zeroed)
     if found.what != fault_detection.NOTHING:
         return FOUND
-    return FELT if abs(F_ext_hat) > orders.felt_from else QUIET
+    return FELT if abs(F_ext_hat) > inputs.felt_from else QUIET
 
 
 @compiled
-def _feel(desk: StateBlock[ControlState], m: Measurement, zeroed: bool) -> float:
+def _estimate_outside_force(control: StateBlock[ControlState], m: Measurement, zeroed: bool) -> float:
     """Outside force [N] in this tick; nan as long as it is not known where the motors stand."""
-    observer, bias = desk.observer.value, desk.bias.value
+    observer, bias = control.observer.value, control.bias.value
     state = (
-        disturbance_observer.step_disturbance_observer(observer, desk.touch.value, m)
+        disturbance_observer.step_disturbance_observer(observer, control.touch.value, m)
         if zeroed
         else disturbance_observer.UNKNOWN
     )
-    S = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
+    S = decoupler.stiffness(control.tuning.decoupler.value, m.theta_A, m.theta_B)
     F_ext_hat = disturbance_observer.force(observer, state, bias, S)
-    keep_compiled(desk.touch, state)
-    keep_compiled(desk.F_ext_hat, F_ext_hat)
+    keep_compiled(control.touch, state)
+    keep_compiled(control.F_ext_hat, F_ext_hat)
     return F_ext_hat
 
 
 @compiled
-def compute_control(desk: StateBlock[ControlState], moving: StateBlock[Moving]) -> tuple[int, float, float]:
+def compute_control(control: StateBlock[ControlState], moving: StateBlock[Moving]) -> tuple[int, float, float]:
     """Let the motion decide; the bits of what came of it, and the voltages [V]."""
-    was, orders = moving.value, desk.orders.value
-    tau_ext = desk.F_ext_hat.value * desk.observer.tendons.r_j.value if desk.bias.value.shape[0] > 0 else math.nan
+    was, inputs = moving.value, control.inputs.value
+    tau_ext = (
+        control.F_ext_hat.value * control.observer.tendons.r_j.value if control.bias.value.shape[0] > 0 else math.nan
+    )
     decision, carry, state = step(
-        desk.tuning.value, was.carry, was.target, with_outside_torque(was.state, tau_ext), desk.m.value
+        control.tuning.value, was.carry, was.target, with_outside_torque(was.state, tau_ext), control.m.value
     )
     keep_compiled(moving, Moving(carry, decision.target, state))
-    keep_compiled(desk.decision, decision)
-    came = DONE if decision.done and not orders.reached else QUIET
+    keep_compiled(control.decision, decision)
+    came = DONE if decision.done and not inputs.reached else QUIET
     target, load = decision.target, decision.target.load
-    other_push = target.F_push != orders.F_push
-    other_load = load.load_A != orders.load.load_A or load.load_B != orders.load.load_B
+    other_push = target.F_push != inputs.F_push
+    other_load = load.load_A != inputs.load.load_A or load.load_B != inputs.load.load_B
     if decision.pushes and (other_push or other_load):
         came |= PUSHES
-    if decision.pushes and target.tuning != orders.tuning:
+    if decision.pushes and target.tuning != inputs.tuning:
         came |= TUNES
-    if decision.pushes and (target.wall != orders.wall or target.touch != orders.touch):
+    if decision.pushes and (target.wall != inputs.wall or target.touch != inputs.touch):
         came |= PUSHES | WALLS
     return came, decision.u_A, decision.u_B
 
@@ -286,7 +288,7 @@ _LIMITS, _FAULT, _LATENESS, _OVERRUNS = (INDEX[name] for name in ("limits", "fau
 
 @compiled
 def write_row(
-    desk: StateBlock[ControlState],
+    control: StateBlock[ControlState],
     row: NDArray[np.float64],
     tick: int,
     put: MotorCommand,
@@ -295,13 +297,13 @@ def write_row(
     overruns: int,
 ) -> None:
     """Put the tick into its row (``backend.sample``); ``put`` is what was written last, and is kept as that."""
-    orders, m, y = desk.orders.value, desk.m.value, desk.decision.value
-    keep_compiled(desk.command, put)
-    row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, orders.mode, orders.run
-    row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = m.q, y.target.q_ref, y.q_ref_gov, desk.velocity.q_dot.value
+    inputs, m, y = control.inputs.value, control.m.value, control.decision.value
+    keep_compiled(control.command, put)
+    row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, inputs.mode, inputs.run
+    row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = m.q, y.target.q_ref, y.q_ref_gov, control.velocity.q_dot.value
     row[_S] = math.nan
-    if orders.zeroed and not fault_detection.has_slack(desk.observer.tendons.value, m):
-        row[_S] = decoupler.stiffness(desk.tuning.decoupler.value, m.theta_A, m.theta_B)
+    if inputs.zeroed and not fault_detection.has_slack(control.observer.tendons.value, m):
+        row[_S] = decoupler.stiffness(control.tuning.decoupler.value, m.theta_A, m.theta_B)
     row[_S_REF], row[_S_REF_GOV], row[_S_TRUE] = y.target.S_ref, y.S_ref_gov, m.S_true
     row[_THETA_A], row[_THETA_A_REF], row[_THETA_B], row[_THETA_B_REF] = (
         m.theta_A,
@@ -310,11 +312,11 @@ def write_row(
         y.theta_B_ref,
     )
     row[_F_A], row[_F_B], row[_U_A], row[_U_B] = m.F_A, m.F_B, put.u_A, put.u_B
-    row[_F_PUSH], row[_F_EXT_HAT], row[_F_WALL] = m.F_push, desk.F_ext_hat.value, m.F_wall
+    row[_F_PUSH], row[_F_EXT_HAT], row[_F_WALL] = m.F_push, control.F_ext_hat.value, m.F_wall
     row[_V_A], row[_V_B], row[_N_Q], row[_N_A], row[_N_B] = at_card
-    row[_LAM_Q], row[_LAM_S], row[_BANK_ENTRY] = orders.lam_q, orders.lam_S, y.bank_entry
+    row[_LAM_Q], row[_LAM_S], row[_BANK_ENTRY] = inputs.lam_q, inputs.lam_S, y.bank_entry
     row[_LIMITS], row[_FAULT], row[_LATENESS], row[_OVERRUNS] = (
-        y.limits | orders.limits, orders.fault, lateness_s, overruns,
+        y.limits | inputs.limits, inputs.fault, lateness_s, overruns,
     )  # fmt: skip
 
 
@@ -339,7 +341,7 @@ class TickRange(NamedTuple):
 
 @compiled_run
 def run_batch(
-    desk: StateBlock[ControlState],
+    control: StateBlock[ControlState],
     moving: StateBlock[Moving],
     simulated: StateBlock[Simulated],
     m: Measurement,
@@ -352,22 +354,22 @@ def run_batch(
     TUNES, WALLS, DECIDED: it was decided), its voltages [V], and what is measured then.
     """
     for made in range(stretch.ticks):
-        seen = detect_faults(desk, m, 0)
+        seen = detect_faults(control, m, 0)
         if seen != QUIET:
             return made, seen, 0.0, 0.0, m
-        came, u_A, u_B = compute_control(desk, moving)
+        came, u_A, u_B = compute_control(control, moving)
         if came & (DONE | TUNES | WALLS) or not math.isfinite(u_A + u_B):
             return made, came | DECIDED, u_A, u_B, m
         if came & PUSHES:
-            target = desk.decision.target.value
-            keep_compiled(desk.orders.F_push, target.F_push)
-            keep_compiled(desk.orders.load, target.load)
+            target = control.decision.target.value
+            keep_compiled(control.inputs.F_push, target.F_push)
+            keep_compiled(control.inputs.load, target.load)
             keep_compiled(simulated.F_push, target.F_push)
             keep_compiled(simulated.load, target.load)
         m = simulate_period(simulated, u_A, u_B, stretch.period + made + 1)
         number = stretch.first + made
         write_row(
-            desk=desk,
+            control=control,
             row=rows[number % rows.shape[0]],
             tick=number,
             put=MotorCommand(u_A, u_B),

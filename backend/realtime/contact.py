@@ -78,7 +78,7 @@ class Contact:
     ``paused`` is what of a program is still to be played, where one of its own contacts has ended a part of it.
     """
 
-    def __init__(self, desk: StepContext, events: list[Event], tunings: ActiveGains) -> None:
+    def __init__(self, step: StepContext, events: list[Event], tunings: ActiveGains) -> None:
         self.felt = False
         self.paused: Program | None = None
         self._tunings = tunings
@@ -87,7 +87,7 @@ class Contact:
         self._own: list[tuple[float, float]] = []
         self._noise_N = math.inf
         self._touches: tuple[ContactDetection, ...] = ()
-        self._desk = desk
+        self._step = step
         self._events = events
 
     def put(self, command: ConfigureContactDetection) -> None:
@@ -165,7 +165,7 @@ class Contact:
         self._take_off()
 
     def _learn(self) -> None:
-        S, F, std = self._desk.rested
+        S, F, std = self._step.rested
         if not math.isfinite(F + std):
             return
         self._noise_N = std if not self._own else max(std, self._noise_N)
@@ -174,7 +174,7 @@ class Contact:
 
     def _take_off(self) -> None:
         """Take off what a program has learned itself, else what the operator has."""
-        self._desk.take_off(np.array(self._own).reshape(-1, 2) if self._own else self._operators)
+        self._step.take_off(np.array(self._own).reshape(-1, 2) if self._own else self._operators)
 
     def felt_from(self, motion: object) -> float:
         """Force [N] from which on a contact counts now; inf where none does, or one is being reacted to."""
@@ -189,12 +189,12 @@ class Contact:
         """Take note of a contact and tell of it, where it is not known yet; whether it was not."""
         begins, self.felt = not self.felt, True
         if begins:
-            self._events.append(ContactDetected(tick, self._desk.F_ext_hat, self._from_N))
+            self._events.append(ContactDetected(tick, self._step.F_ext_hat, self._from_N))
         return begins
 
     def pause(self, program: Program | None, motion: object) -> int:
         """Take note of a contact that a program gives way to itself; for how many ticks, 0 where it is none."""
-        own = abs(self._desk.F_ext_hat) <= self._from_N
+        own = abs(self._step.F_ext_hat) <= self._from_N
         if program is None or not own or self.felt or not isinstance(motion, Tracking):
             return 0
         played = motion.now.state.player

@@ -146,12 +146,12 @@ def set_zero(zero: Zero, machine: ModeManager, plant: Plant) -> None:
     machine.zeros.begin_anew()  # pretension finds the motors' zeros
 
 
-def zero_where_homed(motion: Motion, machine: ModeManager, plant: Plant, desk: StepContext) -> None:
+def zero_where_homed(motion: Motion, machine: ModeManager, plant: Plant, step: StepContext) -> None:
     """Set the zero that a motion has found, if it was a homing that has. Raises PlantError."""
     if isinstance(motion, Homing) and motion.end is HomingEnd.HOMED:
-        found = Zero(motion.position_of(desk.m.q), 0.0, 0.0)
+        found = Zero(motion.position_of(step.m.q), 0.0, 0.0)
         set_zero(found, machine, plant)
-        desk.stands_at(found.q)
+        step.stands_at(found.q)
 
 
 def _home(position: float, machine: ModeManager, plant: Plant, now: TickContext) -> None:
@@ -192,7 +192,7 @@ def _require_free(machine: ModeManager, what: str) -> None:
 # What the compiled tick is told of the mode machine before it is made.
 
 
-def orders_of(machine: ModeManager) -> StepInputs:
+def make_step_inputs(machine: ModeManager) -> StepInputs:
     """Return what the next tick is to know."""
     zeros, lambdas, push, motion = machine.zeros, machine.tunings.lambdas, machine.push, machine.motion
     trial = isinstance(motion, ModuleTrial)  # the trip that it provokes is heard when it is done, and then in any case
@@ -397,18 +397,18 @@ class Loop:
         self._checks, self._plant_watch = Checks(parameters), PlantHealthMonitor()
         self._tick = self._newest_tick = self._overruns = 0
         self._command = ZERO_VOLTS  # what was written last
-        self._changed = True  # whether the desk may not know yet what has become of the machine
+        self._changed = True  # whether the step may not know yet what has become of the machine
         self._hand, self._row = ManualDisturbance(plant), np.zeros(len(FIELDS))
         self._events: list[Event] = []
         gains = tuning_of(tuning, self._known)
-        self._desk = StepContext(parameters, plant.unattended_max_s, gains)  # once open, a card waits for 50 ms at most
+        self._step = StepContext(parameters, plant.unattended_max_s, gains)  # once open, a card waits for 50 ms at most
         try:
             plant.open()
-            self._desk.begin(plant.read())
+            self._step.begin(plant.read())
             self._machine = ModeManager(
                 plant=plant,
                 parameters=parameters,
-                desk=self._desk,
+                step=self._step,
                 tuning=gains,
                 lambdas=TuningParameters(tuning.lam_q, tuning.lam_S),
                 events=self._events,
@@ -466,15 +466,15 @@ class Loop:
 
     def _obey(self, command: Command) -> None:
         if isinstance(command, CommissioningCommand):
-            carry_out(command, self._machine, self._plant, TickContext(self._newest_tick, self._desk.m))
+            carry_out(command, self._machine, self._plant, TickContext(self._newest_tick, self._step.m))
             if isinstance(command, Zero):
-                self._desk.stands_at(command.q)
+                self._step.stands_at(command.q)
             return
         match command:
             case Stop():
-                self._machine.begin_stop(command, command.detail, TickContext(self._newest_tick, self._desk.m))
+                self._machine.begin_stop(command, command.detail, TickContext(self._newest_tick, self._step.m))
             case SetMode():
-                self._machine.set_mode(command, TickContext(self._newest_tick, self._desk.m))
+                self._machine.set_mode(command, TickContext(self._newest_tick, self._step.m))
             case SetReferences():
                 self._machine.set_references(command)
             case SetTuning():
@@ -484,7 +484,7 @@ class Loop:
             case ConfigureContactDetection():
                 self._machine.contact.put(command)
             case RunProgram():
-                self._machine.run_program(command, TickContext(self._newest_tick, self._desk.m))
+                self._machine.run_program(command, TickContext(self._newest_tick, self._step.m))
             case ApplyPush():
                 self._hand.begin(command, self._tick, self._machine.mode)
             case Inject():
@@ -508,11 +508,11 @@ class Loop:
             raise CommandRejectedError(f"there is no fault to reset; the mode is {machine.mode}", LEGAL[machine.mode])
         if self._has_failed:
             raise CommandRejectedError("this loop has failed by a mistake of its own: a new one has to be started")
-        fault, seen = self._checks.standing(machine.zeros.from_middle(self._desk.m), self._plant.raw)
+        fault, seen = self._checks.standing(machine.zeros.from_middle(self._step.m), self._plant.raw)
         seen = self._plant_watch.failure or seen
         if fault is not Fault.NONE or self._plant_watch.failure:
             raise CommandRejectedError(f"the cause is still there: {seen}")
-        machine.reset(TickContext(self._newest_tick, self._desk.m))
+        machine.reset(TickContext(self._newest_tick, self._step.m))
 
     def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
         """One period: read, look, decide, write, keep the row. Zero volts on any way out by an error."""
@@ -523,22 +523,22 @@ class Loop:
 
         A batch ends in the tick that something comes of, which is made by itself from there on.
         """
-        plant, ring, machine, desk = self._plant, self._ring, self._machine, self._desk
+        plant, ring, machine, step = self._plant, self._ring, self._machine, self._step
         told = self._plant_watch.answers and not machine.has_to_tell
         undisturbed = told and self._hand.is_idle and machine.interpreted is None
         alone = plant.alone_for(ticks) if undisturbed and isinstance(plant, Simulator) else 0
         if not (alone and isinstance(plant, Simulator) and isinstance(ring, Ring)):
             self.tick(overruns=self._overruns)
             return 1
-        self._tell_desk()
+        self._update_inputs()
         stretch = TickRange(self._tick, plant.periods, alone, self._overruns)
-        made, came, u_A, u_B, m = desk.run(plant.simulated, plant.read(), stretch, ring.rows)
+        made, came, u_A, u_B, m = step.run(plant.simulated, plant.read(), stretch, ring.rows)
         plant.has_gone(made, m)
         ring.count_in(made)
-        machine.push.has_become(*desk.acting)
+        machine.push.has_become(*step.acting)
         self._tick += made
         self._newest_tick = self._tick - 1
-        self._command = desk.command
+        self._command = step.command
         if came == QUIET:
             return made
         self._make_tick((came, u_A, u_B), 0.0, self._overruns)
@@ -563,18 +563,18 @@ class Loop:
                 machine.require_consistent()
         except PlantError as error:
             command = ZERO_VOLTS
-            self._desk.decision = AT_REST
+            self._step.decision = AT_REST
             self._plant_failed(error)
         except Exception as error:  # a mistake of the program is a trip, never an end with a voltage on
             command = ZERO_VOLTS
-            self._desk.decision = AT_REST
+            self._step.decision = AT_REST
             self._step_failed(error)
         finally:
             self._write(command)
         self._events += self._plant_watch.end(self._tick)
         self._overruns = overruns
-        self._tell_desk()
-        self._desk.write_row(self._row, self._tick, self._command, self._plant.raw, lateness_s, overruns)
+        self._update_inputs()
+        self._step.write_row(self._row, self._tick, self._command, self._plant.raw, lateness_s, overruns)
         try:
             self._ring.append(self._row)
         except InvariantError as error:
@@ -584,51 +584,51 @@ class Loop:
 
     def _begin_tick(self, missed: int) -> tuple[int, float, float]:
         """Read, look, and let a compiled motion decide; what came of it, and voltages [V]."""
-        desk, raw = self._desk, self._plant.read()
-        self._tell_desk()
-        found = desk.look(raw, missed)
+        step, raw = self._step, self._plant.read()
+        self._update_inputs()
+        found = step.detect_faults(raw, missed)
         if found != QUIET or self._machine.interpreted is not None:
             return found, 0.0, 0.0
-        return desk.decide()
+        return step.compute_control()
 
-    def _tell_desk(self) -> None:
+    def _update_inputs(self) -> None:
         if self._changed:
-            self._desk.order(orders_of(self._machine))
+            self._step.set_inputs(make_step_inputs(self._machine))
             self._changed = False
 
     def _attend(self, came: int, missed: int) -> tuple[float, float]:
         """See to what came of a tick that was looked at; return the voltages [V] that are decided then."""
-        machine, desk = self._machine, self._desk
+        machine, step = self._machine, self._step
         if came & FOUND:
             self._react(missed)
         elif came & FELT:
-            machine.give_way(TickContext(self._newest_tick, desk.m))
-        desk.order(orders_of(machine))
+            machine.give_way(TickContext(self._newest_tick, step.m))
+        step.set_inputs(make_step_inputs(machine))
         if machine.interpreted is not None:
-            decision = desk.decision = machine.interpreted.step(machine.tunings.gains, desk.m)
+            decision = step.decision = machine.interpreted.step(machine.tunings.gains, step.m)
             came = DONE if machine.interpreted.done else QUIET
         else:
             if came & (FOUND | FELT):
-                came, _, _ = desk.decide()
-            decision = desk.decision
+                came, _, _ = step.compute_control()
+            decision = step.decision
         if came & PUSHES:
             machine.push.act(decision.target, self._newest_tick)
         if came & TUNES:
             machine.tunings.use(decision.target.tuning, self._newest_tick)
-        motion, m = machine.motion, desk.m
+        motion, m = machine.motion, step.m
         if came & DONE and motion is not None:
             motion.done = True
-            zero_where_homed(motion, machine, self._plant, desk)
-            desk.m = machine.end_motion(TickContext(self._newest_tick, m))
+            zero_where_homed(motion, machine, self._plant, step)
+            step.m = machine.end_motion(TickContext(self._newest_tick, m))
         return decision.u_A, decision.u_B
 
     def _react(self, missed: int) -> None:
         """Stop for what the checks have found, where that is to be stopped for."""
-        machine, desk, m, command = self._machine, self._desk, self._desk.m, self._command
+        machine, step, m, command = self._machine, self._step, self._step.m, self._command
         if machine.mode is Mode.TRIPPED:
             return
         heard = machine.zeros.from_middle(m)
-        fault, seen = self._checks.told(desk.found, desk.readings, m, heard, command, self._plant.raw, missed)
+        fault, seen = self._checks.told(step.found, step.readings, m, heard, command, self._plant.raw, missed)
         if machine.motion is not None or fault in _AT_REST_TOO:
             machine.begin_stop(Stop(fault), seen, TickContext(self._newest_tick, m))
 
@@ -643,7 +643,7 @@ class Loop:
             self._changed = True
             if machine.mode is not Mode.TRIPPED:
                 fault = Fault.WATCHDOG if isinstance(error, WatchdogExpiredError) else Fault.WATCHDOG_DEAD
-                machine.begin_stop(Stop(fault), str(error), TickContext(self._newest_tick, self._desk.m))
+                machine.begin_stop(Stop(fault), str(error), TickContext(self._newest_tick, self._step.m))
         except PlantError as error:
             self._plant_failed(error)
             return
@@ -663,14 +663,14 @@ class Loop:
         self._has_failed = True
         _LOG.critical("The control loop failed: %s", _named(error), exc_info=error)
         stop = Stop(Fault.INTERNAL_ERROR)
-        self._machine.begin_stop(stop, _named(error), TickContext(self._newest_tick, self._desk.m))
+        self._machine.begin_stop(stop, _named(error), TickContext(self._newest_tick, self._step.m))
         self._machine.fault = Fault.INTERNAL_ERROR  # by which the service knows that a reset starts a new loop
 
     def _plant_failed(self, error: PlantError) -> None:
         self._plant_watch.failure = str(error)
         self._changed = True
         if self._machine.mode is not Mode.TRIPPED:
-            self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), TickContext(self._newest_tick, self._desk.m))
+            self._machine.begin_stop(Stop(Fault.PLANT_ERROR), str(error), TickContext(self._newest_tick, self._step.m))
 
     def close(self) -> None:
         """Zero volts and let go of the plant. Safe to call twice."""

@@ -95,15 +95,15 @@ class GainsInUse(NamedTuple):
 
 
 class ActiveGains:
-    """Keeps the desk to the tuning in force; ``number`` is that of the program's, 0 where it is the operator's."""
+    """Keeps the step to the tuning in force; ``number`` is that of the program's, 0 where it is the operator's."""
 
-    def __init__(self, desk: StepContext, events: list[Event], gains: CascadeTuning, lambdas: TuningParameters) -> None:
+    def __init__(self, step: StepContext, events: list[Event], gains: CascadeTuning, lambdas: TuningParameters) -> None:
         self.gains, self.lambdas = _rejecting_nothing(gains), lambdas
         self.number = 0
-        self._desk = desk
+        self._step = step
         self._events = events
         self._of_program: tuple[GainsInUse, ...] = ()  # the operator's first
-        desk.retune(self.gains)  # as nothing is learned yet
+        step.retune(self.gains)  # as nothing is learned yet
 
     def replace(self, gains: CascadeTuning, lambdas: TuningParameters) -> None:
         """Put an operator's tuning into use. Raises CommandRejectedError while a program changes it."""
@@ -124,7 +124,7 @@ class ActiveGains:
 
     def _require_learned(self, gains: CascadeTuning) -> None:
         """Raise CommandRejectedError for a rejection of what is not known."""
-        if gains.rejection.k_ext > 0.0 and not self._desk.learned:
+        if gains.rejection.k_ext > 0.0 and not self._step.learned:
             raise CommandRejectedError(NOT_LEARNED)
 
     def reject_nothing(self) -> None:
@@ -150,7 +150,7 @@ class ActiveGains:
 
     def _put(self, tuning: GainsInUse) -> None:
         self.gains, self.lambdas = tuning
-        self._desk.retune(tuning.gains)
+        self._step.retune(tuning.gains)
 
 
 def _rejecting_nothing(gains: CascadeTuning) -> CascadeTuning:

@@ -128,17 +128,17 @@ class ModeManager:
         self,
         plant: Plant,
         parameters: PlantParameters,
-        desk: StepContext,
+        step: StepContext,
         tuning: CascadeTuning,
         lambdas: TuningParameters,
         events: list[Event],
     ) -> None:
         self.mode, self.fault = Mode.OFF, Fault.NONE
-        self._events, self._plant, self._desk = events, plant, desk
+        self._events, self._plant, self._step = events, plant, step
         self._rest = IdleMotion(tuning.motors)
         self.motion = None
         self.run, self.reached_told = 0, False
-        self.tunings = ActiveGains(desk, events, tuning, lambdas)
+        self.tunings = ActiveGains(step, events, tuning, lambdas)
         self._known = collect_plant_knowledge(parameters)
         self.bounds = self._known.bounds
         self.zeros, self.drives_off = EncoderOffsets(), False
@@ -146,7 +146,7 @@ class ModeManager:
         self._programs = ProgramMotions(plant, parameters)
         self.turns_per_joint = self._known.decoupler.r_j / self._known.decoupler.r_m
         self._program: Program | None = None
-        self.contact = Contact(desk, events, self.tunings)
+        self.contact = Contact(step, events, self.tunings)
         self.push = ProgramDisturbances(plant, events, self.contact)
 
     @property
@@ -159,7 +159,7 @@ class ModeManager:
         self._motion = motion
         self.interpreted = motion if isinstance(motion, PythonMotion) else None
         if self.interpreted is None:
-            self._desk.lay(motion or self._rest)
+            self._step.set_motion(motion or self._rest)
 
     @property
     def pretension_done(self) -> bool:

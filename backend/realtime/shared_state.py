@@ -44,16 +44,16 @@ _Run = Callable[
     [StateBlock[ControlState], StateBlock[Moving], StateBlock[Simulated], Measurement, TickRange, NDArray[np.float64]],
     _Made,
 ]
-_Look = Callable[[Measurement, int], int]
-_Decide = Callable[[], tuple[int, float, float]]
+_DetectFaults = Callable[[Measurement, int], int]
+_ComputeControl = Callable[[], tuple[int, float, float]]
 _WriteRow = Callable[[NDArray[np.float64], int, MotorCommand, RawReading, float, int], None]
 
 
 class StepContext:
-    """One loop's desk, and on it the motion that is under way.
+    """The control state of one loop, and the motion that is under way.
 
     ``unattended_max_s`` [s] is how long the plant may be left alone. ``detect_faults``, ``compute_control`` and
-    ``write_row`` are of ``backend.control.step``, for this desk and what lies on it.
+    ``write_row`` are of ``backend.control.step``, for this state and the motion in it.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class StepContext:
             ControlState(
                 tuning=tuning,
                 watched=fault_detection.watched_for(parameters, round(unattended_max_s / T_s)),
-                orders=NO_INPUTS,
+                inputs=NO_INPUTS,
                 checks=fault_detection.FaultDetectionState(
                     0.0, False, NOT_MEASURED, NOT_MEASURED, fault_detection.nothing_remembered()
                 ),
@@ -81,16 +81,16 @@ class StepContext:
                 F_ext_hat=math.nan,
             )
         )
-        self._tuning, self._orders_cell, self._m = cell.field("tuning"), cell.field("orders"), cell.field("m")
+        self._tuning, self._inputs_cell, self._m = cell.field("tuning"), cell.field("inputs"), cell.field("m")
         self._command, self._decision, self._velocity = (
             cell.field("command"), cell.field("decision"), cell.field("velocity"),
         )  # fmt: skip
         self._found, self._checks = cell.field("found"), cell.field("checks")
         self._touch, self._bias, self._F_ext_hat = (cell.field(name) for name in ("touch", "bias", "F_ext_hat"))
-        self._orders = NO_INPUTS
-        self._places: dict[type, tuple[StateBlock[Moving], _Decide]] = {}
+        self._inputs = NO_INPUTS
+        self._places: dict[type, tuple[StateBlock[Moving], _ComputeControl]] = {}
         row = np.zeros(len(FIELDS))
-        self.look: _Look = partial(PrecompiledCall(step.detect_faults, cell, NOT_MEASURED, 0), cell)
+        self.detect_faults: _DetectFaults = partial(PrecompiledCall(step.detect_faults, cell, NOT_MEASURED, 0), cell)
         self.write_row: _WriteRow = partial(
             PrecompiledCall(step.write_row, cell, row, 0, ZERO_VOLTS, NO_RAW, 0.0, 0), cell
         )
@@ -100,8 +100,8 @@ class StepContext:
         self._m.put(raw)
         self._velocity.put(motion_primitives.VelocityState(0.0, raw.q))
 
-    def lay(self, motion: Motion) -> None:
-        """Let a motion be the one that is under way."""
+    def set_motion(self, motion: Motion) -> None:
+        """Make a motion the one that is under way."""
         kind = type(motion.first.state)
         if kind not in self._places:
             place = StateBlock(motion.first)
@@ -109,7 +109,7 @@ class StepContext:
                 place,
                 partial(PrecompiledCall(step.compute_control, self.cell, place), self.cell, place),
             )
-        self.moving, self.decide = self._places[kind]
+        self.moving, self.compute_control = self._places[kind]
         motion.lie_in(self.moving)
         self._run: _Run | None = None  # on a clock there are no batches
 
@@ -121,19 +121,19 @@ class StepContext:
             like = np.zeros((1, len(FIELDS)))  # not the ring's own, which is to be closed before this is gone
             self._run = PrecompiledCall(step.run_batch, self.cell, self.moving, simulated, m, stretch, like)
         made = self._run(self.cell, self.moving, simulated, m, stretch, rows)
-        self._orders = self._orders_cell.get()
+        self._inputs = self._inputs_cell.get()
         return made
 
     @property
     def acting(self) -> tuple[float, ShaftLoad]:
         """Push [N] and loads [N·m] in force, as far as the tick knows."""
-        return self._orders.F_push, self._orders.load
+        return self._inputs.F_push, self._inputs.load
 
-    def order(self, orders: StepInputs) -> None:
-        """Say what is to be known in the next tick."""
-        if orders != self._orders:
-            self._orders = orders
-            self._orders_cell.put(orders)
+    def set_inputs(self, inputs: StepInputs) -> None:
+        """Set the inputs of the next control step."""
+        if inputs != self._inputs:
+            self._inputs = inputs
+            self._inputs_cell.put(inputs)
 
     @property
     def m(self) -> Measurement:

@@ -54,12 +54,12 @@ def _require_feeling(feeling: Ring, numb: Ring) -> None:
 def _numb_loop(parameters: PlantParameters, ring: Ring) -> Loop:
     """Return a loop in run whose tick was compiled without the outside force; none of it is kept on disk."""
 
-    def feel_nothing(desk: object, m: object, zeroed: object) -> float:
+    def feel_nothing(control: object, m: object, zeroed: object) -> float:
         return math.nan
 
     strict: Any = numba.njit(**STRICT)
     its_look, its_run = cast(Any, step.detect_faults), cast(Any, step.run_batch)
-    with patch.object(step, "_feel", strict(feel_nothing)):
+    with patch.object(step, "_estimate_outside_force", strict(feel_nothing)):
         look = strict(its_look.py_func)
         with patch.object(step, "detect_faults", look), patch.object(step, "detect_faults", look):
             run = numba.njit(nogil=True, **STRICT)(its_run.py_func)

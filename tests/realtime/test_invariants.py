@@ -49,14 +49,14 @@ def last(bench: BenchTop) -> MotorCommand:
 
 
 def decides(u_A: float, u_B: float) -> Callable[[BenchTop], None]:
-    return lambda bench: setattr(bench.loop._desk, "decide", lambda: (QUIET, u_A, u_B))
+    return lambda bench: setattr(bench.loop._step, "compute_control", lambda: (QUIET, u_A, u_B))
 
 
 def raises(bench: BenchTop) -> None:
-    def look(*_: object) -> int:
+    def detect(*_: object) -> int:
         raise ZeroDivisionError("a gain of zero")
 
-    bench.loop._desk.look = look
+    bench.loop._step.detect_faults = detect
 
 
 def forgets_its_motion(bench: BenchTop) -> None:

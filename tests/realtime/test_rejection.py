@@ -151,7 +151,7 @@ def test_it_gives_way_to_a_contact_as_ever() -> None:
     ways = []
     for k_ext in (0.0, 1.0):
         bench, _ = learned("lab", 1.0, k_ext)
-        bias = bench.loop._machine.contact._desk._bias.get()
+        bias = bench.loop._machine.contact._step._bias.get()
         bench.send(ConfigureContactDetection(tuple((float(S), float(F)) for S, F in bias), 2.0))
         bench.send(ApplyPush(6.0, 2.0))
         bench.advance(2.0)
