@@ -195,7 +195,7 @@ def in_force(database: Database, base: PlantParameters) -> tuple[AppliedVersion,
         version = list_parameter_versions(database, base)[0]
         last = find_last_applicant(database)
     except (UnreadableDocumentError, ParameterError) as error:
-        _log.exception("what was applied to the parameters cannot be had any more")
+        _log.exception("The service cannot read the parameters that were applied.")
         return AppliedVersion(0, base), f"the parameters are those of the file: {error}"
     if version.number:
         return (
@@ -210,7 +210,7 @@ def _close_interrupted(database: Database) -> None:
     with database.session() as session:
         interrupted = runs.close_interrupted(session)
     if interrupted:
-        _log.warning("runs closed that the last service left open: %s", interrupted)
+        _log.warning("The service closed runs that the last service left open: %s", interrupted)
 
 
 # Assembly ------------------------------------------------------------------------------------------

@@ -122,7 +122,7 @@ async def _serve(
         foundation.figures.keep()
 
     def announce() -> None:
-        _log.info("service started: plant %s, data folder %s, address %s", settings.plant, settings.data, address)
+        _log.info("The service started: plant %s, data folder %s, address %s", settings.plant, settings.data, address)
         folder.say_address(address, settings.public_url)
         assembled.draw()
         ready(address, files.tokens if files else None)
@@ -131,7 +131,7 @@ async def _serve(
     try:
         await Server(app, announce, ending).serve([listening])
     finally:
-        _log.info("service stopped: %s", ending.cause)
+        _log.info("The service stopped: %s", ending.cause)
 
 
 @contextmanager

@@ -112,7 +112,7 @@ class Supervision:
             try:
                 told(sentence)
             except Exception:
-                _LOG.exception("a listener failed on %r", sentence)
+                _LOG.exception("A listener failed on %r.", sentence)
 
     def _look(self) -> None:
         self._look_due = asyncio.get_running_loop().call_later(LOOK_S, self._look)
@@ -177,13 +177,13 @@ class KeptTask:
         error = None if task.cancelled() else task.exception()
         if self._ending or (error is None and not task.cancelled()):
             if error is not None:
-                _LOG.error("%s failed at its end", self._part.name, exc_info=error)
+                _LOG.error("%s failed while it ended.", self._part.name, exc_info=error)
             self._over.set()
             return
         try:
             pause = self._died(self._part, _cause(error, "it was cancelled"), error)
         except Exception:
-            _LOG.exception("the death of %s could not be noted", self._part.name)
+            _LOG.exception("The supervision could not record that %s failed.", self._part.name)
             pause = LONGEST_PAUSE_S
         self._again = self._loop.call_later(pause, self._start)
         if self._on_death is not None:

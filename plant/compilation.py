@@ -79,11 +79,13 @@ def _cache_folder() -> Path | None:
             _copy_what_is_prepared(folder)
             if place != next(iter(usual), None):
                 os.environ["NUMBA_CACHE_DIR"] = str(place)  # further processes look there first, and say nothing
-                _log.warning("%s cannot be used: compiled code is kept in %s", named, folder)
+                _log.warning("%s cannot be used. Compiled code goes to %s.", named, folder)
             return folder
     if _IN_MEMORY not in os.environ:
         os.environ[_IN_MEMORY] = "1"
-        _log.warning("no folder for compiled code can be used: each start compiles anew; name one by NUMBA_CACHE_DIR")
+        _log.warning(
+            "No folder for compiled code can be used, so that each start compiles anew. Name one by NUMBA_CACHE_DIR."
+        )
     return None
 
 

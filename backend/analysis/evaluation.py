@@ -488,7 +488,7 @@ def evaluate_pending_runs(database: Database, run_ids: Sequence[int]) -> None:
         try:
             reevaluate_run(database, run_id)
         except Exception as error:
-            _LOG.info("run %d has no result: %s", run_id, error)
+            _LOG.info("Run %d has no result: %s", run_id, error)
             with database.session() as session:
                 runs.set_evaluation_problem(session, run_id, f"{type(error).__name__}: {error}")
 

@@ -146,7 +146,7 @@ async def serve(stream: LiveStream, websocket: WebSocket, heard: Callable[[Ping]
                 task.cancel()
             for ended in await asyncio.gather(*tasks, return_exceptions=True):
                 if isinstance(ended, Exception):
-                    _log.error("a live stream to a page failed; the page connects again", exc_info=ended)
+                    _log.error("A live stream to a page failed. The page connects again.", exc_info=ended)
     if not receiving.cancelled() and receiving.exception() is None and receiving.result():
         await _send_away(websocket)
 

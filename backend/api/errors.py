@@ -104,7 +104,7 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
 
     @app.exception_handler(Exception)
     async def unexpected(request: Request, error: Exception) -> JSONResponse:
-        _log.error("unexpected error in %s %s", request.method, request.url.path, exc_info=error)
+        _log.error("An unexpected error ended %s %s.", request.method, request.url.path, exc_info=error)
         return _answer(
             500, ErrorDetail(code="internal_error", message="the service failed on this request; see its log")
         )

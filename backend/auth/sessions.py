@@ -111,7 +111,7 @@ class Sessions:
                     f"sessions cannot be written ({error.strerror or error}): "
                     "after a restart of the service those who sign out now are signed in again"
                 )
-                _log.exception("sessions cannot be written")
+                _log.exception("The service cannot write the sessions to its file.")
             else:
                 self.problem = None
 
@@ -131,7 +131,7 @@ class Sessions:
             }
             self._ended = dict.fromkeys(str(session) for session in document["ended"])
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            _log.warning("%s cannot be read (%s): everyone has to sign in again", self._file, error)
+            _log.warning("The service cannot read %s (%s): all users sign in again.", self._file, error)
             self._live, self._ended, self._ran_s = {}, {}, 0.0
 
 

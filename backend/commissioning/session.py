@@ -162,7 +162,7 @@ class KeptHands:
             async with self._turn:  # in the order in which the loop has obeyed
                 await asyncio.to_thread(self._put, there, who)
         except StorageError as error:
-            _log.exception("whether hands are at the rig was not kept")
+            _log.exception("The service could not store whether somebody works at the rig.")
             stays = "off" if there else "on"
             self.problem = f"That the drives are {stays} could not be kept for the next start of the service ({error})."
         else:

@@ -485,7 +485,7 @@ async def evaluate_closed_run(station: ExperimentRig, plan: Plan, run: Run) -> E
         )
         return evaluation
     except Exception as error:
-        _LOG.exception("run %s could not be evaluated", run.id)
+        _LOG.exception("The evaluation of run %s failed.", run.id)
         problem = f"{type(error).__name__}: {error}"
     except BaseException:
         _keep_problem(station, run.id, "the service ended before the run was evaluated")
@@ -499,7 +499,7 @@ def _keep_problem(station: ExperimentRig, run_id: int, problem: str) -> None:
         with station.database.session() as session:
             runs.set_evaluation_problem(session, run_id, problem)
     except StorageError:
-        _LOG.exception("why run %s has no result could not be kept: %s", run_id, problem)
+        _LOG.exception("The service could not store why run %s has no result: %s", run_id, problem)
 
 
 def _close(station: ExperimentRig, run_id: int, end_state: EndState, detail: str) -> Run:

@@ -304,7 +304,7 @@ class Supervisor:
         self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be given up
         self._process, self._channel = launched.process, (channel := launched.channel)
         self.started_with = self.setup.brought_up
-        _LOG.info("loop process %d started", self._process.pid)
+        _LOG.info("Loop process %d started.", self._process.pid)
         with suppress(ChannelClosedError):  # its end is noticed and told by _watch
             channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
@@ -418,7 +418,7 @@ class Supervisor:
                 try:
                     _, message = decode_from_loop(packet)
                 except ChannelError:
-                    _LOG.exception("not understood from the loop process: %r", packet[:200])
+                    _LOG.exception("The service cannot decode a packet of the loop process: %r", packet[:200])
                 else:
                     self._take(message)
         except ChannelClosedError:
@@ -444,7 +444,7 @@ class Supervisor:
             try:
                 listener(event)
             except Exception:
-                _LOG.exception("a listener failed on %s", event)
+                _LOG.exception("A listener failed on event %s.", event)
 
     async def _show_alive(self, channel: Channel, heart: HeartbeatSender) -> None:
         ticking = self._ticking = LivenessMonitor()
@@ -467,7 +467,7 @@ class Supervisor:
             channel.close()
         was_alive, self.granted, self._process = self.alive, None, None
         self._reason = _reason_of_end(status, self._reason)
-        _LOG.info("loop process %d: %s", process.pid, self._reason)
+        _LOG.info("Loop process %d: %s", process.pid, self._reason)
         died = LoopExitedError(f"the control loop is not running: {self._reason}")
         if self._ready is not None and not self._ready.done():
             self._ready.set_exception(died)

@@ -200,7 +200,7 @@ class Recorder:
         except StorageError as error:
             self._report(f"samples cannot be stored: {error}; free space on the disk or make the database writable")
         except Exception as error:
-            _LOG.exception("recording failed")
+            _LOG.exception("The recorder failed.")
             self._report(f"samples cannot be stored: {error}")
         else:
             self.problem = ""

@@ -212,7 +212,7 @@ class _Gallery:
         finally:
             self._inside -= 1
         if end is not None:
-            _LOG.warning("%s: a browser was sent away: %s", self._path, end.reason)
+            _LOG.warning("%s: the service closed the connection of a browser: %s", self._path, end.reason)
             with suppress(WebSocketDisconnected, WebSocketDisconnect):  # it may have gone by itself meanwhile
                 await websocket.close(end.code, end.reason)
 

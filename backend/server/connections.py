@@ -263,14 +263,14 @@ class ConnectionAcceptor:
                 self._accept_later(error)
                 return
             if connection.fileno() > self._highest and not self.places.make_room():
-                _log.warning("a connection was refused: no descriptors left for it")
+                _log.warning("The service refused a connection: no file descriptor is free.")
                 connection.close()
                 continue
             _Newcomer(self, connection, str(address[0]))
 
     def _accept_later(self, error: OSError) -> None:
         """Leave the connections in the kernel for a moment."""
-        _log.error("cannot accept connections at present: %s", error)
+        _log.error("The service cannot accept connections at present: %s", error)
         if error.errno in _OUT_OF_RESOURCES:
             self.places.make_room()
         self._loop.remove_reader(self._listening)
@@ -324,7 +324,7 @@ class _Newcomer:
             self._listener.places.leave(self._place)
             return
         except Exception:
-            _log.exception("a connection could not be handed over")
+            _log.exception("The listener could not pass a connection to its protocol.")
             self._listener.places.leave(self._place)
             self._connection.close()
             return
@@ -431,7 +431,7 @@ def _parsed(connection: Connection) -> float | None:
     try:
         return connection.parse_piece()
     except Exception:
-        _log.exception("a connection is closed, as what it sent could not be parsed")
+        _log.exception("The service closes a connection whose bytes it cannot parse.")
         connection.end()
         return None
 
@@ -786,7 +786,7 @@ class SocketProtocol(_Placed, WebSocketsSansIOProtocol):
     def _close_for_too_much(self) -> None:
         holder = self.place.holder
         _log.warning(
-            "a websocket of %s (%s) was closed: for %g s it sent more than %g frames or %g bytes in a second",
+            "The service closed a websocket of %s (%s): for %g s it sent more than %g frames or %g bytes in a second.",
             "somebody not signed in" if holder is None else holder.name,
             self.client[0] if self.client else "unknown address",
             PATIENCE_S,

@@ -22,7 +22,7 @@ def raise_limit() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
     if descriptor_limit() < LOW_DESCRIPTORS:
         _log.warning(
-            "only %d open files are allowed (ulimit -n): there is room for few pages; allow at least %d",
+            "The service may open only %d files (ulimit -n), enough for few pages. Allow at least %d.",
             descriptor_limit(),
             LOW_DESCRIPTORS,
         )

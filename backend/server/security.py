@@ -346,18 +346,18 @@ class HostOriginMiddleware:
             return _refuse(scope, 431, "head_too_large", too_large_a_head())
         if not self._is_known(host):
             message = deployment.unknown_host(host, self._public)
-            _log.warning("a request was refused: %s", message)
+            _log.warning("The service refused a request: %s", message)
             return _refuse(scope, 400, "unknown_host", message)
         if scope["type"] == "http" and "sec-websocket-key" in headers:
             message = deployment.upgrade_lost(scope["path"], headers.get("origin"))
-            _log.warning("a websocket was refused: %s", message)
+            _log.warning("The service refused a websocket: %s", message)
             return _refuse(scope, 426, "upgrade_required", message)
         writes = scope["type"] == "websocket" or scope["method"] not in _READING
         if writes and not self._is_own_origin(headers, host):
             origin = headers.get("origin") or "a page of another site"
             message = deployment.foreign_origin(origin, host, self._public)
             what = "websocket" if scope["type"] == "websocket" else scope["method"]
-            _log.warning("%s %s was refused: %s", what, scope["path"], message)
+            _log.warning("The service refused %s %s: %s", what, scope["path"], message)
             return _refuse(scope, 403, "foreign_origin", message)
         try:
             for part in (scope.get("raw_path") or scope["path"], scope["query_string"]):

@@ -122,7 +122,9 @@ class SafeStop:
         except LoopExitedError:
             return
         except Exception:
-            _log.exception("the loop does not take a soft stop: it hears nothing more until it stops by itself")
+            _log.exception(
+                "The loop does not answer a soft stop. The service ends its heartbeat, so that the loop stops itself."
+            )
             self._supervisor.fall_silent(SILENCE_S)
 
 

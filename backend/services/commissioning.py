@@ -146,7 +146,7 @@ class CommissioningResults:
             finding = StepFinding(False, f"the loop has stopped: {seen}")
             await self.keep(StepId.DIRECTION, wiring, finding, "the loop")
         except Exception as error:
-            _log.exception("what disproves the directions could not be kept")
+            _log.exception("The service could not store that the directions are wrong.")
             self.problem = f"Do {STEP[StepId.DIRECTION].title} anew: that they are wrong could not be kept ({error})."
         finally:
             self._actuator.changed()
@@ -376,7 +376,7 @@ class BringUp:
             phase("keeping the result")
             await self._findings.keep(running.step, wiring, finding, who)
         except Exception as error:
-            _log.exception("the step %s of the bring-up failed", running.step)
+            _log.exception("Step %s of the bring-up failed.", running.step)
             title = STEP[running.step].title
             self._findings.problem = f"{title} of the bring-up was given up, and has to be done again: {error}"
             if running.step is StepId.DIRECTION:  # what is not kept does not count for this loop either

@@ -197,7 +197,7 @@ class TouchSweep:
         except (RequestRejectedError, LoopExitedError) as error:
             why = str(error)
         except Exception as error:
-            _LOG.exception("learning over S died")
+            _LOG.exception("The sweep that learns the bias over S failed.")
             why = self._died(f"{type(error).__name__}: {error}")
         try:
             await self._put_back()

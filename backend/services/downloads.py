@@ -226,7 +226,7 @@ class Downloads:
             except RequestRejectedError:  # it is under way
                 raise
             except Exception as error:
-                _LOG.info("run %d has no result: %s", run_id, error)  # kept with the run: the report says so
+                _LOG.info("Run %d has no result: %s", run_id, error)  # kept with the run: the report says so
 
     def _source(self, run_id: int, angles: AngleUnit) -> RunData:
         source = load_source(self._database, run_id, angles)

@@ -106,7 +106,7 @@ class EventLog:
             if done < len(batch):
                 break
         for entry in self._waiting:
-            _log.error("event not stored: %s", entry.text)
+            _log.error("The event log did not store an event: %s", entry.text)
 
     def _keep(self, entry: _Entry) -> None:
         by, run = f" by {entry.who}" if entry.who else "", "" if entry.run is None else f", run {entry.run}"
@@ -120,7 +120,7 @@ class EventLog:
             self._waiting.append(
                 _Entry(kind=EventKind.NOTE, text=text, tick=entry.tick, who="", run=None, at=entry.at, lost=lost)
             )
-            _log.error("event lost: %s", entry.text)
+            _log.error("The event log lost an event: %s", entry.text)
         self._arrived.set()
 
     async def _write_next(self) -> bool:
@@ -148,7 +148,7 @@ class EventLog:
             return self._write_singly(batch, error)
         except Exception as error:
             if not self._error:
-                _log.error("events cannot be stored: %s", error)
+                _log.error("The event log cannot store events: %s", error)
             self._error = str(error)
             return 0
         self._error = ""
@@ -157,7 +157,7 @@ class EventLog:
     def _write_singly(self, batch: Sequence[_Entry], error: Exception) -> int:
         """Write what can be written; what never can is logged and left out, so that it does not hold up the rest."""
         if len(batch) == 1:
-            _log.error("event not stored: %s: %r", error, batch[0].text)
+            _log.error("The event log did not store an event: %s: %r", error, batch[0].text)
             return 1
         for position, entry in enumerate(batch):
             if not self._write([entry]):

@@ -285,7 +285,7 @@ class StoredIdentifications:
             try:
                 shown += [spring_table_view(table)] if table.run_id is None else []
             except UnreadableDocumentError as error:  # the others are there
-                _log.warning("a spring is left out of the list of tables: %s", error)
+                _log.warning("The list of spring tables leaves one out: %s", error)
         return shown
 
     def _spring_table(self, number: int) -> Identification:

@@ -724,7 +724,7 @@ class JobManager:
             if await self._results.any_missing():
                 end_state = None  # whoever waits for the result, the queue too, waits for a person
         except Exception as error:
-            _log.exception("run %s failed", run.id)
+            _log.exception("Run %s failed.", run.id)
             self._problem = f"Run {run.id} was given up ({type(error).__name__}: {error}): what it moved was stopped."
         finally:
             if playing and not self._closing:
@@ -747,7 +747,7 @@ class JobManager:
             await self.pause.over(self._station.loop, partial(show, RunPhase.PAUSED, 0.0))
             return await asyncio.to_thread(create_run, self._station, orders[0])
         except Exception as error:
-            _log.warning("no run follows run %s: %s", run.id, error, exc_info=not isinstance(error, NotReadyError))
+            _log.warning("No run follows run %s: %s", run.id, error, exc_info=not isinstance(error, NotReadyError))
             self._problem = not_begun(run.id, error, len(orders))
             return None
 

@@ -241,4 +241,4 @@ class Soundness:
             _log.error(self.problem)
         except Exception as error:
             self.problem = f"the database could not be checked: {error}"
-            _log.exception("the check of the database failed")
+            _log.exception("The check of the database failed.")

@@ -243,7 +243,7 @@ class Queue:
             await self._begin()
         except Exception as error:
             # Whatever refuses the next one is for a person to read; those that wait stay.
-            _log.warning("the queue is held: %s", error)
+            _log.warning("The queue is paused: %s", error)
             if following in self._items:
                 self._hold(f"the next one was refused: {error}", following.id)
             else:
@@ -263,7 +263,11 @@ class Queue:
         try:
             await asyncio.to_thread(self._delete, item.id)
         except StorageError as error:  # it plays: that it may wait again after a restart is no reason to stop it
-            _log.warning("run %s has started, and its place in the queue could not be cleared: %s", self._run, error)
+            _log.warning(
+                "Run %s has started, but the service could not remove its entry from the stored queue: %s",
+                self._run,
+                error,
+            )
 
     def _restore(self) -> None:
         """Take what waited when the service ended, and hold it: a person says when it goes on."""
@@ -271,12 +275,12 @@ class Queue:
             with self._database.reading() as session:
                 kept = queue.waiting(session)
         except StorageError as error:
-            _log.warning("what waited in the queue cannot be read: %s", error)
+            _log.warning("The service cannot read the stored queue: %s", error)
             self._tell(f"held because what waited in it cannot be read: {error}")
             return
         self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in kept]
         if kept:
-            _log.warning("%d experiments wait in the queue from before; none starts by itself", len(kept))
+            _log.warning("%d experiments wait in the stored queue. An operator starts them.", len(kept))
             self._hold("the service was started again")
 
     def _store(self, whole: ExperimentRequest, who: str) -> queue.StoredQueued:

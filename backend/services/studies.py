@@ -347,9 +347,9 @@ class StudyScheduler:
             try:
                 await self._computing.run(_compute, self._database, study_id)
             except WorkerDiedError as died:
-                _LOG.warning("study %s: %s", study_id, died)
+                _LOG.warning("Study %s: %s", study_id, died)
             except Exception:  # the study says what it was
-                _LOG.exception("study %s could not be computed", study_id)
+                _LOG.exception("Study %s failed.", study_id)
             finally:
                 del self._present[study_id]
 

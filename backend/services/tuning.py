@@ -260,7 +260,7 @@ class TuningService:
                     return await put_back()
                 except Exception as error:
                     # A loop that is being restarted refuses for a moment; what was promised to come back does.
-                    _log.exception("%s could not be put back yet", what)
+                    _log.exception("The service could not restore %s yet.", what)
                     self._present.tuning_problem = (
                         f"{what} ({tuning.difference(self._present.tuning)}) is not back in force: {error}. "
                         f"It is tried again every {RETRY_S:g} s. If this stays, stop softly and start the service "

@@ -96,7 +96,7 @@ class KeptFigures:
         except FileNotFoundError:
             return
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-            _log.warning("%s cannot be used, its figures are computed anew: %s", self.file, error)
+            _log.warning("The service cannot use %s and computes its figures anew: %s", self.file, error)
             return
         FIGURES.update(self._kept)
 
@@ -110,7 +110,7 @@ class KeptFigures:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             write_private(self.file, json.dumps({"figures": content, "digest": _digest(content)}))
         except OSError as error:
-            _log.info("%s cannot be written, the next start takes longer: %s", self.file, error)
+            _log.info("The service cannot write %s, so that its next start takes longer: %s", self.file, error)
         else:
             self._kept = present
 
@@ -410,7 +410,7 @@ class TuningStore:
         try:
             tuning_settings.store_tuning(self._database, tuning.choice, tuning.parameters, who)
         except StorageError:
-            _log.exception("the tuning in force was not kept for the next start")
+            _log.exception("The service could not store the active tuning for its next start.")
 
     def earlier(self, tuning: ActiveTuning) -> ResolvedTuning | None:
         """Return what was in force before ``tuning`` came into force on this plant; None where nothing else was."""
@@ -421,7 +421,7 @@ class TuningStore:
                     return None
                 return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
         except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
-            _log.exception("what was in force before the present tuning cannot be had any more")
+            _log.exception("The service cannot read the tuning before the active one.")
             return None
 
     def carried_over(self, now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
@@ -434,7 +434,7 @@ class TuningStore:
             try:
                 return initial(parameters, replace(choice.choice, k_ext=0.0), choice.bank)
             except (OutOfRangeError, TuningError) as error:
-                _log.warning("a tuning is not carried over to other parameters: %s", error)
+                _log.warning("The active tuning does not fit the new parameters: %s", error)
         return default_tuning(parameters)[0]
 
     def _left_with(self, parameters: PlantParameters) -> ResolvedTuning | None:
@@ -445,7 +445,7 @@ class TuningStore:
                     return None
                 return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
         except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
-            _log.exception("what was in force with these parameters cannot be had any more")
+            _log.exception("The service cannot read the last tuning for these parameters.")
             return None
 
     def restore(self, parameters: PlantParameters) -> tuple[ActiveTuning, str]:

@@ -624,7 +624,7 @@ def _renew_index(database: Database) -> None:
             with database.session() as session:
                 behind = search_index.renew(session) > 0
     except StorageError as error:  # of a damaged file as much is opened as can be read
-        _log.warning("not all runs can be searched for: %s", error)
+        _log.warning("The search index does not have all runs: %s", error)
 
 
 def require_intact_database(database: Database, data_dir: Path) -> None:

@@ -83,7 +83,7 @@ def test_viewers_leave_room_for_an_operator(crowded: Service) -> None:
 
 
 def test_a_low_limit_of_descriptors_is_told(crowded: Service) -> None:
-    assert f"only {DESCRIPTORS} open files" in crowded.log.read_text()
+    assert f"only {DESCRIPTORS} files" in crowded.log.read_text()
 
 
 def test_the_limit_is_raised_as_far_as_it_may_be(crowded: Service) -> None:

@@ -78,7 +78,7 @@ def test_a_proxy_that_changes_the_host_is_told_on_the_page_and_in_the_log(browse
         expect(said).to_contain_text("STOP on this page does not work")
     log = operator.service.log.read_text(encoding="utf-8")
     assert remedy in log
-    assert "websocket /api/live was refused" in log
+    assert "refused websocket /api/live" in log
     assert "ASGI" not in log
 
 

@@ -167,11 +167,11 @@ async def live(websocket: WebSocket) -> None:
     """Stream to a signed-in person until either side ends it."""
     person, service = require_signed_in(websocket), service_of(websocket)
     await websocket.accept()
-    _log.info("live stream to %s opened", person.name)
+    _log.info("A live stream to %s opened.", person.name)
     try:
         await serve(service.live, websocket, lambda ping: service.control.heard(person, ping.control))
     finally:
-        _log.info("live stream to %s closed", person.name)
+        _log.info("A live stream to %s closed.", person.name)
 
 
 # System --------------------------------------------------------------------------------------------
