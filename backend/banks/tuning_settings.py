@@ -8,12 +8,12 @@ from math import ceil, floor
 from typing import Any, Self
 
 from backend.models import (
+    KEPT_TUNING,
     LAMBDA,
     MOTIONS,
     PLANT_NUMBERS,
     TIME_OPTIMAL,
-    DocumentCodec,
-    StoredLoopSettings,
+    StoredTuning,
     Value,
     boolean_setting,
     build_plan,
@@ -39,46 +39,6 @@ from backend.tuning import (
     usual_budget,
 )
 from plant import SIDES, PlantParameters
-
-# Kept tuning ---------------------------------------------------------------------------------------
-#
-# A tuning that outlives the service: the one in force with the plant it was for, the one saved for
-# a bank. Pure.
-
-
-VERSION = 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class StoredTuning(StoredLoopSettings):
-    """The tuning in force; ``parameters`` tells the plant's numbers from others."""
-
-    parameters: str
-    version: int = VERSION
-
-
-@dataclass(frozen=True, kw_only=True)
-class SavedParts(StoredLoopSettings):
-    """What a bank is meant to run with."""
-
-    version: int = VERSION
-
-
-def _bank_by_number(document: Any) -> Any:
-    """Early ones said null for gains from geometry."""
-    if isinstance(document, Mapping) and "bank" in document and document["bank"] is None:
-        return {**document, "bank": 0}
-    return document
-
-
-def saved_tuning_key(bank: int | None) -> str:
-    """Return the name of the setting that a bank's saved tuning is kept under; None is gains from geometry."""
-    return f"tuning/{'geometry' if bank is None else bank}"
-
-
-KEPT: DocumentCodec[StoredTuning] = DocumentCodec(StoredTuning, "the tuning in force", VERSION, _bank_by_number)
-SAVED: DocumentCodec[SavedParts] = DocumentCodec(SavedParts, "the tuning that was saved", VERSION)
-
 
 # Tuning choice -------------------------------------------------------------------------------------
 #
@@ -336,6 +296,11 @@ def _into(lam: float, low: float, high: float, step: float) -> float:
 # command line.
 
 
+def saved_tuning_key(bank: int | None) -> str:
+    """Return the name of the setting that a bank's saved tuning is kept under; None is gains from geometry."""
+    return f"tuning/{'geometry' if bank is None else bank}"
+
+
 TUNING_NAME = "tuning in force"
 _LATER = ("motion", "u_plan", "k_ext")
 
@@ -358,7 +323,7 @@ class LastTuning:
 def store_tuning(database: Database, choice: TuningSettings, parameters: PlantParameters, who: str) -> None:
     """Keep a choice that has come into force."""
     with database.session() as session:
-        document = KEPT.write(StoredTuning(**choice.document(), parameters=tuning_digest(parameters)))
+        document = KEPT_TUNING.write(StoredTuning(**choice.document(), parameters=tuning_digest(parameters)))
         settings.put(session, TUNING_NAME, document, who)
 
 
@@ -400,7 +365,7 @@ def left_with(session: Session, parameters: PlantParameters) -> TuningSettings |
 
 
 def _read(kept: StoredSetting) -> StoredTuning:
-    return KEPT.read(kept.value, f"the data folder, left by {kept.who}")
+    return KEPT_TUNING.read(kept.value, f"the data folder, left by {kept.who}")
 
 
 def tuning_digest(parameters: PlantParameters) -> str:

@@ -414,6 +414,43 @@ def loop_apart(document: Any) -> Any:
 SETTINGS: DocumentCodec[RunSettings] = DocumentCodec(RunSettings, "what it was set to", SETTINGS_VERSION, loop_apart)
 
 
+# Kept tuning ---------------------------------------------------------------------------------------
+#
+# A tuning that outlives the service: the one in force with the plant it was for, the one saved for
+# a bank. Pure.
+
+
+TUNING_VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoredTuning(StoredLoopSettings):
+    """The tuning in force; ``parameters`` tells the plant's numbers from others."""
+
+    parameters: str
+    version: int = TUNING_VERSION
+
+
+@dataclass(frozen=True, kw_only=True)
+class SavedParts(StoredLoopSettings):
+    """What a bank is meant to run with."""
+
+    version: int = TUNING_VERSION
+
+
+def _bank_by_number(document: Any) -> Any:
+    """Early ones said null for gains from geometry."""
+    if isinstance(document, Mapping) and "bank" in document and document["bank"] is None:
+        return {**document, "bank": 0}
+    return document
+
+
+KEPT_TUNING: DocumentCodec[StoredTuning] = DocumentCodec(
+    StoredTuning, "the tuning in force", TUNING_VERSION, _bank_by_number
+)
+SAVED_TUNING: DocumentCodec[SavedParts] = DocumentCodec(SavedParts, "the tuning that was saved", TUNING_VERSION)
+
+
 # Run banks -----------------------------------------------------------------------------------------
 #
 # The banks that the settings of a run name by their numbers: the one it began with, and those on

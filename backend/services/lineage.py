@@ -5,8 +5,8 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from backend.banks import SAVED, saved_tuning_key
-from backend.models import UnreadableDocumentError, document_digest
+from backend.banks import saved_tuning_key
+from backend.models import SAVED_TUNING, UnreadableDocumentError, document_digest
 from backend.recording import CodecError, compute_recording_digest
 from backend.schemas import (
     Checklist,
@@ -165,7 +165,7 @@ def _tuning(session: Session, bank: Bank | None, in_use: int | None) -> Checklis
     stored = settings.newest(session, saved_tuning_key(bank.id))
     if stored is None:
         return _step("tuning", ChecklistState.MISSING, f"{title} has the default λ: choose them, and press Save")
-    parts = SAVED.read(stored.value, f"setting “{stored.name}”").known()
+    parts = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”").known()
     told = ", ".join(
         f"λ_{name} = {float(parts[key]):g} s" for name, key in (("q", "lam_q"), ("S", "lam_S")) if key in parts
     )

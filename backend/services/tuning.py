@@ -6,8 +6,9 @@ from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
-from backend.banks import SAVED, SavedParts, TuningSettings, saved_tuning_key
+from backend.banks import TuningSettings, saved_tuning_key
 from backend.errors import RequestRejectedError, check_range
+from backend.models import SAVED_TUNING, SavedParts
 from backend.realtime import NOT_LEARNED, Accepted, LoopExitedError, SetTuning, Supervisor
 from backend.schemas import (
     MarkKind,
@@ -369,11 +370,13 @@ class SavedTunings:
 
     def _put(self, tuning: ActiveTuning, who: str) -> StoredSetting:
         with self._database.session() as session:
-            return settings.put(session, _setting_of(tuning), SAVED.write(SavedParts(**parts_of(tuning.choice))), who)
+            return settings.put(
+                session, _setting_of(tuning), SAVED_TUNING.write(SavedParts(**parts_of(tuning.choice))), who
+            )
 
 
 def _saved(stored: StoredSetting) -> SavedTuning:
-    read = SAVED.read(stored.value, f"setting “{stored.name}”")
+    read = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”")
     return SavedTuning(**parts_of(TuningSettings.of(read.known())), who=stored.who, at=stored.at, moved="")
 
 

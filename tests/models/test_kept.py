@@ -10,9 +10,9 @@ import pytest
 
 from backend.banks import tuning_settings
 from backend.banks.builder import BankError, entry_point
-from backend.banks.tuning_settings import KEPT, NAMES, SAVED, TuningSettings
+from backend.banks.tuning_settings import NAMES, TuningSettings
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import ENTRY, EntryModel
+from backend.models.run import ENTRY, KEPT_TUNING, SAVED_TUNING, EntryModel
 from backend.services.banks import StoredBanks
 from backend.services.tuning_state import TuningStore
 from backend.storage import banks, settings
@@ -43,9 +43,9 @@ def test_what_was_kept_before_versions_is_in_force_again(database: Database) -> 
     kept = tuning_settings.newest_tuning(database, LAB)
     assert kept is not None
     assert (kept.choice, kept.same_plant, kept.lacks) == (OTHER, True, ())
-    assert KEPT.write(KEPT.read(BEFORE, "it")) == {**BEFORE, "version": 1}
+    assert KEPT_TUNING.write(KEPT_TUNING.read(BEFORE, "it")) == {**BEFORE, "version": 1}
     parts = {name: part for name, part in OTHER.document().items() if name != "bank"}
-    assert SAVED.write(SAVED.read(parts, "it")) == {**parts, "version": 1}
+    assert SAVED_TUNING.write(SAVED_TUNING.read(parts, "it")) == {**parts, "version": 1}
 
 
 def test_every_part_of_a_tuning_is_kept(database: Database) -> None:
