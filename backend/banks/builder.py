@@ -163,15 +163,13 @@ def name_of(identification: Identification) -> str:
 
 
 def build_entry(identification: Identification) -> BankEntry:
-    """Return the bank entry that an actuator identification gives. Raises BankError."""
+    """Return the bank entry that an actuator identification gives. Raises BankError, UnreadableDocumentError."""
     if identification.kind != "actuator":
         raise BankError(f"{name_of(identification)} is of kind {identification.kind}: choose actuator identifications")
     if not identification.usable:
         raise BankError(f"{name_of(identification)} is not usable for tuning: {identification.verdict}")
-    found = identification.early_model
-    G_q, G_S = (None if channel is None else channel.first_order for channel in (found.G_q, found.G_S))
-    if found.S_nominal is None or G_q is None or G_S is None:
-        raise BankError(f"{name_of(identification)} kept no first-order models: evaluate its run again")
+    found = identification.actuator.model
+    G_q, G_S = found.G_q.first_order, found.G_S.first_order
     tension_N = identification.actuator_options.tension_N
     model = EntryModel(K_q=G_q.K, T_q=G_q.T, K_S=G_S.K, T_S=G_S.T, tension_N=tension_N)
     return BankEntry(found.S_nominal, ENTRY.write(model), identification.id)

@@ -207,56 +207,10 @@ class ActuatorFound:
         return IdentifiedChannel(self.model.G_S, self.quality.G_S)
 
 
-@dataclass(frozen=True, kw_only=True)
-class PartialReduced:
-    """What of a first-order model was kept."""
-
-    K: float | None = None
-    T: float | None = None
-    K_std: float | None = None
-    T_std: float | None = None
-
-
-@dataclass(frozen=True)
-class PartialChannelModel:
-    """What of a model a bank tells."""
-
-    first_order: PartialReduced | None = None
-    method: str | None = None
-
-
-@dataclass(frozen=True)
-class PartialModel:
-    """What of both models a bank tells, where it is there: the estimate may be an early one."""
-
-    S_nominal: float | None = None
-    q_nominal: float | None = None
-    G_q: PartialChannelModel | None = None
-    G_S: PartialChannelModel | None = None
-
-
-@dataclass(frozen=True)
-class PartialChannelQuality:
-    """What of a model's quality a bank tells."""
-
-    fit_percent: float | None = None
-    grade: Grade | None = None
-
-
-@dataclass(frozen=True)
-class PartialQuality:
-    """What of both models' quality a bank tells."""
-
-    G_q: PartialChannelQuality | None = None
-    G_S: PartialChannelQuality | None = None
-
-
 MODEL: DocumentCodec[ActuatorModel] = DocumentCodec(ActuatorModel, "its model", VERSION)
 QUALITY: DocumentCodec[ActuatorQuality] = DocumentCodec(ActuatorQuality, "the quality of its model", VERSION)
 RECORD: DocumentCodec[ActuatorRecord] = DocumentCodec(ActuatorRecord, "what is told of its samples", VERSION)
 OPTIONS: DocumentCodec[ActuatorOptions] = DocumentCodec(ActuatorOptions, "its options", VERSION)
-PARTIAL_MODEL: DocumentCodec[PartialModel] = DocumentCodec(PartialModel, "its model", VERSION)
-PARTIAL_QUALITY: DocumentCodec[PartialQuality] = DocumentCodec(PartialQuality, "the quality of its model", VERSION)
 
 
 # Motor ---------------------------------------------------------------------------------------------

@@ -80,7 +80,7 @@ class EntryFigures(Schema):
 class ChannelFit(Schema):
     """How good a model is; a figure that could not be had is null."""
 
-    grade: Grade | None = Field(description="null where an older identification did not keep it")
+    grade: Grade | None = Field(description="null where the identification cannot be read")
     fit_percent: float | None = Field(description="simulated fit on data not used for fitting")
     K_error_percent: float | None = Field(description="standard error of the gain")
     T_error_percent: float | None = Field(description="standard error of the time constant")

@@ -151,10 +151,9 @@ def replaces(one: Identification, source: Identification) -> bool:
     if one.kind != source.kind or not one.usable or one.created_at <= source.created_at:
         return False
     try:
-        a, b = one.early_model.S_nominal, source.early_model.S_nominal
+        return abs(one.actuator.model.S_nominal - source.actuator.model.S_nominal) < NEAR
     except UnreadableDocumentError:
         return False
-    return a is not None and b is not None and abs(a - b) < NEAR
 
 
 def _tuning(session: Session, bank: Bank | None, in_use: int | None) -> ChecklistStep:

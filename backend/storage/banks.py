@@ -9,7 +9,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session as OrmSession
 
 from backend.identification import Grade, joint_method_name
-from backend.models import ENTRY, EntryModel, PartialChannelModel, PartialChannelQuality, PartialReduced
+from backend.models import CHANNELS, ENTRY, EntryModel, IdentifiedChannel, UnreadableDocumentError
 from backend.plain_text import as_line
 from backend.storage import identifications
 from backend.storage.database import Session
@@ -167,7 +167,7 @@ def active_entry_name(entries: Sequence[BankEntry], active: float) -> str:
 class StoredFit:
     """How good the model of G_q or G_S is: fit on data not used [%], standard errors of its K and T [%].
 
-    A figure that could not be had, or that an older identification did not keep, is None.
+    A figure that could not be had is None; so are all of an identification that cannot be read.
     """
 
     grade: Grade | None
@@ -191,17 +191,21 @@ class StoredFit:
 
 def read_fits(found: Identification) -> dict[str, StoredFit]:
     """Return the fit of both channels of an actuator's identification, by "G_q" and "G_S"."""
-    model, quality = found.early_model, found.early_quality
-    return {"G_q": _fit(model.G_q, quality.G_q), "G_S": _fit(model.G_S, quality.G_S)}
+    try:
+        return {name: _fit(found.actuator.channel(name)) for name in CHANNELS}
+    except UnreadableDocumentError:  # a bank is shown without what its identification cannot tell
+        return dict.fromkeys(CHANNELS, StoredFit(None, None, None, None))
 
 
 def read_method_name(found: Identification) -> str:
-    """Name the estimators of an actuator's identification, as an early one too should have been named.
+    """Name the estimators of an actuator's identification, as one that was stored before both were named, too.
 
-    Its own method is that of G_q alone where it was stored before both were named.
+    Its own method is then that of G_q alone.
     """
-    channels = {"G_q": found.early_model.G_q, "G_S": found.early_model.G_S}
-    named = {name: channel.method if channel else None for name, channel in channels.items()}
+    try:
+        named = {name: found.actuator.channel(name).model.method for name in CHANNELS}
+    except UnreadableDocumentError:
+        return found.method
     return joint_method_name({name: found.method if method is None else method for name, method in named.items()})
 
 
@@ -211,17 +215,17 @@ def load_bank_fits(session: Session, bank: Bank) -> dict[int, dict[str, StoredFi
     return {number: read_fits(identifications.get(session, number)) for number in named if number is not None}
 
 
-def _fit(model: PartialChannelModel | None, quality: PartialChannelQuality | None) -> StoredFit:
-    first_order = (model.first_order if model else None) or PartialReduced()
+def _fit(channel: IdentifiedChannel) -> StoredFit:
+    first_order = channel.model.first_order
     return StoredFit(
-        grade=quality.grade if quality else None,
-        fit_percent=quality.fit_percent if quality else None,
+        grade=channel.quality.grade,
+        fit_percent=channel.quality.fit_percent,
         K_error_percent=_relative(first_order.K, first_order.K_std),
         T_error_percent=_relative(first_order.T, first_order.T_std),
     )
 
 
-def _relative(value: float | None, error: float | None) -> float | None:
+def _relative(value: float, error: float | None) -> float | None:
     return None if not value or error is None else 100.0 * error / abs(value)
 
 

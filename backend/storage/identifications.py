@@ -212,16 +212,6 @@ class Identification(NewIdentification):
         return identification.OPTIONS.read(self.options, self._of)
 
     @cached_property
-    def early_model(self) -> identification.PartialModel:
-        """What is there of an actuator's models, which an early version may have kept in part."""
-        return identification.PARTIAL_MODEL.read(self.model, self._of)
-
-    @cached_property
-    def early_quality(self) -> identification.PartialQuality:
-        """What is there of the quality of an actuator's models."""
-        return identification.PARTIAL_QUALITY.read(self.quality, self._of)
-
-    @cached_property
     def motors(self) -> identification.MotorsFound:
         """What was found of both motors."""
         models, qualities = (
@@ -248,7 +238,7 @@ class Identification(NewIdentification):
         """Raise UnreadableDocumentError for models of a known kind that cannot be read."""
         match self.kind:
             case "actuator":
-                _ = self.early_model, self.early_quality
+                _ = self.actuator
             case "motor":
                 _ = self.motors
             case "spring":
@@ -297,7 +287,7 @@ def joint_positions(session: Session, numbers: Iterable[int]) -> dict[int, float
     found: dict[int, float] = {}
     for row in rows:
         with suppress(UnreadableDocumentError):  # a bank is shown without what its identification cannot tell
-            q = to_record(Identification, row).early_model.q_nominal
+            q = to_record(Identification, row).actuator.model.q_nominal
             found |= {} if q is None else {row.id: q}
     return found
 
@@ -307,10 +297,9 @@ def fits_of_runs(session: Session, runs: Iterable[int]) -> dict[int, dict[str, f
     of_runs = (IdentificationRow.kind == "actuator", IdentificationRow.run_id.in_(tuple(runs)))
     found: dict[int, dict[str, float]] = {}
     for row in session.scalars(select(IdentificationRow).where(*of_runs).order_by(IdentificationRow.id)):
-        with suppress(UnreadableDocumentError):  # a list is shown without what an early one does not tell
-            quality = to_record(Identification, row).early_quality
-            told = {"G_q": quality.G_q, "G_S": quality.G_S}
-            fits = {name: one.fit_percent for name, one in told.items() if one is not None}
+        with suppress(UnreadableDocumentError):  # a list is shown without what cannot be read
+            quality = to_record(Identification, row).actuator.quality
+            fits = {"G_q": quality.G_q.fit_percent, "G_S": quality.G_S.fit_percent}
             found[row.run_id or 0] = {name: fit for name, fit in fits.items() if fit is not None and math.isfinite(fit)}
     return found
 

@@ -21,6 +21,7 @@ from backend.storage.identifications import NewIdentification
 from backend.storage.runs import EndState, NewRun, RunKind
 from backend.units import AngleUnit, format_angles
 from tests.api.conftest import until, wait_for
+from tests.models.earlier_identifications import ACTUATOR
 
 PARAMETERS = {"r_m": 0.0075}
 
@@ -61,8 +62,8 @@ def identified(database: Database, kind: RunKind, parameters: dict[str, Any] = P
         data={},
         method="oe",
         options={},
-        model={"S_nominal": S},
-        quality={},
+        model=ACTUATOR["model"] | {"S_nominal": S},
+        quality=ACTUATOR["quality"],
         usable=True,
         verdict="usable",
         who="a",

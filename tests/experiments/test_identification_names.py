@@ -21,6 +21,7 @@ from backend.storage.identifications import NewIdentification
 from backend.storage.orm import UnknownRecordError
 from backend.storage.runs import NewRun, RunKind
 from plant.parameters import load_parameters
+from tests.models.earlier_identifications import ACTUATOR, MODEL
 
 PARAMETERS = load_parameters("ideal")
 POINTS = {4: (10.0, 8.24), 5: (20.0, 10.55), 6: (30.0, 12.43)}
@@ -42,15 +43,15 @@ def new_run(kind: RunKind, bank_id: int | None = None) -> NewRun:
 
 def estimate(run_id: int, *, usable: bool = True) -> NewIdentification:
     tension_N, S = POINTS[run_id]
-    channel = {"K": 0.05, "T": 0.342}, {"K": 0.7209, "T": 0.342}
+    channels = {name: MODEL | {"first_order": {"K": K, "T": 0.342}} for name, K in (("G_q", 0.05), ("G_S", 0.7209))}
     return NewIdentification(
         kind="actuator",
         run_id=run_id,
         data={},
-        method="output_error",
+        method="output error",
         options={"tension_N": tension_N},
-        model={"S_nominal": S} | {name: {"first_order": at} for name, at in zip(("G_q", "G_S"), channel, strict=True)},
-        quality={},
+        model={"S_nominal": S} | channels,
+        quality=ACTUATOR["quality"],
         usable=usable,
         verdict="fits badly",
         who="Ana",
@@ -86,7 +87,7 @@ def test_bank_command_line_and_report_name_the_same_runs(database: Database, tmp
     with database.reading() as session:
         lines = [_lineage(session, entry) for entry in bank.entries]
     assert [(line.identification, line.run, line.method) for line in lines if line] == [
-        (number, number, "output_error") for number in POINTS
+        (number, number, "output error") for number in POINTS
     ]
 
     (table,) = lineage(load_source(database, follower.id))

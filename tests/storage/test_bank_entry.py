@@ -2,26 +2,37 @@
 
 from dataclasses import replace
 from datetime import UTC, datetime
+from typing import Any
 
 import pytest
 
-from backend.storage.banks import BankEntry, active_entry_name, read_fits, stored_entry_name
+from backend.identification.models import joint_method_name
+from backend.storage.banks import (
+    BankEntry,
+    StoredFit,
+    active_entry_name,
+    read_fits,
+    read_method_name,
+    stored_entry_name,
+)
 from backend.storage.identifications import Identification
+from tests.models.earlier_identifications import MODEL, QUALITY
 
 ENTRIES = (BankEntry(8.24, {"tension_N": 10.0}), BankEntry(10.55, {"tension_N": 20.5}), BankEntry(12.43, {}))
 FOUND = Identification(
     kind="actuator",
     run_id=5,
     data={},
-    method="output_error",
+    method="default",
     options={},
     model={
-        "G_q": {"first_order": {"K": 0.05, "T": 0.4, "K_std": 0.001, "T_std": 0.02}},
-        "G_S": {"first_order": {"K": -0.5, "T": 0.4, "K_std": 0.005, "T_std": None}},
+        "S_nominal": 10.5,
+        "G_q": MODEL | {"first_order": {"K": 0.05, "T": 0.4, "K_std": 0.001, "T_std": 0.02}},
+        "G_S": MODEL | {"first_order": {"K": -0.5, "T": 0.4, "K_std": 0.005, "T_std": None}, "method": None},
     },
     quality={
-        "G_q": {"fit_percent": 98.17, "grade": "usable"},
-        "G_S": {"fit_percent": None, "grade": "usable with caution"},
+        "G_q": QUALITY | {"fit_percent": 98.17, "grade": "usable"},
+        "G_S": QUALITY | {"fit_percent": None, "grade": "usable with caution"},
     },
     usable=True,
     verdict="",
@@ -56,6 +67,17 @@ def test_a_fit_is_that_of_its_own_identification_with_its_errors() -> None:
     assert fits["G_S"].in_words() == "usable with caution, fit not measured, standard errors: K 1 %, T not measured"
 
 
-def test_an_older_identification_says_what_it_did_not_keep() -> None:
-    older = read_fits(replace(FOUND, quality={}, model={}))["G_q"]
-    assert older.in_words() == "grade not recorded, fit not measured, standard errors: K not measured, T not measured"
+@pytest.mark.parametrize(
+    ("model", "quality"), [({}, FOUND.quality), (FOUND.model, {}), (FOUND.model, FOUND.quality | {"version": 2})]
+)
+def test_nothing_is_known_of_an_identification_that_cannot_be_read(
+    model: dict[str, Any], quality: dict[str, Any]
+) -> None:
+    found = replace(FOUND, model=model, quality=quality)
+    assert read_fits(found) == dict.fromkeys(("G_q", "G_S"), StoredFit(None, None, None, None))
+    assert read_fits(found)["G_q"].in_words().startswith("grade not recorded, fit not measured")
+    assert read_method_name(found) == "default"
+
+
+def test_a_channel_without_a_method_of_its_own_has_that_of_the_identification() -> None:
+    assert read_method_name(FOUND) == joint_method_name({"G_q": "output error", "G_S": "default"})

@@ -1,15 +1,17 @@
 """A run that identified the actuator shows the lower fit of its newest estimate as its key figure."""
 
 from dataclasses import replace
+from typing import Any
 
 from backend.services.runs import RunQuery, StoredRuns
 from backend.storage import identifications
 from backend.storage.database import Database
 from tests.exports.stored import ESTIMATE, recorded
+from tests.models.earlier_identifications import QUALITY
 
 
-def fit_of(value: float, other: float) -> dict[str, dict[str, float]]:
-    return {"G_q": {"fit_percent": value}, "G_S": {"fit_percent": other}}
+def fit_of(value: float, other: float) -> dict[str, dict[str, Any]]:
+    return {"G_q": QUALITY | {"fit_percent": value}, "G_S": QUALITY | {"fit_percent": other}}
 
 
 def test_the_newest_estimate_tells_the_key_figure(database: Database) -> None:
