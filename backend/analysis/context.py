@@ -8,7 +8,7 @@ from backend.analysis.step_metrics import timed
 from backend.banks import NAMES, BankError, HasEntries, TuningSettings, entry_points
 from backend.control import cascade
 from backend.experiments import ExperimentPlan
-from backend.models import StoredLoopSettings, UnreadableDocumentError, complete_motion
+from backend.models import StoredLoopSettings, UnreadableDocumentError
 from backend.realtime import Law, final_references
 from backend.tuning import PointModel, TuningError, make_cascade_tuning
 from plant import PlantParameters, SinewError
@@ -21,7 +21,7 @@ class NotPredictedError(SinewError, ValueError):
 def load_initial_tuning(loop: StoredLoopSettings) -> TuningSettings:
     """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
     known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in NAMES}
-    return TuningSettings(**complete_motion(known))
+    return TuningSettings(**known)
 
 
 def load_bank_points(bank: HasEntries | None) -> tuple[PointModel, ...]:

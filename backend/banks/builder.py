@@ -163,7 +163,10 @@ def name_of(identification: Identification) -> str:
 
 
 def build_entry(identification: Identification) -> BankEntry:
-    """Return the bank entry that an actuator identification gives. Raises BankError, UnreadableDocumentError."""
+    """Return the bank entry that an actuator identification gives.
+
+    Raises BankError, UnreadableDocumentError.
+    """
     if identification.kind != "actuator":
         raise BankError(f"{name_of(identification)} is of kind {identification.kind}: choose actuator identifications")
     if not identification.usable:

@@ -124,8 +124,7 @@ class TuningSettings:
     def of(cls, values: Mapping[str, Any]) -> Self:
         """Return the choice that a stored document or another choice's values hold; what else it holds is left out.
 
-        What it lacks is at its default, as it was when nothing said otherwise: documents from before b was kept, and
-        an empty ``bank``. A voltage limit without a motion means what ``complete_motion`` says.
+        What it lacks is at its default. A voltage limit without a motion means what ``complete_motion`` says.
         Raises SettingError, OutOfRangeError.
         """
         known = {setting.name for setting in describe_settings(cls)}
@@ -302,22 +301,15 @@ def saved_tuning_key(bank: int | None) -> str:
 
 
 TUNING_NAME = "tuning in force"
-_LATER = ("motion", "u_plan", "k_ext")
 
 
 @dataclass(frozen=True)
 class LastTuning:
-    """What was in force, who left it so, and whether that was with the same numbers of the plant.
-
-    ``lacks`` names parts that the document does not hold, as it is older than they are: they are at their defaults. One
-    without ``motion``, ``u_plan`` or ``k_ext`` lacks nothing: there was the paper's law only, and pushes were the
-    position loop's.
-    """
+    """What was in force, who left it so, and whether that was with the same numbers of the plant."""
 
     choice: TuningSettings
     who: str
     same_plant: bool
-    lacks: tuple[str, ...] = ()
 
 
 def store_tuning(database: Database, choice: TuningSettings, parameters: PlantParameters, who: str) -> None:
@@ -337,10 +329,7 @@ def newest_tuning(database: Database, parameters: PlantParameters) -> LastTuning
     if kept is None:
         return None
     tuning = _read(kept)
-    lacks = tuple(name for name in TuningSettings().document() if name not in _LATER and getattr(tuning, name) is None)
-    return LastTuning(
-        TuningSettings.of(tuning.known()), kept.who, tuning.parameters == tuning_digest(parameters), lacks
-    )
+    return LastTuning(TuningSettings.of(vars(tuning)), kept.who, tuning.parameters == tuning_digest(parameters))
 
 
 def earlier_tuning(session: Session, choice: TuningSettings, parameters: PlantParameters) -> TuningSettings | None:
@@ -350,7 +339,7 @@ def earlier_tuning(session: Session, choice: TuningSettings, parameters: PlantPa
     """
     mine = tuning_digest(parameters)
     read = (_read(one) for one in settings.history(session, TUNING_NAME))
-    kept = (TuningSettings.of(one.known()) for one in read if one.parameters == mine)
+    kept = (TuningSettings.of(vars(one)) for one in read if one.parameters == mine)
     return next((one for one in kept if one != choice), None)
 
 
@@ -361,7 +350,7 @@ def left_with(session: Session, parameters: PlantParameters) -> TuningSettings |
     """
     mine = tuning_digest(parameters)
     read = (_read(one) for one in settings.history(session, TUNING_NAME))
-    return next((TuningSettings.of(one.known()) for one in read if one.parameters == mine), None)
+    return next((TuningSettings.of(vars(one)) for one in read if one.parameters == mine), None)
 
 
 def _read(kept: StoredSetting) -> StoredTuning:

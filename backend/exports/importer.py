@@ -254,7 +254,7 @@ def _recordings(bundle: Bundle, folder: Path) -> dict[int, tuple[Facts, Path]]:
             bundle.unpack(member, file)
             try:
                 facts = checked(file)
-                if number_of(facts) != record["number"] or run_of(facts) != record["document"]:
+                if number_of(facts) != record["number"] or facts.run != record["document"]:
                     raise ImportRefusedError("it is of another run")
             except ImportRefusedError as error:
                 raise ImportRefusedError(f"{member}: {error}") from None

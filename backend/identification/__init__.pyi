@@ -42,7 +42,7 @@ from .motor import (
 from .records import Controller, DataFileError, FileFault, IdentificationError, Record, RecordError, StructureError
 from .spring import SpringIdentification, identify_spring, read_load_sweep
 from .tables import Columns, DecimalMark, read_csv
-from .validation import MAX_GAIN_ERROR_PERCENT, MIN_COUNTS, RESIDUAL_LEVEL, read_whiteness_test
+from .validation import MAX_GAIN_ERROR_PERCENT, MIN_COUNTS, RESIDUAL_LEVEL, critical_deviation, read_whiteness_test
 
 __all__ = [
     "COLUMNS",
@@ -80,6 +80,7 @@ __all__ = [
     "TimeChoice",
     "VoltageStepRecord",
     "count_fitted_samples",
+    "critical_deviation",
     "decode_text",
     "estimate_load_friction",
     "estimate_model",

@@ -113,14 +113,14 @@ def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: 
 
 
 class KeptTest(Protocol):
-    """A test as it was made, or as it is stored; older documents hold one lag's 99 % ``band`` instead of the bound."""
+    """A test as it was made, or as it is stored."""
 
     @property
     def correlation(self) -> Sequence[float | None]:
         """Correlations, lag by lag."""
 
     @property
-    def bound(self) -> Sequence[float | None] | None:
+    def bound(self) -> Sequence[float | None]:
         """Their bounds."""
 
     @property
@@ -129,13 +129,9 @@ class KeptTest(Protocol):
 
 
 def read_whiteness_test(test: KeptTest) -> Judged:
-    """Return what a stored test asked and found; older documents hold one lag's 99 % band instead."""
-    correlation = np.array(test.correlation, dtype=float)
-    critical = _critical(correlation.size)
-    if test.bound is not None:
-        bound = np.array(test.bound, dtype=float)
-    else:
-        bound = np.array(getattr(test, "band", None), dtype=float) * critical / _critical(1)
+    """Return what a stored test asked and found."""
+    correlation, bound = np.array(test.correlation, dtype=float), np.array(test.bound, dtype=float)
+    critical = critical_deviation(correlation.size)
     return Judged(
         lags=correlation.size,
         statistic=float(np.max(np.abs(correlation) / bound)) * critical,
@@ -145,7 +141,7 @@ def read_whiteness_test(test: KeptTest) -> Judged:
     )
 
 
-def _critical(lags: int) -> float:
+def critical_deviation(lags: int) -> float:
     """Return standard deviations that the largest of so many correlations exceeds with the probability of the level."""
     from scipy.stats import norm
 
@@ -153,7 +149,7 @@ def _critical(lags: int) -> float:
 
 
 def _tested(lags_s: Reals, correlations: Reals, deviation: Reals) -> CorrelationTest:
-    bound = _critical(lags_s.size) * deviation
+    bound = critical_deviation(lags_s.size) * deviation
     return CorrelationTest(
         lags_s=tuple(lags_s.tolist()),
         correlation=tuple(correlations.tolist()),

@@ -1,4 +1,4 @@
-from . import identification
+from . import identification, upgrades
 from .document import Document, DocumentCodec, UnreadableDocumentError, document_digest, replace_non_finite
 from .identification import (
     CHANNELS,
@@ -40,7 +40,6 @@ from .identification import (
     StoredStepCurve,
     TableReading,
     TriedStructure,
-    stored_grade,
 )
 from .run import (
     APPLIED,
@@ -191,7 +190,7 @@ __all__ = [
     "number_setting",
     "renumber_banks",
     "replace_non_finite",
-    "stored_grade",
     "text_setting",
+    "upgrades",
     "wall_record",
 ]

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import Field, fields, is_dataclass
 from typing import Any, Generic, TypeVar
 
@@ -28,9 +28,9 @@ def document_digest(document: Any) -> str:
 #
 # Where a stored document becomes a dataclass, and a dataclass a document. Pure.
 #
-# A document carries its ``version``; one from before there were versions carries none and is
-# brought into the form of the first when it is read. One that is broken, or of a newer version, is
-# refused in a sentence that says whose it is.
+# A document carries its ``version``; one from before there were versions carries none, and is read
+# as one of the first. One that is broken, or of a newer version, is refused in a sentence that says
+# whose it is. What was written in another form, ``upgrades`` rewrites before it is read.
 
 
 Document = dict[str, Any]
@@ -45,29 +45,16 @@ class UnreadableDocumentError(SinewError):
     category = ErrorCode.UNAVAILABLE
 
 
-def unchanged(document: Any) -> Any:
-    """Return a document of which no older form is known as it is."""
-    return document
-
-
 class DocumentCodec(Generic[T]):
     """Reads and writes one kind of document.
 
     ``what`` names it in a sentence, ``version`` is the one that is written, 0 for parts of a document that tells it.
-    ``brought_up`` makes a document without a version one of the first; what is no such document it leaves alone.
     """
 
-    def __init__(
-        self,
-        form: Any,
-        what: str,
-        version: int,
-        brought_up: Callable[[Any], Any] = unchanged,
-    ) -> None:
+    def __init__(self, form: Any, what: str, version: int) -> None:
         self._adapter: TypeAdapter[T] = TypeAdapter(form)
         self._what = what
         self._version = version
-        self._brought_up = brought_up
 
     def read(self, document: Any, of: str) -> T:
         """Return what a document of ``of``, "run 12", says. Raises UnreadableDocumentError."""
@@ -82,7 +69,7 @@ class DocumentCodec(Generic[T]):
                 f"{self._version}: open it with the newer one"
             )
         try:
-            return self._adapter.validate_json(json.dumps(self._brought_up(document)), strict=True)
+            return self._adapter.validate_json(json.dumps(document), strict=True)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             place = ".".join(str(part) for part in first["loc"])

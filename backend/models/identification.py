@@ -1,12 +1,11 @@
 """What identifications of actuator, motors and springs store of their results. Pure."""
 
-import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from backend.identification import Grade, judge_motor, spread_percent
+from backend.identification import Grade
 from backend.models.document import ABSENT, DocumentCodec, UnreadableDocumentError
 from plant import Side
 
@@ -62,12 +61,11 @@ class ActuatorModel:
 
 @dataclass(frozen=True, kw_only=True)
 class ResidualTest:
-    """Correlations at ``lags_s`` [s] beside their bounds; earlier versions kept one lag's 99 % ``band`` instead."""
+    """Correlations at ``lags_s`` [s] beside their bounds."""
 
     lags_s: tuple[float, ...]
     correlation: Numbers
-    bound: Numbers | None = field(default=None, metadata=ABSENT)
-    band: Numbers | None = field(default=None, metadata=ABSENT)
+    bound: Numbers
     passed: bool
 
 
@@ -278,10 +276,10 @@ class StoredStepCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class MotorQuality:
-    """How well the model of one motor describes its steps; ``grade`` is None where it was stored without."""
+    """How well the model of one motor describes its steps."""
 
     rms_counts: float | None
-    grade: Grade | None = field(default=None, metadata=ABSENT)
+    grade: Grade
     verdict: str
     refused: tuple[RefusedStep, ...]
     steps: tuple[StoredStepCurve, ...]
@@ -329,23 +327,6 @@ class MotorsFound:
 
 MOTOR_MODELS: DocumentCodec[MotorModels] = DocumentCodec(MotorModels, "its model", VERSION)
 MOTOR_QUALITIES: DocumentCodec[MotorQualities] = DocumentCodec(MotorQualities, "the quality of its model", VERSION)
-
-
-# Motor grade ---------------------------------------------------------------------------------------
-#
-# The grade of an identified motor, of early documents too, which were stored without one. Pure.
-
-
-def stored_grade(found: MotorFound) -> Grade:
-    """Return the grade as it is stored; where it was stored without, what its figures say."""
-    if found.quality.grade is not None:
-        return found.quality.grade
-    fitted, std = found.model.parameters, found.model.std_errors
-    K_m, T_m, std_K_m, std_T_m, counts = (
-        math.nan if value is None else value
-        for value in (fitted.K_m, fitted.T_m, std.K_m, std.T_m, found.quality.rms_counts)
-    )
-    return judge_motor(K_m, T_m, spread_percent(K_m, T_m, std_K_m, std_T_m), counts, 0.0)
 
 
 # Spring --------------------------------------------------------------------------------------------

@@ -139,8 +139,6 @@ DEFINITIONS = 1
 """Version of the definitions that figures and criteria are computed by: one more with each change of what one means.
 Results from before it was kept have 0."""
 
-OLDER = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
-
 
 @dataclass(frozen=True)
 class Phase:
@@ -233,27 +231,8 @@ class Metrics:
         return next((item.value for item in self.figures if item.name == name), None)
 
 
-def _metrics_with_reasons(document: Any) -> Any:
-    if not isinstance(document, Mapping) or not isinstance(document.get("figures"), list):
-        return document
-    return {"definitions": 0, **document, "figures": [_with_reason(item, "value") for item in document["figures"]]}
-
-
-def _criteria_with_reasons(document: Any) -> Any:
-    return [_with_reason(item, "passed") for item in document] if isinstance(document, list) else document
-
-
-def _with_reason(item: Any, measured: str) -> Any:
-    """Give a figure or criterion from before reasons were kept one, where it was not measured."""
-    if not isinstance(item, Mapping) or "reason" in item:
-        return item
-    return {**item, "reason": OLDER if item.get(measured) is None else ""}
-
-
-METRICS: DocumentCodec[Metrics] = DocumentCodec(Metrics, "its result", METRICS_VERSION, _metrics_with_reasons)
-CRITERIA: DocumentCodec[tuple[RunCriterion, ...]] = DocumentCodec(
-    tuple[RunCriterion, ...], "its criteria", 0, _criteria_with_reasons
-)
+METRICS: DocumentCodec[Metrics] = DocumentCodec(Metrics, "its result", METRICS_VERSION)
+CRITERIA: DocumentCodec[tuple[RunCriterion, ...]] = DocumentCodec(tuple[RunCriterion, ...], "its criteria", 0)
 
 
 # Outcome -------------------------------------------------------------------------------------------
@@ -302,8 +281,7 @@ LAMBDA, TIME_OPTIMAL = MOTIONS = ("lambda", "time-optimal")
 class StoredLoopSettings:
     """The tuning that a run began with, as ``TuningSettings`` spells it, and the seed of the simulator.
 
-    What an earlier version did not keep is None; ``bank`` 0 stands for gains from geometry. Before ``motion`` was kept,
-    ``u_plan`` alone said it (``complete_motion``).
+    What an earlier version did not keep is None; ``bank`` 0 stands for gains from geometry.
     """
 
     lam_q: float | None = field(default=None, metadata=ABSENT)
@@ -320,7 +298,7 @@ class StoredLoopSettings:
     @property
     def budget(self) -> float:
         """Voltage limit [V] of the trajectory in use; 0 V in ``lambda``, which has none."""
-        return 0.0 if self.motion == LAMBDA or self.u_plan is None else self.u_plan
+        return self.u_plan if self.motion == TIME_OPTIMAL and self.u_plan is not None else 0.0
 
     def known(self) -> dict[str, Value]:
         """Return by name what was kept."""
@@ -390,28 +368,20 @@ class RunSettings:
 def complete_motion(parts: Mapping[str, Any]) -> dict[str, Any]:
     """Return parts of a tuning, with the motion that a voltage limit implies where they name none.
 
-    A limit alone chooses ``time-optimal``; a limit of 0 V chooses ``lambda``, as what was written before ``motion``
-    existed means.
+    A limit alone chooses ``time-optimal``; a limit of 0 V chooses ``lambda``.
     """
     if parts.get("motion") is not None or parts.get("u_plan") is None:
         return dict(parts)
     try:
         is_lambda = float(parts["u_plan"]) == 0.0
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return dict(parts)  # who reads the value refuses it
     if is_lambda:
         return {**{name: value for name, value in parts.items() if name != "u_plan"}, "motion": LAMBDA}
     return {**parts, "motion": TIME_OPTIMAL}
 
 
-def loop_apart(document: Any) -> Any:
-    """Return settings with the tuning in a part of its own: early sessions had it beside the mode."""
-    if not isinstance(document, Mapping) or "mode" not in document or "loop" in document:
-        return document
-    return {"mode": document["mode"], "loop": {name: part for name, part in document.items() if name != "mode"}}
-
-
-SETTINGS: DocumentCodec[RunSettings] = DocumentCodec(RunSettings, "what it was set to", SETTINGS_VERSION, loop_apart)
+SETTINGS: DocumentCodec[RunSettings] = DocumentCodec(RunSettings, "what it was set to", SETTINGS_VERSION)
 
 
 # Kept tuning ---------------------------------------------------------------------------------------
@@ -424,9 +394,18 @@ TUNING_VERSION = 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class StoredTuning(StoredLoopSettings):
-    """The tuning in force; ``parameters`` tells the plant's numbers from others."""
+class StoredTuning:
+    """The tuning in force, with all its parts; ``parameters`` tells the plant's numbers from others."""
 
+    lam_q: float
+    lam_S: float
+    lam_motor: float
+    b: float
+    bank: int
+    interpolate: bool
+    motion: str
+    u_plan: float
+    k_ext: float
     parameters: str
     version: int = TUNING_VERSION
 
@@ -438,16 +417,7 @@ class SavedParts(StoredLoopSettings):
     version: int = TUNING_VERSION
 
 
-def _bank_by_number(document: Any) -> Any:
-    """Early ones said null for gains from geometry."""
-    if isinstance(document, Mapping) and "bank" in document and document["bank"] is None:
-        return {**document, "bank": 0}
-    return document
-
-
-KEPT_TUNING: DocumentCodec[StoredTuning] = DocumentCodec(
-    StoredTuning, "the tuning in force", TUNING_VERSION, _bank_by_number
-)
+KEPT_TUNING: DocumentCodec[StoredTuning] = DocumentCodec(StoredTuning, "the tuning in force", TUNING_VERSION)
 SAVED_TUNING: DocumentCodec[SavedParts] = DocumentCodec(SavedParts, "the tuning that was saved", TUNING_VERSION)
 
 
@@ -487,7 +457,7 @@ def list_changed_banks(settings: Mapping[str, Any]) -> OnTheWay:
 
 def renumber_banks(settings: Mapping[str, Any], number: Callable[[int], int]) -> Document:
     """Return settings that name each bank by another number."""
-    document = dict(loop_apart(settings))
+    document = dict(settings)
     renumbering = _Renumbering(number, document.get("plan"))
     if isinstance(document.get("plan"), Mapping):
         document["plan"] = renumbering.plan
@@ -501,7 +471,7 @@ def renumber_banks(settings: Mapping[str, Any], number: Callable[[int], int]) ->
 
 def drop_first_bank(settings: Mapping[str, Any]) -> Document:
     """Return settings that say nothing of the bank that the run began with."""
-    document = dict(loop_apart(settings))
+    document = dict(settings)
     loop, declared = document.get("loop"), document.get("declared")
     if isinstance(loop, Mapping):
         document["loop"] = {name: value for name, value in loop.items() if name != BANK}

@@ -18,7 +18,6 @@ from backend.models import (
     SpringModel,
     TriedStructure,
     UnreadableDocumentError,
-    stored_grade,
 )
 from backend.reports.model import (
     NO_FIGURE,
@@ -388,7 +387,7 @@ def motor_identification_report(source: RunData) -> Report:
 def _motor_outcome(found: Identification | None) -> str:
     if found is None:
         return "incomplete"
-    return OUTCOMES[worst_grade(*(stored_grade(found.motors.side(side)) for side in SIDES))]
+    return OUTCOMES[worst_grade(*(found.motors.side(side).quality.grade for side in SIDES))]
 
 
 def _estimates(motors: MotorsFound) -> Table:

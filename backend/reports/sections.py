@@ -20,7 +20,7 @@ from backend.analysis import (
     estimate_run_friction,
     pair_hits,
 )
-from backend.models import CHANNELS, stored_grade
+from backend.models import CHANNELS
 from backend.recording import Columns
 from backend.reports.model import NO_FIGURE, Block, Column, Figure, Paragraph, ReportSection, Table, share, shown
 from backend.reports.plotting import (
@@ -316,7 +316,7 @@ def _motors(found: Sequence[Identification]) -> Iterator[Table]:
             motor = one.motors.side(side)
             model, std = motor.model.parameters, motor.model.std_errors
             figures = ((model.K_m, std.K_m), (model.T_m, std.T_m), (model.u_c, std.u_c))
-            rows.append((str(one.run_id), *(_with_error(*figure) for figure in figures), str(stored_grade(motor))))
+            rows.append((str(one.run_id), *(_with_error(*figure) for figure in figures), str(motor.quality.grade)))
         if rows:
             columns = (_RUN, Column("K_m", "rad/(V·s)"), Column("T_m", "s"), Column("u_c", "V"), _GRADE)
             yield Table(f"Motor {side}: least squares over all steps, ± standard error.", columns, tuple(rows))

@@ -25,7 +25,7 @@ from backend.exports import (
     read_export,
     require_matching_facts,
 )
-from backend.models import CRITERIA, DEFINITIONS, METRICS, Metrics, RunCriterion
+from backend.models import CRITERIA, DEFINITIONS, METRICS, Metrics, RunCriterion, upgrades
 from backend.recording import Columns, count_missing_ticks, read_recorded_columns
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.evidence import (
@@ -545,6 +545,7 @@ def computed_again(evidence: ReportManifest, columns: Columns) -> tuple[Verified
     try:
         differences += _samples(evidence, columns)
         differences += _hashes(evidence.hashes, {**hashes_of(evidence, columns), ACCOUNT: account_hash(evidence)})
+        evidence = _in_present_form(evidence)
         again = _again(evidence, columns)
         if evidence.metrics is None and again[0] is not None:
             source = source_of(evidence, columns, None, (), None)
@@ -558,6 +559,24 @@ def computed_again(evidence: ReportManifest, columns: Columns) -> tuple[Verified
         problem = not_made("what it was computed from", "a run that can be computed again", error)
         return Verified((*differences, problem)[:MOST], ()), None
     return Verified((*differences, *others)[:MOST], left_out), source
+
+
+def _in_present_form(evidence: ReportManifest) -> ReportManifest:
+    """Return an account with its documents in the form that is read.
+
+    Its hashes are those of the documents as it carries them.
+    """
+    estimate = evidence.identification
+    if estimate is not None:
+        quality = upgrades.upgrade_quality(estimate.kind, estimate.model, estimate.quality)
+        estimate = replace(estimate, quality=quality)
+    return replace(
+        evidence,
+        run=replace(evidence.run, settings=upgrades.upgrade_run_settings(evidence.run.settings)),
+        metrics=upgrades.upgrade_metrics(evidence.metrics),
+        criteria=upgrades.upgrade_criteria(evidence.criteria),
+        identification=estimate,
+    )
 
 
 def _older(evidence: ReportManifest) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 
 from backend.analysis import build_curves, compute_trend, validate_on_run
-from backend.models import ChannelName, Fitted, Pair, TableReading, UnreadableDocumentError, stored_grade
+from backend.models import ChannelName, Fitted, Pair, TableReading, UnreadableDocumentError
 from backend.plain_text import as_line
 from backend.schemas import (
     ColumnNotRead,
@@ -142,7 +142,7 @@ def _motors(estimate: Identification) -> list[MotorView]:
                 before=_motor_estimate(model.before, estimate),
                 rms_counts=_needed(quality.rms_counts, estimate, "rms_counts"),
                 refused=[f"{item.voltage:g} V: {item.reason}" for item in quality.refused],
-                grade=stored_grade(found),
+                grade=quality.grade,
                 verdict=quality.verdict,
             )
         )

@@ -475,8 +475,7 @@ def _defaults(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]
 def _said(tuning: ActiveTuning, kept: LastTuning) -> str:
     bank = tuning.bank
     models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
-    said = f"in force again as {kept.who} left it: {models}, {tuning.choice.in_words()}"
-    return said + (f"; {', '.join(kept.lacks)} was not kept at that time: its default" if kept.lacks else "")
+    return f"in force again as {kept.who} left it: {models}, {tuning.choice.in_words()}"
 
 
 # Tuning trial --------------------------------------------------------------------------------------

@@ -198,9 +198,9 @@ def read_fits(found: Identification) -> dict[str, StoredFit]:
 
 
 def read_method_name(found: Identification) -> str:
-    """Name the estimators of an actuator's identification, as one that was stored before both were named, too.
+    """Name the estimators of an actuator's identification.
 
-    Its own method is then that of G_q alone.
+    One that was stored before those of both channels were named has that of G_q alone.
     """
     try:
         named = {name: found.actuator.channel(name).model.method for name in CHANNELS}

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 
 
 SCRIPTS = Path(migrations.__file__).parent
+PRESENT_DOCUMENTS = "0016_current_documents"
+"""From this revision on, stored documents have the form that this version reads."""
 
 
 class SchemaError(SinewError):
@@ -67,7 +69,12 @@ def is_outdated(engine: Engine) -> bool:
 
 
 def can_read(engine: Engine) -> bool:
-    """Tell whether a database of an earlier schema has every table and column that this version reads."""
+    """Tell whether this version reads a database of an earlier schema as it is.
+
+    It has every table and column that is read, and its documents have the present form.
+    """
+    if (read_revision(engine) or "") < PRESENT_DOCUMENTS:
+        return False
     from backend.storage.orm import Base, FormulaRow, QueuedRow, RunIndexRow, StudyRow
 
     # their tables count too

@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy import Column, func, select
 from sqlalchemy.orm import Session
 
-from backend.models import drop_first_bank, renumber_banks
+from backend.models import drop_first_bank, renumber_banks, upgrades
 from backend.storage import origins
 from backend.storage.identifications import (
     UnfitDocumentError,
@@ -62,7 +62,10 @@ def build_record_document(session: Session, kind: str, number: int) -> Document:
 
 
 def parse_required_record(kind: str, document: Any) -> Document:
-    """Return a document that is a record of this kind. Raises UnfitDocumentError."""
+    """Return a document that is a record of this kind, in the present form.
+
+    Raises UnfitDocumentError.
+    """
     if kind not in _TABLES:
         raise UnfitDocumentError(f"there are no records of kind {str(kind)[:40]!r}")
     columns = _columns(_TABLES[kind])
@@ -71,12 +74,13 @@ def parse_required_record(kind: str, document: Any) -> Document:
         raise UnfitDocumentError(f"a {kind} has the parts {', '.join(sorted(parts))}")
     for column in columns:
         require_fit(kind, column, document[column.name])
-    require_lines(document)
+    record = upgrades.upgrade_record(kind, document)
+    require_lines(record)
     if kind == RUN:
-        require_run(dict(document))
+        require_run(record)
     if kind == BANK:
-        _require_entries(document[ENTRIES])
-    return dict(document)
+        _require_entries(record[ENTRIES])
+    return record
 
 
 def _require_entries(entries: Any) -> None:

@@ -61,9 +61,9 @@ class DamagedError(StorageError):
 #
 # The tables. Rows stay inside this package: its functions take and return plain dataclasses.
 #
-# Nothing is overwritten: models, banks, results and settings are added as new rows, and every gain
-# can be walked back from ``bank_entry`` over ``identification`` to the run, its samples and the
-# parameters it was recorded with.
+# Nothing is overwritten, but by a migration with the same in another form: models, banks, results and
+# settings are added as new rows, and every gain can be walked back from ``bank_entry`` over
+# ``identification`` to the run, its samples and the parameters it was recorded with.
 
 
 Document = dict[str, Any]

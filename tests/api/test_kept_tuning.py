@@ -73,19 +73,6 @@ def test_another_plant_starts_with_its_defaults(
     assert "other parameters" in said
 
 
-def test_a_tuning_kept_before_b_was_says_so(database: Database, ideal: PlantParameters, chosen: ActiveTuning) -> None:
-    kept = TuningStore(database)
-    kept.put(chosen, "A. Operator")
-    with database.session() as session:
-        stored = settings.newest(session, TUNING_NAME)
-        assert stored is not None
-        old = {name: value for name, value in stored.value.items() if name != "b"}
-        settings.put(session, TUNING_NAME, old, "A. Operator")
-    restored, said = kept.restore(ideal)
-    assert restored.choice == replace(chosen.choice, b=0.0)
-    assert said.endswith("b 0, interpolating between entries, lambda motion; b was not kept at that time: its default")
-
-
 def test_a_plant_that_leaves_the_methods_lambda_out_starts_with_the_nearest(tmp_path: Path) -> None:
     """The service itself, with a file of its own: it starts, and journal, page and data say which λ and why."""
     with running_service(tmp_path, str(weak_motors(tmp_path))) as service, client_with(service, "token") as client:

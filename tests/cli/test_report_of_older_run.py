@@ -12,7 +12,10 @@ from pypdf import PdfReader
 from backend.models.run import DEFINITIONS
 from backend.recording.codec import pack_table, unpack
 from backend.sample import ADDED_LATER
+from backend.storage.database import open_database
 from tests.cli.conftest import Command
+from tests.migrations.old_schema import migrated
+from tests.models.earlier import BEFORE
 
 SHORT = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5")
 
@@ -38,6 +41,7 @@ def make_older(folder: Path) -> None:
             metrics = json.loads(text)
             assert metrics.pop("definitions") == DEFINITIONS
             database.execute("update result set metrics = ? where id = ?", (json.dumps(metrics), number))
+    migrated(open_database(folder), folder, BEFORE).close()
 
 
 def test_it_is_not_verified_until_the_run_is_evaluated_again(command: Command, tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from backend.banks.tuning_settings import TuningSettings, default_tuning_choice
 from backend.errors import OutOfRangeError
 from backend.execution.simulation import open_headless_station
 from backend.experiments.plans import LoopSettings
-from backend.models.run import StoredLoopSettings
+from backend.models.run import SETTINGS, StoredLoopSettings
+from backend.models.upgrades import upgrade_run_settings
 from backend.storage.banks import BankEntry
 from backend.storage.database import open_database
 from backend.tuning.gains import PointModel
@@ -58,20 +59,15 @@ def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
 def test_a_stored_tuning_has_the_motion_that_it_ran_with(stored: dict[str, Any], motion: str, budget: float) -> None:
     for choice in (
         TuningSettings.of(stored),
-        load_initial_tuning(StoredLoopSettings(**stored)),
+        load_initial_tuning(SETTINGS.read(upgrade_run_settings({"loop": stored}), "run 7").loop),
         TuningSettings().with_parts(stored),
     ):
         assert (choice.motion, choice.budget) == (motion, budget)
 
 
 def test_a_stored_loop_knows_the_limit_that_it_ran_with() -> None:
-    assert StoredLoopSettings(motion="time-optimal", u_plan=3.0).budget == StoredLoopSettings(u_plan=3.0).budget == 3.0
-    assert (
-        StoredLoopSettings(motion="lambda", u_plan=3.0).budget
-        == StoredLoopSettings(u_plan=0.0).budget
-        == StoredLoopSettings().budget
-        == 0.0
-    )
+    assert StoredLoopSettings(motion="time-optimal", u_plan=3.0).budget == 3.0
+    assert StoredLoopSettings(motion="lambda", u_plan=3.0).budget == StoredLoopSettings().budget == 0.0
 
 
 def test_the_budget_is_one_that_this_plant_offers(weak: PlantParameters) -> None:

@@ -1,4 +1,4 @@
-"""A motor's grade is a grade: what a noisy run comes to, in the store, in the report and of documents without one."""
+"""A motor's grade is a grade: what a noisy run comes to, in the store, in the report and of documents that had none."""
 
 from dataclasses import replace
 from typing import Any
@@ -10,8 +10,8 @@ from backend.analysis.identification import identify_motors, to_store_motors
 from backend.experiments.plans import MotorIdentificationPlan
 from backend.identification.models import Grade
 from backend.identification.motor import judge_motor
-from backend.models.identification import stored_grade
 from backend.models.run import Metrics
+from backend.models.upgrades import upgrade_quality
 from backend.reports.build import build_report
 from backend.reports.run_data import RunData
 from backend.schemas.run import ChecklistState
@@ -84,9 +84,9 @@ def test_a_document_without_a_grade_gets_the_one_that_its_figures_give() -> None
     found = stored(12.0)
     side = {**found.quality["A"], "verdict": "Usable: K_m and T_m known to ±85 %."}
     del side["grade"]
-    early = replace(found, quality={"A": side, "B": side})
-    assert stored_grade(early.motors.side("A")) is Grade.UNUSABLE
-    assert outcome(early)[0] == "failed"
+    quality = upgrade_quality("motor", found.model, {"A": side, "B": side})
+    assert [quality[name]["grade"] for name in ("A", "B")] == [Grade.UNUSABLE] * 2
+    assert outcome(replace(found, quality=quality))[0] == "failed"
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from backend.experiments.plans import LoopSettings, SequencePlan, split_values
 from backend.models.settings import build_plan, describe_settings
 from backend.schemas.state import TrialView
 from backend.schemas.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
-from backend.storage import settings
 from backend.storage.database import open_database
 from backend.tuning.gains import TuningParameters
 from backend.tuning.preview import STEP_Q, TuningPreviewer
@@ -67,7 +66,7 @@ def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Pat
     kept = tuning_settings.newest_tuning(database, parameters)
     database.close()
     assert kept is not None
-    assert (kept.choice, kept.who, kept.same_plant, kept.lacks) == (after, "A. Operator", True, ())
+    assert (kept.choice, kept.who, kept.same_plant) == (after, "A. Operator", True)
 
 
 @pytest.mark.parametrize("schema", [TuningParts, TuningRequest, TuningView, ChosenTuning, SavedTuning, TrialView])
@@ -100,20 +99,3 @@ def test_the_offered_range_leaves_voltage_with_b_too(lam_motor: float) -> None:
     assert peak_V < lab.motor.u_max
     assert peak_V > TuningPreviewer(lab, lam_motor=lam_motor).preview(replace(lambdas, b=0.0)).step_q.peak_voltage
     assert np.isfinite(peak_V)
-
-
-def test_a_document_from_before_b_was_kept_says_what_it_lacks(tmp_path: Path) -> None:
-    parameters, database = load_parameters("ideal"), open_database(tmp_path)
-    old = {"lam_q": 0.8, "lam_S": 0.6, "lam_motor": 0.09, "interpolate": True, "bank": None}
-    with database.session() as session:
-        settings.put(
-            session,
-            tuning_settings.TUNING_NAME,
-            {**old, "parameters": tuning_settings.tuning_digest(parameters)},
-            "A. Operator",
-        )
-    kept = tuning_settings.newest_tuning(database, parameters)
-    database.close()
-    assert kept is not None
-    assert kept.choice == TuningSettings(0.8, 0.6, 0.09, 0.0, 0, interpolate=True)
-    assert kept.lacks == ("b",)

@@ -8,7 +8,9 @@ from scipy.stats import norm
 from backend.analysis.identification_views import _correlation
 from backend.identification.models import CorrelationTest
 from backend.identification.validation import fit_autoregression, input_correlation, read_whiteness_test, whiteness
-from backend.models.identification import ResidualTest
+from backend.models.identification import QUALITY as QUALITIES
+from backend.models.upgrades import upgrade_quality
+from tests.models.earlier_identifications import QUALITY
 
 PERIOD_S = 1e-3
 N = 4000
@@ -52,10 +54,13 @@ def test_noise_fails_in_one_record_of_a_hundred(which: int) -> None:
 
 def test_a_test_that_was_stored_with_one_lags_band_gets_the_bound_of_the_whole_test() -> None:
     found = made(5, colour=0.2)[0]
-    band = (norm.isf(0.005) / np.sqrt(N),) * 25
-    old = ResidualTest(lags_s=found.lags_s, correlation=found.correlation, band=band, passed=found.passed)
-    np.testing.assert_allclose(read_whiteness_test(old).bound, found.bound)
-    assert read_whiteness_test(old).statistic == pytest.approx(read_whiteness_test(found).statistic)
+    band = [norm.isf(0.005) / np.sqrt(N)] * 25
+    old = {"lags_s": list(found.lags_s), "correlation": list(found.correlation), "band": band, "passed": found.passed}
+    channel = QUALITY | {"residuals": {"whiteness": old, "input_correlation": old}}
+    quality = upgrade_quality("actuator", {}, {"G_q": channel, "G_S": QUALITY})
+    test = QUALITIES.read(quality, "it").G_q.residuals.whiteness
+    assert test.bound == pytest.approx(found.bound)
+    assert read_whiteness_test(test).statistic == pytest.approx(read_whiteness_test(found).statistic)
 
 
 @pytest.mark.parametrize("D", [[1.0], [1.0, -0.8], [1.0, -1.2, 0.7]])

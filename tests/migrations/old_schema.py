@@ -8,7 +8,7 @@ from alembic import command
 from sqlalchemy import Engine
 
 from backend.storage import database
-from backend.storage.database import connect_database, sqlite_url
+from backend.storage.database import Database, connect_database, open_database, sqlite_url
 
 
 @contextmanager
@@ -22,3 +22,11 @@ def at_revision(data_dir: Path, revision: str) -> Iterator[Engine]:
         yield engine
     finally:
         engine.dispose()
+
+
+def migrated(opened: Database, data_dir: Path, revision: str) -> Database:
+    """Return a database opened anew, after it has gone back to a revision."""
+    with opened.engine.connect() as connection, database._free_to_rebuild_tables(connection), connection.begin():
+        command.downgrade(database._configuration(connection), revision)
+    opened.close()
+    return open_database(data_dir, None if opened.file else opened.engine.url.render_as_string(hide_password=False))

@@ -1,4 +1,4 @@
-"""A database as the version before documents had versions wrote it: rows put in as the JSON they were."""
+"""A database that the version before documents had versions wrote: rows put in as the JSON they were, migrated."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,10 @@ from sqlalchemy import text
 from backend.storage.database import Database, open_database
 from backend.storage.orm import mark_for_reindex
 from plant.parameters import load_parameters
+from tests.migrations.old_schema import migrated
 
+BEFORE = "0015_formulas"
+"""The last revision with documents of earlier forms."""
 AT = "2026-03-04 10:20:30.000000"
 FIGURES: list[dict[str, Any]] = [
     {
@@ -58,11 +61,11 @@ CRITERIA: list[dict[str, Any]] = [
 
 
 def earlier_database(folder: Path) -> Database:
-    """Return a database with the runs of an earlier version: 1 a tracking experiment with a result."""
+    """Return the migrated database of an earlier version, with the run 1: a tracking experiment with a result."""
     database = open_database(folder)
     put_run(database, 1, "tracking", {})
     put_result(database, 1, METRICS, CRITERIA)
-    return database
+    return migrated(database, folder, BEFORE)
 
 
 def put_run(database: Database, number: int, kind: str, settings: Any) -> None:

@@ -1,4 +1,4 @@
-"""Identifications as the version before documents had versions wrote them, and as one before that did."""
+"""Identifications as the version before documents had versions wrote them, and parts as one before that did."""
 
 import json
 from typing import Any

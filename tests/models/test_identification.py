@@ -1,4 +1,4 @@
-"""Identifications of earlier versions are read, written as they were, and listed where one of them cannot be read."""
+"""Stored identifications are read, written as they were, and listed where one of them cannot be read."""
 
 import asyncio
 import json
@@ -14,6 +14,7 @@ from backend.identification.validation import read_whiteness_test
 from backend.models import identification
 from backend.models.document import DocumentCodec, UnreadableDocumentError
 from backend.models.identification import ArxEstimate, FailedCandidate
+from backend.models.upgrades import upgrade_quality
 from backend.services.identifications import StoredIdentifications
 from backend.services.tuning_state import default_tuning
 from backend.storage import identifications
@@ -84,6 +85,7 @@ def test_what_an_early_version_did_not_keep_is_not_there(database: Database) -> 
         for part in ("arx", "candidates", "frequency"):
             del quality[part]
         quality["residuals"] = {"whiteness": earlier.BAND, "input_correlation": earlier.BAND}
+    early["quality"] = upgrade_quality("actuator", early["model"], early["quality"])
     put_identification(database, 4, "actuator", early)
     with database.reading() as session:
         found, now = identifications.of_run(session, 4), identifications.of_run(session, 3)

@@ -1,4 +1,4 @@
-"""Banks and tunings of earlier versions are read; one that cannot be read gives way, and says why."""
+"""Banks and tunings without a version are read; one that cannot be read gives way, and says why."""
 
 import asyncio
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ def test_what_was_kept_before_versions_is_in_force_again(database: Database) -> 
     left(database, BEFORE)
     kept = tuning_settings.newest_tuning(database, LAB)
     assert kept is not None
-    assert (kept.choice, kept.same_plant, kept.lacks) == (OTHER, True, ())
+    assert (kept.choice, kept.same_plant) == (OTHER, True)
     assert KEPT_TUNING.write(KEPT_TUNING.read(BEFORE, "it")) == {**BEFORE, "version": 1}
     parts = {name: part for name, part in OTHER.document().items() if name != "bank"}
     assert SAVED_TUNING.write(SAVED_TUNING.read(parts, "it")) == {**parts, "version": 1}
@@ -62,6 +62,7 @@ def test_every_part_of_a_tuning_is_kept(database: Database) -> None:
     [
         ({**BEFORE, "version": 2}, "left by Ana: the tuning in force is of version 2"),
         ({**BEFORE, "b": "half"}, "the tuning in force cannot be read, field b"),
+        ({**BEFORE, "bank": None}, "the tuning in force cannot be read, field bank"),
         (OTHER.document(), "the tuning in force cannot be read, field parameters: it is missing"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Results of earlier versions are read, what cannot be is refused by name, and the list of runs opens all the same."""
+"""Results of earlier versions are shown, what cannot be read is refused by name, and the list of runs still opens."""
 
 import asyncio
 import json
@@ -10,7 +10,8 @@ import pytest
 from sqlalchemy import text
 
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import CRITERIA, METRICS, OLDER
+from backend.models.run import CRITERIA, METRICS
+from backend.models.upgrades import OLDER
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.run_data import load_source
 from backend.services.runs import RunQuery, StoredRuns
@@ -28,11 +29,12 @@ def database(tmp_path: Path) -> Iterator[Database]:
     opened.close()
 
 
-def test_a_result_without_version_is_read_and_says_what_it_lacks(database: Database) -> None:
+def test_a_result_without_reasons_says_what_it_lacks(database: Database) -> None:
     source = load_source(database, 1)
     assert source.result is not None
     metrics, criteria = source.result.metrics, source.result.criteria
     assert (metrics.complete, metrics.played_s, metrics.problem) == (True, 28.000000000000004, "")
+    assert metrics.definitions == 0
     assert [item.reason for item in metrics.figures] == ["no such step was played to its end", ""]
     assert metrics.steps is not None
     assert (metrics.steps[0].overshoot_percent, metrics.steps[0].reach_s, metrics.steps[0].reasons) == (0.5, None, {})

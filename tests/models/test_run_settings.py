@@ -1,4 +1,4 @@
-"""Settings of earlier runs are read and written as they were; one that cannot be read is listed all the same."""
+"""Settings of runs are read and written as they were; one that cannot be read is listed all the same."""
 
 import asyncio
 from collections.abc import Iterator
@@ -20,7 +20,8 @@ from backend.storage import runs
 from backend.storage.database import Database, open_database
 from backend.workers import Offload
 from plant.parameters import load_parameters
-from tests.models.earlier import put_run
+from tests.migrations.old_schema import migrated
+from tests.models.earlier import BEFORE, put_run
 
 LOOP = {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "b": 0.0, "bank": 0, "interpolate": False, "seed": 7}
 PROGRAM: dict[str, Any] = {
@@ -36,10 +37,11 @@ TUNING = default_tuning(load_parameters("ideal"))[0]
 
 @pytest.fixture
 def database(tmp_path: Path) -> Iterator[Database]:
-    with closing(open_database(tmp_path)) as opened:
-        put_run(opened, 1, "actuator_identification", PROGRAM)
-        put_run(opened, 2, "session", EARLY_SESSION)
-        yield opened
+    opened = open_database(tmp_path)
+    put_run(opened, 1, "actuator_identification", PROGRAM)
+    put_run(opened, 2, "session", EARLY_SESSION)
+    with closing(migrated(opened, tmp_path, BEFORE)) as found:
+        yield found
 
 
 def test_a_kept_loop_has_every_part_of_a_tuning_and_the_seed() -> None:

@@ -22,7 +22,7 @@ def planned(**changed: object) -> RunData:
     """A run with a plan; its samples are those of closed forms, as nothing here looks at what was measured."""
     source = source_of(samples(PLAN))
     settings = source.run.settings
-    kept = {**settings["loop"], "u_plan": 8.5, "b": 0.0, **changed}
+    kept = {**settings["loop"], "motion": "time-optimal", "u_plan": 8.5, "b": 0.0, **changed}
     return replace(source, run=replace(source.run, settings={**settings, "loop": kept}))
 
 
@@ -57,7 +57,7 @@ def controller(source: RunData) -> Fact:
 def test_a_report_says_by_what_references_were_followed() -> None:
     assert controller(planned()).text.endswith("motion time-optimal within U_plan = 8.5 V")
     assert controller(planned(k_ext=0.7)).text.endswith("U_plan = 8.5 V; pushes rejected by feed-forward, k_ext = 0.7")
-    assert controller(planned(u_plan=0.0)).text.endswith("motion lambda: the paper's law with the governor")
+    assert controller(planned(motion="lambda")).text.endswith("motion lambda: the paper's law with the governor")
     assert controller(source_of(samples(PLAN))).text.endswith("motion lambda: the paper's law with the governor")
 
 
@@ -92,7 +92,7 @@ def test_the_figures_show_it_and_say_what_it_is(report: Report) -> None:
 
 def test_nothing_is_beside_a_run_that_had_the_governor_or_another_law() -> None:
     assert papers_law(source_of(samples(PLAN))) is None
-    assert papers_law(planned(u_plan=0.0)) is None
+    assert papers_law(planned(motion="lambda")) is None
     other = planned()
     plan = {**other.run.settings["plan"], "controller": "single-loop"}
     settings = {**other.run.settings, "plan": plan}

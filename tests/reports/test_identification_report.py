@@ -39,7 +39,7 @@ def record() -> dict[str, np.ndarray]:
 
 
 def identification() -> Identification:
-    test = {"lags_s": [0.1, 0.2], "correlation": [0.01, 0.3], "band": [0.1, 0.1], "passed": False}
+    test = {"lags_s": [0.1, 0.2], "correlation": [0.01, 0.3], "bound": [0.1, 0.1], "passed": False}
     model, quality = {}, {}
     for key, gain, geometry in (("G_q", 0.05, 0.05), ("G_S", 0.72, 0.7209)):
         reduced = {"K": gain, "T": 0.3416, "K_std": 1e-4, "T_std": 2e-4}
@@ -103,8 +103,7 @@ def test_report_says_models_geometry_and_table_1(report: Report) -> None:
     models, candidates, comparison = tables[0].rows, tables[1].rows, tables[2].rows
     assert models[0][:4] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.00010")
     assert models[1][5] == "−0.12"
-    # 99 % bands of one lag, as old documents hold them, in the terms of the test of both lags together.
-    assert models[0][-1] == "coloured (7.7 of 2.8), free of input (7.7 of 2.8)"
+    assert models[0][-1] == "coloured (8.4 of 2.8), free of input (8.4 of 2.8)"
     assert candidates[0] == ("G_q", "K/(τs+1)⁴", "0.05000", "0.340", "97.0", "−1234", "usable")
     assert candidates[1] == ("G_q", "third order", "–", "–", "–", "–", "not converged")
     assert comparison[0] == ("G_q", "0.05000", "0.05000", "0.04800", "0.04840", "0.342", "0.310", "0.780")

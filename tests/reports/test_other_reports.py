@@ -62,7 +62,7 @@ def test_a_session_is_shown_and_not_judged() -> None:
     columns = dict(tracked.columns)
     columns["q_ref"] = columns["q_ref"].copy()
     columns["q_ref"][:5_000] = np.nan  # no reference was in force yet
-    settings = {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False, "bank": None}
+    settings = {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False}}
     session = RunData(replace(tracked.run, kind="session", settings=settings), None, columns, None)
     report = build_report(session)
     assert (report.title, report.outcome) == ("Session", "neutral")
@@ -78,8 +78,8 @@ def test_a_session_is_shown_and_not_judged() -> None:
             {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.09, "b": 0.7, "interpolate": False}},
             "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.09 s, b = 0.7",
         ),
-        (  # as sessions were stored at first
-            {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False, "bank": None},
+        (  # as earlier versions stored sessions, without b
+            {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "interpolate": False}},
             "λ_q = 0.5 s, λ_S = 0.42 s, λ_motor = 0.0854 s, b was not recorded then",
         ),
     ],

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from backend.models.run import CRITERIA, METRICS
+from backend.models.upgrades import OLDER, upgrade_criteria, upgrade_metrics
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.run_data import RunData
 from backend.schemas.run import EvaluationView
@@ -50,26 +51,23 @@ def test_a_result_without_reasons_says_that_it_is_old() -> None:
     metrics, criteria = METRICS.write(source.result.metrics), CRITERIA.write(source.result.criteria)
     for item in [*metrics["figures"], *criteria]:
         del item["reason"]
+    metrics, criteria = upgrade_metrics(metrics), upgrade_criteria(criteria)
     old = replace(source.result, metrics=METRICS.read(metrics, "run 12"), criteria=CRITERIA.read(criteria, "run 12"))
     view = experiment_view(source.run, old, 1.0)
     missing = [item.reason for item in view.metrics if item.value is None]
     assert missing
-    assert set(missing) == {"evaluated by an older version, which kept no reason; evaluate the run again to have one"}
+    assert set(missing) == {OLDER}
 
 
 def test_settings_of_a_run_have_units_wherever_they_are_shown() -> None:
-    """Programs keep them declared; sessions have a tuning, older ones beside their mode."""
+    """Programs keep them declared; sessions have a tuning."""
 
     run = source_of(samples(PLAN)).run
-    for settings in (
-        {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "b": 0.0, "interpolate": False}},
-        {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "b": 0.0, "interpolate": False, "bank": None},
-    ):
-        view = run_view(replace(run, settings=settings), EvaluationView.NONE, 10, 0.01, 0)
-        shown = {item.name: (item.symbol, item.unit, item.value) for item in view.settings}
-        assert shown == {
-            "lam_q": ("λ_q", "s", 0.5),
-            "lam_S": ("λ_S", "s", 0.42),
-            "b": ("b", "1", 0.0),
-            "interpolate": ("interpolate", "1", False),
-        }
+    settings = {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "b": 0.0, "interpolate": False}}
+    view = run_view(replace(run, settings=settings), EvaluationView.NONE, 10, 0.01, 0)
+    assert {item.name: (item.symbol, item.unit, item.value) for item in view.settings} == {
+        "lam_q": ("λ_q", "s", 0.5),
+        "lam_S": ("λ_S", "s", 0.42),
+        "b": ("b", "1", 0.0),
+        "interpolate": ("interpolate", "1", False),
+    }

@@ -11,6 +11,7 @@ import pytest
 
 from backend.exports.base import export_columns
 from backend.models.run import CRITERIA, METRICS
+from backend.models.upgrades import OLDER, upgrade_criteria, upgrade_metrics
 from backend.reports.build import write_report_files
 from backend.reports.experiment_report import tracking_report
 from backend.reports.model import Figure, Report, Table, to_html
@@ -157,10 +158,11 @@ def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_s
     criteria[0] |= {"passed": None, "figure": None}
     for item in metrics["steps"]:
         del item["reasons"]
+    metrics, criteria = upgrade_metrics(metrics), upgrade_criteria(criteria)
     old = replace(result, metrics=METRICS.read(metrics, "run 12"), criteria=CRITERIA.read(criteria, "run 12"))
     report = tracking_report(replace(tracking_source, result=old))
     assert report.outcome == "incomplete"
-    assert "evaluated by an older version" in to_html(report)
+    assert OLDER in to_html(report)
 
 
 def test_a_run_without_samples_still_has_a_report(tracking_source: RunData) -> None:

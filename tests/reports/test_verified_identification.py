@@ -17,6 +17,7 @@ from backend.experiments.plans import (
     MotorIdentificationPlan,
     SpringIdentificationPlan,
 )
+from backend.identification.validation import critical_deviation
 from backend.reports.build import build_report
 from backend.reports.evidence import (
     ACCOUNT,
@@ -24,6 +25,7 @@ from backend.reports.evidence import (
     ReportManifest,
     account_hash,
     element_of,
+    hashes_of,
     read_accounts,
     to_element,
 )
@@ -107,6 +109,34 @@ def test_of_another_layout_numbers_of_a_model_are_compared_and_its_sentences_are
     last, touched = with_another_number(kind, source)
     names = [one.name for one in verify_report(of_another_layout(touched), source.columns).differences]
     assert any(name.startswith("identification, model, ") and name.endswith(f", {last}") for name in names)
+
+
+def test_an_account_with_documents_of_an_earlier_form_is_compared_as_others_are(
+    identified: tuple[str, RunData, RunData],
+) -> None:
+    kind, source, _ = identified
+    assert source.identification is not None
+    page = of_another_layout(source)
+    evidence = read_accounts(page)
+    assert isinstance(evidence, ReportManifest)
+    assert evidence.identification is not None
+    quality = copy.deepcopy(evidence.identification.quality)
+    for name in {"motor": ("A", "B"), "actuator": ("G_q", "G_S")}.get(kind, ()):
+        if kind == "motor":
+            del quality[name]["grade"]
+            continue
+        for test in ("whiteness", "input_correlation"):
+            bound = quality[name]["residuals"][test].pop("bound")
+            share = critical_deviation(1) / critical_deviation(len(bound))
+            quality[name]["residuals"][test]["band"] = [share * one for one in bound]
+    loop = {part: value for part, value in evidence.run.settings["loop"].items() if part != "motion"}
+    settings = evidence.run.settings | {"loop": loop | {"u_plan": 0.0}}
+    estimate = replace(evidence.identification, quality=quality)
+    evidence = replace(evidence, run=replace(evidence.run, settings=settings), identification=estimate)
+    evidence = replace(evidence, hashes=hashes_of(evidence, source.columns))
+    evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
+    found = verify_report(page.replace(element_of(page), to_element(evidence)), source.columns)
+    assert (found.holds, found.differences) == (None, ())
 
 
 def test_evaluated_again_it_is_the_same_bytes(identified: tuple[str, RunData, RunData]) -> None:

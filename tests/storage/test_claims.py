@@ -140,9 +140,11 @@ def test_readers_migrate_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     database.close()
 
 
-def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
-    with at_revision(tmp_path, "0003_recording_size") as engine:
+@pytest.mark.parametrize("revision", ["0003_recording_size", "0015_formulas"])
+def test_what_cannot_be_read_is_refused(tmp_path: Path, revision: str) -> None:
+    """A schema without what is read, and one whose documents may be of an earlier form."""
+    with at_revision(tmp_path, revision) as engine:
         assert not can_read(engine)
         with pytest.raises(OutdatedError, match="sinew db upgrade"):
             open_database(tmp_path, outdated="read")
-        assert read_revision(engine) == "0003_recording_size"
+        assert read_revision(engine) == revision

@@ -1,0 +1,182 @@
+"""Rewrites documents of earlier versions into the present form. Pure.
+
+For the migration and for imports. Each function returns the document that it was given where that has the present form,
+or cannot be read in any.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from backend.identification import Grade, critical_deviation, judge_motor, spread_percent
+from backend.models.document import DocumentCodec, UnreadableDocumentError, replace_non_finite
+from backend.models.identification import (
+    CHANNELS,
+    MOTOR_MODELS,
+    MOTOR_QUALITIES,
+    QUALITY,
+    MotorFound,
+    MotorsFound,
+)
+from backend.models.run import (
+    CRITERIA,
+    KEPT_TUNING,
+    LAMBDA,
+    METRICS,
+    SETTINGS,
+    StoredLoopSettings,
+    complete_motion,
+)
+from plant import SIDES
+
+OLDER = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
+_LOOP = tuple(item.name for item in fields(StoredLoopSettings))
+_BEFORE_KEPT: dict[str, Any] = {
+    "b": 0.0,
+    "bank": 0,
+    "interpolate": False,
+    "motion": LAMBDA,
+    "u_plan": 8.5,
+    "k_ext": 0.0,
+}
+"""What was in force of these parts of a tuning before they were kept."""
+
+
+def upgrade_record(kind: str, document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record of a kind with its documents in the present form."""
+    match kind:
+        case "run":
+            changed = {"settings": upgrade_run_settings(document["settings"])}
+        case "result":
+            changed = {
+                "metrics": upgrade_metrics(document["metrics"]),
+                "criteria": upgrade_criteria(document["criteria"]),
+            }
+        case "identification":
+            changed = {"quality": upgrade_quality(document["kind"], document["model"], document["quality"])}
+        case _:
+            changed = {}
+    return {**document, **changed}
+
+
+def upgrade_run_settings(document: Any) -> Any:
+    """Return the settings of a run with its tuning, and the motion, in ``loop``.
+
+    A session had its tuning beside the mode, and ``u_plan`` alone said how references are followed.
+    """
+    if not isinstance(document, Mapping):
+        return document
+    loop, rest = document.get("loop"), document
+    if loop is None and "mode" in document:
+        loop = {name: document[name] for name in _LOOP if name in document}
+        rest = {name: part for name, part in document.items() if name not in _LOOP}
+    if not isinstance(loop, Mapping):
+        return document
+    return _readable(SETTINGS, {**rest, "loop": complete_motion(loop)}, document)
+
+
+def upgrade_metrics(document: Any) -> Any:
+    """Return metrics with a reason for each figure, and definitions 0 for none."""
+    if not isinstance(document, Mapping) or not isinstance(document.get("figures"), list):
+        return document
+    figures = [_with_reason(item, "value") for item in document["figures"]]
+    return _readable(METRICS, {"definitions": 0, **document, "figures": figures}, document)
+
+
+def upgrade_criteria(document: Any) -> Any:
+    """Return criteria with a reason for each."""
+    if not isinstance(document, list):
+        return document
+    return _readable(CRITERIA, [_with_reason(item, "passed") for item in document], document)
+
+
+def upgrade_quality(kind: str, model: Any, quality: Any) -> Any:
+    """Return the quality of an identified model with bounds and grades.
+
+    Residual tests of an actuator kept the 99 % band of one lag in place of the bound of the whole test, and motors no
+    grade: it is what their figures say. The models themselves have had one form only.
+    """
+    if not isinstance(quality, Mapping):
+        return quality
+    match kind:
+        case "actuator":
+            channels = {name: _with_bounds(quality[name]) for name in CHANNELS if name in quality}
+            return _readable(QUALITY, {**quality, **channels}, quality)
+        case "motor":
+            return _with_grades(model, quality)
+        case _:
+            return quality
+
+
+def upgrade_tuning(document: Any) -> Any:
+    """Return a kept tuning with all parts, those that were not kept as they were.
+
+    A ``bank`` of null stood for gains from geometry.
+    """
+    if not isinstance(document, Mapping):
+        return document
+    kept = {name: part for name, part in complete_motion(document).items() if part is not None}
+    return _readable(KEPT_TUNING, {**_BEFORE_KEPT, **kept}, document)
+
+
+def _readable(codec: DocumentCodec[Any], upgraded: Any, document: Any) -> Any:
+    if upgraded == document:
+        return document
+    try:
+        codec.read(upgraded, "")
+    except UnreadableDocumentError:
+        return document
+    return upgraded
+
+
+def _with_reason(item: Any, measured: str) -> Any:
+    if not isinstance(item, Mapping) or "reason" in item:
+        return item
+    return {**item, "reason": OLDER if item.get(measured) is None else ""}
+
+
+def _with_bounds(channel: Any) -> Any:
+    residuals = channel.get("residuals") if isinstance(channel, Mapping) else None
+    if not isinstance(residuals, Mapping):
+        return channel
+    tests = {name: _with_bound(test) for name, test in residuals.items()}
+    return {**channel, "residuals": tests}
+
+
+def _with_bound(test: Any) -> Any:
+    if not isinstance(test, Mapping) or test.get("bound") is not None or not isinstance(test.get("band"), list):
+        return test
+    band = test["band"]
+    try:
+        critical, alone = critical_deviation(len(band)), critical_deviation(1)
+        bound = [None if one is None else one * critical / alone for one in band]
+    except (ArithmeticError, TypeError):
+        return test
+    return replace_non_finite({name: part for name, part in test.items() if name != "band"} | {"bound": bound})
+
+
+def _with_grades(model: Any, quality: Mapping[str, Any]) -> Mapping[str, Any]:
+    sides: dict[str, Any] = {side: quality[side] for side in SIDES if isinstance(quality.get(side), Mapping)}
+    without = {side: part for side, part in sides.items() if part.get("grade") is None}
+    if not without:
+        return quality
+    read = {**quality, **{side: {**part, "grade": Grade.UNUSABLE} for side, part in without.items()}}
+    try:
+        found = MotorsFound(MOTOR_MODELS.read(model, ""), MOTOR_QUALITIES.read(read, ""))
+    except UnreadableDocumentError:
+        return quality
+    return {
+        **quality,
+        **{side: {**without[side], "grade": _grade(found.side(side))} for side in SIDES if side in without},
+    }
+
+
+def _grade(found: MotorFound) -> str:
+    fitted, std = found.model.parameters, found.model.std_errors
+    K_m, T_m, std_K_m, std_T_m, counts = (
+        math.nan if value is None else value
+        for value in (fitted.K_m, fitted.T_m, std.K_m, std.T_m, found.quality.rms_counts)
+    )
+    spread = spread_percent(K_m, T_m, std_K_m, std_T_m) if K_m and T_m else math.nan
+    return judge_motor(K_m, T_m, spread, counts, 0.0).value

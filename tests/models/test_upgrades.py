@@ -1,0 +1,156 @@
+"""Documents of earlier forms get the present one; others stay as they are."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from backend.banks.tuning_settings import TuningSettings
+from backend.models import upgrades
+from backend.models.run import SETTINGS
+from tests.models import earlier
+from tests.models import earlier_identifications as identified
+
+LOOP: dict[str, Any] = {"lam_q": 0.5, "lam_S": 0.42, "interpolate": False}
+KEPT: dict[str, Any] = {"lam_q": 0.8, "lam_S": 0.6, "lam_motor": 0.09, "interpolate": True, "parameters": "ab"}
+PRESENT = {**KEPT, **TuningSettings(0.8, 0.6, 0.09, 0.0, 0, interpolate=True).document()}
+NO_BOUND: dict[str, Any] = {
+    **identified.QUALITY,
+    "residuals": {"whiteness": identified.BAND, "input_correlation": identified.TEST, "std": 1.0},
+}
+NO_GRADE = {name: part for name, part in identified.MOTOR_QUALITY.items() if name != "grade"}
+
+
+def quality_of(kind: str, model: Any) -> Callable[[Any], Any]:
+    return lambda quality: upgrades.upgrade_quality(kind, model, quality)
+
+
+ACTUATOR = quality_of("actuator", identified.ACTUATOR["model"])
+MOTORS = quality_of("motor", identified.MOTORS["model"])
+
+
+@pytest.mark.parametrize(
+    ("upgrade", "early", "present"),
+    [
+        (upgrades.upgrade_run_settings, {"mode": "run", **LOOP}, {"mode": "run", "loop": LOOP}),
+        (
+            upgrades.upgrade_run_settings,
+            {"plan": {"tension_N": 20.0}, "loop": {**LOOP, "u_plan": 7.5}, "version": 1},
+            {"plan": {"tension_N": 20.0}, "loop": {**LOOP, "u_plan": 7.5, "motion": "time-optimal"}, "version": 1},
+        ),
+        (
+            upgrades.upgrade_run_settings,
+            {"mode": "run", **LOOP, "u_plan": 0.0, "who": "unknown to the reader"},
+            {"mode": "run", "loop": {**LOOP, "motion": "lambda"}, "who": "unknown to the reader"},
+        ),
+        (
+            upgrades.upgrade_metrics,
+            earlier.METRICS,
+            {
+                **earlier.METRICS,
+                "definitions": 0,
+                "figures": [earlier.FIGURES[0], {**earlier.FIGURES[1], "reason": ""}],
+            },
+        ),
+        (
+            upgrades.upgrade_criteria,
+            [*earlier.CRITERIA, {**earlier.CRITERIA[0], "figure": 1.0, "passed": True}],
+            [
+                {**earlier.CRITERIA[0], "reason": upgrades.OLDER},
+                {**earlier.CRITERIA[0], "figure": 1.0, "passed": True, "reason": ""},
+            ],
+        ),
+        (
+            MOTORS,
+            {"A": NO_GRADE, "B": identified.MOTOR_QUALITY},
+            # A's errors are as large as its figures.
+            {"A": {**NO_GRADE, "grade": "not usable"}, "B": identified.MOTOR_QUALITY},
+        ),
+        (upgrades.upgrade_tuning, KEPT, PRESENT),
+        (upgrades.upgrade_tuning, {**KEPT, "bank": None}, PRESENT),
+        (
+            upgrades.upgrade_tuning,
+            {**KEPT, "b": 0.2, "bank": 3, "version": 1},
+            {**PRESENT, "b": 0.2, "bank": 3, "version": 1},
+        ),
+        (upgrades.upgrade_tuning, {**KEPT, "u_plan": 7.5}, {**PRESENT, "u_plan": 7.5, "motion": "time-optimal"}),
+        (upgrades.upgrade_tuning, {**KEPT, "u_plan": 0.0}, PRESENT),
+    ],
+)
+def test_an_early_document_has_the_present_form(upgrade: Callable[[Any], Any], early: Any, present: Any) -> None:
+    before = json.dumps(early)
+    assert upgrade(early) == present
+    assert upgrade(present) is present
+    assert json.dumps(early) == before
+
+
+def test_the_band_of_one_lag_becomes_the_bound_of_the_test() -> None:
+    """2.807 standard deviations where two lags are looked at, 2.576 for one."""
+    upgraded = ACTUATOR({"G_q": NO_BOUND, "G_S": identified.QUALITY})
+    test = upgraded["G_q"]["residuals"].pop("whiteness")
+    assert test.pop("bound") == pytest.approx([0.1 * 2.8070 / 2.5758] * 2, rel=1e-4)
+    assert test == {name: part for name, part in identified.BAND.items() if name != "band"}
+    assert upgraded["G_q"]["residuals"] == {"input_correlation": identified.TEST, "std": 1.0}
+    assert upgraded["G_S"] == identified.QUALITY
+    unknown = {**identified.BAND, "band": [None, 1.7e308]}
+    kept = {**NO_BOUND, "residuals": {"whiteness": unknown, "input_correlation": unknown}}
+    assert ACTUATOR({"G_q": kept, "G_S": kept})["G_S"]["residuals"]["whiteness"]["bound"] == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("upgrade", "document"),
+    [
+        (upgrades.upgrade_run_settings, {"mode": "run", **LOOP, "b": "half"}),
+        (upgrades.upgrade_run_settings, {"mode": "run", "loop": {**LOOP, "u_plan": 10**400}}),
+        (upgrades.upgrade_run_settings, {"mode": "run", **LOOP, "version": 2}),
+        (upgrades.upgrade_run_settings, {"loop": [1]}),
+        (upgrades.upgrade_run_settings, [1]),
+        (upgrades.upgrade_metrics, {**earlier.METRICS, "played_s": "long"}),
+        (upgrades.upgrade_metrics, {**earlier.METRICS, "figures": 3}),
+        (upgrades.upgrade_metrics, {**earlier.METRICS, "figures": [1]}),
+        (upgrades.upgrade_metrics, None),
+        (upgrades.upgrade_criteria, [{**earlier.CRITERIA[0], "bound": None}]),
+        (upgrades.upgrade_criteria, {"a": 1}),
+        (ACTUATOR, {"G_q": NO_BOUND, "G_S": {}}),
+        (ACTUATOR, {"G_q": {**NO_BOUND, "residuals": {"whiteness": {**identified.BAND, "band": ["wide"]}}}}),
+        (ACTUATOR, {"G_q": {**NO_BOUND, "residuals": {"whiteness": {**identified.BAND, "band": [10**400]}}}}),
+        (ACTUATOR, {"G_q": 3}),
+        (MOTORS, {"A": NO_GRADE}),
+        (MOTORS, {"A": {**NO_GRADE, "rms_counts": "few"}, "B": NO_GRADE}),
+        (quality_of("motor", {}), {"A": NO_GRADE, "B": NO_GRADE}),
+        (quality_of("spring", identified.SPRINGS["model"]), identified.SPRINGS["quality"]),
+        (quality_of("unknown", {}), {"A": 1}),
+        (upgrades.upgrade_tuning, {**KEPT, "lam_q": None}),
+        (upgrades.upgrade_tuning, {**KEPT, "b": "half"}),
+        (upgrades.upgrade_tuning, LOOP),
+        (upgrades.upgrade_tuning, 3),
+    ],
+)
+def test_what_cannot_be_read_stays_as_it_is(upgrade: Callable[[Any], Any], document: Any) -> None:
+    before = json.dumps(document)
+    assert upgrade(document) is document
+    assert json.dumps(document) == before
+
+
+@pytest.mark.parametrize("K_m", [0.0, None])
+def test_a_motor_without_a_gain_is_not_usable(K_m: float | None) -> None:
+    motor = {**identified.MOTOR, "parameters": {**identified.FITTED, "K_m": K_m}}
+    upgrade = quality_of("motor", {"A": motor, "B": identified.MOTOR})
+    assert upgrade({"A": NO_GRADE, "B": NO_GRADE})["A"]["grade"] == "not usable"
+
+
+def test_a_record_has_all_its_documents_in_the_present_form() -> None:
+    run = {"settings": {"mode": "run", **LOOP}, "who": "Ana"}
+    assert upgrades.upgrade_record("run", run) == {"settings": {"mode": "run", "loop": LOOP}, "who": "Ana"}
+    result = upgrades.upgrade_record("result", {"metrics": earlier.METRICS, "criteria": earlier.CRITERIA})
+    assert result["metrics"]["definitions"] == 0
+    assert result["criteria"][0]["reason"] == upgrades.OLDER
+    found = {"kind": "motor", "model": identified.MOTORS["model"], "quality": {"A": NO_GRADE, "B": NO_GRADE}}
+    assert upgrades.upgrade_record("identification", found)["quality"]["B"]["grade"] == "not usable"
+    assert upgrades.upgrade_record("bank", {"name": "bench"}) == {"name": "bench"}
+
+
+def test_the_loop_of_a_session_is_read_with_its_motion() -> None:
+    upgraded = upgrades.upgrade_run_settings({"mode": "run", **LOOP, "u_plan": 7.5})
+    assert SETTINGS.read(upgraded, "it").loop.budget == 7.5
