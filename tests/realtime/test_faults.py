@@ -249,7 +249,9 @@ def test_deadlines_missed_in_a_row_stop_in_the_next_tick_and_fewer_do_not(lab: P
     assert bench.column("u_A")[-1] == 0.0
 
 
+@pytest.mark.live  # the card's watchdog is a process of its own, on a clock of its own
 def test_an_expired_watchdog_cuts_the_drives_until_reset(lab: PlantParameters) -> None:
+    moving(lab)  # compiles the step, which takes longer than the watchdog waits
     card = Card.create()
     bench = moving(lab, card)
     assert card.state().u_A == bench.column("u_A")[-1] != 0.0
@@ -268,7 +270,9 @@ def test_an_expired_watchdog_cuts_the_drives_until_reset(lab: PlantParameters) -
     assert not card.state().drive_enabled
 
 
+@pytest.mark.live  # the card's watchdog is a process of its own, on a clock of its own
 def test_a_dead_watchdog_is_a_trip_and_the_drives_stay_off(lab: PlantParameters) -> None:
+    moving(lab)  # compiles the step, which takes longer than the watchdog waits
     card = Card.create()
     bench = moving(lab, card)
     assert card.state().u_A != 0.0
