@@ -474,6 +474,7 @@ def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Itera
     if not isinstance(said, dict):
         yield ReportDifference("metrics.json", "a JSON object", type(said).__name__)
         return
+    said = _metrics_in_present_form(said, source)
     found = json.loads(json.dumps(build_metrics_document(source)))
     same = all(evidence.made_with.get(name) == made_with()[name] for name in (SINEW, LAYOUT))
     words = () if same else ("labels", "verdict", "problem")
@@ -485,6 +486,19 @@ def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Itera
             if not same:
                 document["identification"] = _without_sentences(document["identification"])
     yield from differing("metrics.json", said, found, LIKE if source.identification is None else LIKE_ESTIMATE)
+
+
+def _metrics_in_present_form(document: dict[str, Any], source: RunData) -> dict[str, Any]:
+    """Return what metrics.json says with its documents in the form that is read."""
+    estimate, found = document.get("identification"), source.identification
+    if isinstance(estimate, dict) and found is not None:
+        quality = upgrades.upgrade_quality(found.kind, estimate.get("model"), estimate.get("quality"))
+        document = {**document, "identification": {**estimate, "quality": quality}}
+    upgraded = {
+        "settings": upgrades.upgrade_run_settings(document.get("settings")),
+        "criteria": upgrades.upgrade_criteria(document.get("criteria")),
+    }
+    return {**document, **{name: part for name, part in upgraded.items() if name in document}}
 
 
 def _verified(page: str, evidence: ReportManifest, columns: Columns | None) -> tuple[Verified, RunData | None]:

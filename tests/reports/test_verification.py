@@ -16,7 +16,7 @@ from backend.execution.simulation import open_headless_station
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
-from backend.reports.build import build_report
+from backend.reports.build import build_metrics_document, build_report
 from backend.reports.evidence import (
     ACCOUNT,
     LAYOUT,
@@ -32,7 +32,13 @@ from backend.reports.model import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.plotting import forget_drawings
 from backend.reports.run_data import RunData, load_source
-from backend.reports.verification import SamplesFileError, Verified, read_samples_file, verify_report
+from backend.reports.verification import (
+    AccompanyingFiles,
+    SamplesFileError,
+    Verified,
+    read_samples_file,
+    verify_report,
+)
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.exports.written import to_csv, written
@@ -352,3 +358,17 @@ def test_a_report_that_was_made_without_a_result_holds_and_says_so(report: Made)
     found = verify_report(without, report.source.columns)
     assert found.differences == ()
     assert "the report was made without one" in found.left_out[0]
+
+
+@pytest.mark.parametrize(("changed", "names"), [({}, []), ({"lam_q": 0.7}, ["metrics.json, settings, loop, lam_q"])])
+def test_figures_of_an_earlier_version_beside_a_report_are_compared_in_the_present_form(
+    report: Made, changed: Document, names: list[str]
+) -> None:
+    """Before the motion was kept, a voltage limit alone said that references are followed time-optimally."""
+    settings = report.source.run.settings
+    followed = {**settings, "loop": {**settings["loop"], "motion": "time-optimal"}}
+    source = replace(report.source, run=replace(report.source.run, settings=followed))
+    loop = {name: value for name, value in followed["loop"].items() if name != "motion"} | changed
+    earlier = json.dumps(build_metrics_document(source) | {"settings": {**followed, "loop": loop}})
+    found = verify_report(to_html(build_report(source)), source.columns, AccompanyingFiles(metrics=earlier))
+    assert [one.name for one in found.differences if one.name.startswith("metrics.json")] == names
