@@ -85,11 +85,8 @@ class Ring:
         Raises InvariantError where another process has changed the count. The row is appended, and the count is right
         again.
         """
-        count, found = self._appended, self.count
-        self.rows[count % self.capacity] = row
-        self._appended = self._header[_COUNT] = count + 1
-        if found != count:
-            raise InvariantError(f"the ring counted {found} rows where {count} had been appended")
+        self.rows[self._appended % self.capacity] = row
+        self.count_in(1)
 
     def count_in(self, rows: int) -> None:
         """Count rows that the writer has put into ``rows``, each at its slot, without ``append``.

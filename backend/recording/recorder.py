@@ -140,8 +140,8 @@ class Recorder:
         # the commit and the step after it.
         self._beginning = self._storing = -1
         self._refused_run = 0
-        # A run whose recording has ended before the run, and how many of its samples came after that.
-        self._broken_run = self._skipped = 0
+        # Runs whose recording has ended before them, and how many of their samples came after that.
+        self._skipped: dict[int, int] = {}
         # Runs whose samples are all stored and whose end has not been told; ends that were told and are not written.
         self._open: set[int] = set()
         self._told: dict[int, RunEnded] = {}
@@ -246,25 +246,32 @@ class Recorder:
 
     def _end(self, run: int, end_state: EndState, detail: str) -> None:
         with suppress(UnknownRecordError), self._database.session() as session:  # samples of such a run were refused
-            if run == self._broken_run and self._skipped:
-                recordings.add_gap(session, run, self._skipped, f"{self._skipped} samples after them, too")
+            if skipped := self._skipped.get(run):
+                recordings.add_gap(session, run, skipped, f"{skipped} samples are left out")
             runs.end(session, run, end_state, detail)
         self._open.discard(run)
         if run == self._run:
             self._run = 0
-        if run == self._broken_run:
-            self._broken_run = 0
+        self._skipped.pop(run, None)
 
     def _store_next(self, *, partial: bool) -> bool:
         """Store the next chunks, a short one only where a run or the ring (``partial``) ends; False: there are none."""
         try:
             self._position, rows, missed = self._ring.read(self._position, CHUNKS_AT_ONCE * CHUNK_TICKS)
-            if not len(rows):
-                return False
-            run, tick = self._identify(rows[0])
-        except InvariantError as error:
-            self._refuse_rest(str(error))
+        except InvariantError as error:  # what it has not read meanwhile is a gap in the ticks
+            _LOG.critical("The recorder goes on at the newest sample: %s", error)
+            self._position = self._ring.count
             return False
+        if not len(rows):
+            return False
+        strange = _count_strange(rows)
+        if strange:
+            self._end_recording(f"a sample of run {rows[0, _RUN]:g} at tick {rows[0, _TICK]:g}", strange)
+            self._position += strange
+            return True
+        run, tick = int(rows[0, _RUN]), int(rows[0, _TICK])
+        if run == self._run != 0 and tick < self._next_tick:
+            self._end_recording(f"tick {tick} after tick {self._next_tick - 1}", 0)
         if self._run and run != self._run:
             self._leave_run(tick)
         if run not in (0, self._run, self._refused_run):
@@ -276,36 +283,23 @@ class Recorder:
             if not length:
                 return False
             self._store(rows[:length])
-        elif run == self._broken_run != 0:
-            self._skipped += length
+        elif run in self._skipped:
+            self._skipped[run] += length
         self._position += length
         return True
 
-    def _identify(self, row: NDArray[np.float64]) -> tuple[int, int]:
-        """Return run and tick of a row. Raises InvariantError where it cannot follow what is stored."""
-        run, tick = float(row[_RUN]), float(row[_TICK])
-        if not (run.is_integer() and tick.is_integer() and min(run, tick) >= 0):
-            raise InvariantError(f"a sample of run {run:g} at tick {tick:g}")
-        if run == self._run != 0 and tick < self._next_tick:
-            raise InvariantError(f"tick {tick:.0f} after tick {self._next_tick - 1} in run {run:.0f}")
-        return int(run), int(tick)
-
-    def _refuse_rest(self, reason: str) -> None:
-        """End the recording of the run, if there is one, and go on after the newest sample."""
-        count = self._ring.count
-        skipped = max(count - self._position, 0)
-        _LOG.critical("The recorder skips %d samples: %s", skipped, reason)
+    def _end_recording(self, reason: str, samples: int) -> None:
+        """End the recording of the run for a reason, with so many samples left out; its further samples are counted."""
+        _LOG.critical("The samples are not consistent: %s", reason)
+        if not self._run:
+            return
         text = f"the rest of it is not recorded, as its samples are not consistent: {reason}"
         with self._database.session() as session:
-            if self._run:
-                recordings.add_gap(session, self._run, skipped, text)
-            of = f"of run {self._run}, " if self._run else ""
-            events.add(session, EventKind.RECORDING, f"{skipped} samples are skipped: {of}{reason}")
-        if self._run:
-            self._open.add(self._run)
-            self._refused_run = self._broken_run = self._run
-            self._run = self._skipped = 0
-        self._position = count
+            recordings.add_gap(session, self._run, 0, text)
+            events.add(session, EventKind.RECORDING, f"run {self._run}: {text}", tick=self._next_tick)
+        self._open.add(self._run)
+        self._skipped[self._run] = samples
+        self._refused_run, self._run = self._run, 0
 
     def _begin_run(self, run: int, tick: int, missed: int) -> None:
         again, self._beginning = self._beginning == run, run
@@ -374,3 +368,10 @@ def _stretch(rows: Rows) -> int:
     """Count the leading rows of one run without a gap."""
     breaks = np.flatnonzero((np.diff(rows[:, _RUN]) != 0) | (np.diff(rows[:, _TICK]) != 1))
     return int(breaks[0]) + 1 if len(breaks) else len(rows)
+
+
+def _count_strange(rows: Rows) -> int:
+    """Count the leading rows whose run or tick is no whole number from 0 on."""
+    named = rows[:, [_RUN, _TICK]]
+    sound = np.flatnonzero(((named >= 0.0) & (np.floor(named) == named) & np.isfinite(named)).all(axis=1))
+    return int(sound[0]) if len(sound) else len(rows)

@@ -2751,7 +2751,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop in the same tick, whatever was latched before, before a voltage is written; the loop goes on at zero volts and records. It is not trusted any more: reset starts a new one."
+        "Hard stop in the same tick, whatever was latched before, in place of the step's voltages, or right after them where the count of samples was changed; the loop goes on at zero volts and records. It is not trusted any more: reset starts a new one."
       ],
       [
         "Within",

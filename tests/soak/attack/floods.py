@@ -105,14 +105,12 @@ async def _slow_head(host: str, port: int) -> None:
 
 async def _hold(host: str, port: int) -> None:
     """Open connections, send half a request on each, and hold them until the service closes the last."""
-    held = [await asyncio.open_connection(host, port) for _ in range(_EACH)]
-    try:
-        for _, writer in held:
+    async with contextlib.AsyncExitStack() as held:
+        for _ in range(_EACH):
+            reader, writer = await asyncio.open_connection(host, port)
+            held.callback(writer.transport.abort)
             writer.write(HELD)
-        await held[-1][0].read()
-    finally:
-        for _, writer in held:
-            writer.transport.abort()
+        await reader.read()
 
 
 def flood(signals: Signals, kind: str, url: str, token: str, viewers: int) -> None:
