@@ -7,7 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import cascade, pid
-from backend.control.motion_types import ControlOutput, MotorLoopState, Setpoint, clipped, driven, track_motors, walk
+from backend.control.motion_types import (
+    ControlOutput,
+    MotorLoopState,
+    Setpoint,
+    driven,
+    output_voltages,
+    track_motors,
+    walk,
+)
 from plant import Measurement, T_s, compiled
 
 # Brake ---------------------------------------------------------------------------------------------
@@ -134,28 +142,11 @@ def step_soft_stop(
     left = math.exp(-elapsed_s / RELEASE_S)
     u_A = _stepped(state.u_A, braked_A + left * state.began_A, tuning.u_max)
     u_B = _stepped(state.u_B, braked_B + left * state.began_B, tuning.u_max)
-    limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
-    nan = math.nan
-    decision = ControlOutput(
-        u_A=u_A,
-        u_B=u_B,
-        theta_A_ref=nan,
-        theta_B_ref=nan,
-        target=target,
-        q_ref_gov=nan,
-        S_ref_gov=nan,
-        bank_entry=nan,
-        limits=limits,
-        pushes=False,
-        done=elapsed_s >= SOFT_STOP_S,
+    decision = output_voltages(tuning.u_max, target, u_A, u_B, elapsed_s >= SOFT_STOP_S)
+    after = SoftStopState(
+        brake=braking, elapsed_s=elapsed_s, u_A=u_A, u_B=u_B, began_A=state.began_A, began_B=state.began_B
     )
-    return (
-        decision,
-        carry,
-        SoftStopState(
-            brake=braking, elapsed_s=elapsed_s, u_A=u_A, u_B=u_B, began_A=state.began_A, began_B=state.began_B
-        ),
-    )
+    return decision, carry, after
 
 
 @compiled
@@ -399,96 +390,50 @@ def step_voltage_steps(
     """One tick of the stage in progress: walk to where the step starts, stand, zero volts, step, brake, and so on."""
     room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking = state
     ticks += 1
-    u, done = 0.0, False
-    if stage in (CENTRED, _POSITIONED):
+    theta_A = theta_B = u_A = u_B = 0.0
+    done, walks = False, stage in (CENTRED, _POSITIONED)
+    if stage == _DRIVEN:
+        turned = max(abs(m.theta_A - began_A), abs(m.theta_B - began_B))
+        out_of_room = turned >= steps[at, _TRAVEL] or max(abs(m.theta_A), abs(m.theta_B)) > room.theta_max
+        if ticks > steps[at, _TICKS] or out_of_room or max(m.F_A, m.F_B) > room.F_slack:
+            stage, ticks, braking = _BRAKED, 0, BrakeState(m.theta_A, m.theta_B, 0.0, 0.0)
+    if walks:
         goal_A, goal_B = (room.centre_A, room.centre_B) if stage == CENTRED else (steps[at, _START], steps[at, _START])
         theta_A, theta_B = walk(carry.theta_A_ref, carry.theta_B_ref, goal_A, goal_B)
         if theta_A != goal_A or theta_B != goal_B:
             ticks = 0
         elif ticks >= settle_ticks:
             stage, ticks = stage + 1, 0
+    elif stage == _STANDING:
+        if ticks >= _ZERO_TICKS:
+            stage, ticks, began_A, began_B = _DRIVEN, 0, m.theta_A, m.theta_B
+    elif stage == _DRIVEN:
+        u_A = u_B = steps[at, _VOLTS]
+    else:
+        u_A, u_B, braking = step_brake(braking, m.theta_A, m.theta_B, tuning.u_max)
+        if ticks >= _BRAKING_TICKS:
+            at += 1
+            done = at == steps.shape[0]
+            if not done:
+                stage, ticks = _POSITIONED, 0
+    if walks:
         decision, carry = track_motors(
             tuning=tuning, carry=carry, target=target, theta_A_ref=theta_A, theta_B_ref=theta_B, m=m, done=done
         )
-        return (
-            decision,
-            carry,
-            VoltageStepsState(
-                room=room,
-                steps=steps,
-                settle_ticks=settle_ticks,
-                step=at,
-                stage=stage,
-                ticks=ticks,
-                began_A=began_A,
-                began_B=began_B,
-                brake=braking,
-            ),
-        )
-    if stage == _STANDING:
-        if ticks >= _ZERO_TICKS:
-            stage, ticks, began_A, began_B = _DRIVEN, 0, m.theta_A, m.theta_B
-        decision, carry = driven(tuning=tuning, target=target, u_A=0.0, u_B=0.0, m=m, done=done)
-        return (
-            decision,
-            carry,
-            VoltageStepsState(
-                room=room,
-                steps=steps,
-                settle_ticks=settle_ticks,
-                step=at,
-                stage=stage,
-                ticks=ticks,
-                began_A=began_A,
-                began_B=began_B,
-                brake=braking,
-            ),
-        )
-    if stage == _DRIVEN:
-        turned = max(abs(m.theta_A - began_A), abs(m.theta_B - began_B))
-        out_of_room = turned >= steps[at, _TRAVEL] or max(abs(m.theta_A), abs(m.theta_B)) > room.theta_max
-        if ticks > steps[at, _TICKS] or out_of_room or max(m.F_A, m.F_B) > room.F_slack:
-            stage, ticks, braking = _BRAKED, 0, BrakeState(m.theta_A, m.theta_B, 0.0, 0.0)
-        else:
-            u = steps[at, _VOLTS]
-            decision, carry = driven(tuning=tuning, target=target, u_A=u, u_B=u, m=m, done=done)
-            return (
-                decision,
-                carry,
-                VoltageStepsState(
-                    room=room,
-                    steps=steps,
-                    settle_ticks=settle_ticks,
-                    step=at,
-                    stage=stage,
-                    ticks=ticks,
-                    began_A=began_A,
-                    began_B=began_B,
-                    brake=braking,
-                ),
-            )
-    u_A, u_B, braking = step_brake(braking, m.theta_A, m.theta_B, tuning.u_max)
-    if ticks >= _BRAKING_TICKS:
-        at += 1
-        done = at == steps.shape[0]
-        if not done:
-            stage, ticks = _POSITIONED, 0
-    decision, carry = driven(tuning=tuning, target=target, u_A=u_A, u_B=u_B, m=m, done=done)
-    return (
-        decision,
-        carry,
-        VoltageStepsState(
-            room=room,
-            steps=steps,
-            settle_ticks=settle_ticks,
-            step=at,
-            stage=stage,
-            ticks=ticks,
-            began_A=began_A,
-            began_B=began_B,
-            brake=braking,
-        ),
+    else:
+        decision, carry = driven(tuning=tuning, target=target, u_A=u_A, u_B=u_B, m=m, done=done)
+    after = VoltageStepsState(
+        room=room,
+        steps=steps,
+        settle_ticks=settle_ticks,
+        step=at,
+        stage=stage,
+        ticks=ticks,
+        began_A=began_A,
+        began_B=began_B,
+        brake=braking,
     )
+    return decision, carry, after
 
 
 # Winding -------------------------------------------------------------------------------------------

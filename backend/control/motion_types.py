@@ -115,14 +115,10 @@ def track_motors(
 
 
 @compiled
-def driven(
-    tuning: cascade.CascadeTuning, target: Setpoint, u_A: float, u_B: float, m: Measurement, done: bool
-) -> tuple[ControlOutput, MotorLoopState]:
-    """One tick of bare voltages [V]; whatever comes next takes the motors over where they are, at these voltages."""
-    state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B)
-    limits = clipped(abs(u_A) == tuning.u_max, abs(u_B) == tuning.u_max)
+def output_voltages(u_max: float, target: Setpoint, u_A: float, u_B: float, done: bool) -> ControlOutput:
+    """Return the output of a motion that has voltages [V] alone, without references of the motors."""
     nan = math.nan
-    decision = ControlOutput(
+    return ControlOutput(
         u_A=u_A,
         u_B=u_B,
         theta_A_ref=nan,
@@ -131,10 +127,19 @@ def driven(
         q_ref_gov=nan,
         S_ref_gov=nan,
         bank_entry=nan,
-        limits=limits,
+        limits=clipped(abs(u_A) == u_max, abs(u_B) == u_max),
         pushes=False,
         done=done,
     )
+
+
+@compiled
+def driven(
+    tuning: cascade.CascadeTuning, target: Setpoint, u_A: float, u_B: float, m: Measurement, done: bool
+) -> tuple[ControlOutput, MotorLoopState]:
+    """One tick of bare voltages [V]; whatever comes next takes the motors over where they are, at these voltages."""
+    state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B)
+    decision = output_voltages(tuning.u_max, target, u_A, u_B, done)
     return decision, MotorLoopState(state, tuning.motors, m.theta_A, m.theta_B)
 
 

@@ -111,6 +111,35 @@ def record(row: Array, m: Measurement, y: cascade.CascadeOutput) -> None:
     row[11], row[12] = y.q_ref_gov, y.S_ref_gov
 
 
+@compiled
+def sense_rig(rig: SimulatedRig, x: PlantState, line: Array, k: int, inputs: ClosedLoopInputs) -> Measurement:
+    """Return what the sensors read in tick ``k`` of these inputs; ``line`` remembers it for the load cells."""
+    return sense_state(
+        plant=rig.plant,
+        sensors=rig.sensors,
+        x=x,
+        line=line,
+        tick=k + DELAY_SLOTS,
+        noise_A=inputs.noise[k, 0],
+        noise_B=inputs.noise[k, 1],
+        F_push=inputs.F_push[k],
+        safety_trip=0.0,
+    )
+
+
+@compiled
+def actuate_rig(rig: SimulatedRig, x: PlantState, y: cascade.CascadeOutput, F_push: float) -> PlantState:
+    """Return the plant's state a tick later, under the voltages of ``y`` and a push [N]."""
+    return actuate_plant(
+        plant=rig.plant,
+        sensors=rig.sensors,
+        u_max=rig.u_max,
+        x=x,
+        command=MotorCommand(y.u_A, y.u_B),
+        F_push=F_push,
+    )
+
+
 @compiled_run
 def simulate(
     rig: SimulatedRig,
@@ -128,29 +157,11 @@ def simulate(
     """
     fill_delay_line(rig, x, line)
     for k in range(inputs.q_ref.shape[0]):
-        noise, F_push = inputs.noise[k], inputs.F_push[k]
-        m = sense_state(
-            plant=rig.plant,
-            sensors=rig.sensors,
-            x=x,
-            line=line,
-            tick=k + DELAY_SLOTS,
-            noise_A=noise[0],
-            noise_B=noise[1],
-            F_push=F_push,
-            safety_trip=0.0,
-        )
+        m = sense_rig(rig, x, line, k, inputs)
         r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
         y, controller = cascade.step(tuning, controller, r, True, m)
         record(out[k], m, y)
-        x = actuate_plant(
-            plant=rig.plant,
-            sensors=rig.sensors,
-            u_max=rig.u_max,
-            x=x,
-            command=MotorCommand(y.u_A, y.u_B),
-            F_push=F_push,
-        )
+        x = actuate_rig(rig, x, y, inputs.F_push[k])
         if is_limit_exceeded(rig.plant, rig.bounds, x):
             return x, controller, k
     return x, controller, -1
@@ -175,18 +186,7 @@ def simulate_feeling(
     fill_delay_line(rig, x, line)
     felt, bias = disturbance_observer.UNKNOWN, math.nan
     for k in range(inputs.q_ref.shape[0]):
-        noise, F_push = inputs.noise[k], inputs.F_push[k]
-        m = sense_state(
-            plant=rig.plant,
-            sensors=rig.sensors,
-            x=x,
-            line=line,
-            tick=k + DELAY_SLOTS,
-            noise_A=noise[0],
-            noise_B=noise[1],
-            F_push=F_push,
-            safety_trip=0.0,
-        )
+        m = sense_rig(rig, x, line, k, inputs)
         felt = disturbance_observer.step_disturbance_observer(observer, felt, m)
         if k == learned_at:
             bias = felt.mean
@@ -195,14 +195,7 @@ def simulate_feeling(
             tuning=tuning, state=controller, r=r, position_loop=True, m=m, tau_ext=felt.tau_ext - bias
         )
         record(out[k], m, y)
-        x = actuate_plant(
-            plant=rig.plant,
-            sensors=rig.sensors,
-            u_max=rig.u_max,
-            x=x,
-            command=MotorCommand(y.u_A, y.u_B),
-            F_push=F_push,
-        )
+        x = actuate_rig(rig, x, y, inputs.F_push[k])
         if is_limit_exceeded(rig.plant, rig.bounds, x):
             return k
     return -1
