@@ -40,7 +40,7 @@ def test_printed_formula_overshoots_as_erratum_E1_says() -> None:
     assert 100.0 * (step_response(gains, K, T, 8000).max() - 1.0) == pytest.approx(100.0 * overshoot, abs=0.5)
 
 
-def test_change_of_gains_does_not_show_in_its_tick() -> None:
+def test_change_of_gains_of_the_outer_loop_does_not_show_in_its_tick() -> None:
     before, after = outer_gains(1.0, 0.342, 0.6), outer_gains(1.0, 0.342, 0.45, b=1.0)
     state = pid.IPState(0.7)
     u_before, _ = pid.step_i_p(before, state, 1.0, 0.3, 0.0)

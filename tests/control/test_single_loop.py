@@ -32,7 +32,7 @@ def test_small_position_step_follows_the_designed_lags() -> None:
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
-def test_moderate_steps_of_both_references_settle_taut(name: str) -> None:
+def test_moderate_steps_of_both_references_settle_taut_in_the_single_loop(name: str) -> None:
     parameters = load_parameters(name)
     q_ref = np.repeat([0.0, 0.4, 0.4, -0.2], 6000)
     S_ref = np.repeat([10.0, 10.0, 13.0, 9.0], 6000)
@@ -45,7 +45,7 @@ def test_moderate_steps_of_both_references_settle_taut(name: str) -> None:
     assert min(trajectory.F_A.min(), trajectory.F_B.min()) > 5.0
 
 
-def test_clipped_voltage_does_not_wind_up() -> None:
+def test_clipped_voltage_does_not_wind_up_the_single_loop() -> None:
     q_ref, S_ref = np.repeat([-1.0, 1.0], [100, 8000]), np.full(8100, 11.0)
     tuning = make_single_loop_tuning(IDEAL, TuningParameters(lam_q=0.3, lam_S=0.3))._replace(
         omega_max=UNGOVERNED, u_max=4.0
@@ -56,7 +56,7 @@ def test_clipped_voltage_does_not_wind_up() -> None:
     assert trajectory.q[-1] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_takes_over_the_voltages_in_force() -> None:
+def test_the_single_loop_takes_over_the_voltages_in_force() -> None:
     tuning = make_single_loop_tuning(IDEAL, TuningParameters())
     m = Measurement(0.1, 12.0, 10.0, 20.0, 20.0, 10.5, 0.0, 0.0)
     state = baselines.take_over_single_loop(tuning, 0.7, 0.4, m)

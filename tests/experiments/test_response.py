@@ -109,7 +109,7 @@ def test_a_loop_that_stays_fast_says_that_its_bandwidth_is_beyond() -> None:
     assert "still above −3 dB at 3 Hz, the highest line" in figures.reasons["bandwidth_q_Hz"]
 
 
-def test_what_was_not_played_to_its_end_is_not_measured() -> None:
+def test_a_response_that_was_not_played_to_its_end_is_not_measured() -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
     early = {name: column[:-10] for name, column in columns_of(program).items()}
     with pytest.raises(NoSamplesError, match="no excitation of one reference alone was played to its end"):

@@ -177,7 +177,7 @@ def mirrored(x: PlantState) -> PlantState:
 
 
 @given(u_A=st.floats(-10.0, 10.0), u_B=st.floats(-10.0, 10.0), tau_ext=st.floats(-2.0, 2.0), z=st.floats(-2e-3, 2e-3))
-def test_swapping_A_and_B_mirrors_the_motion(u_A: float, u_B: float, tau_ext: float, z: float) -> None:
+def test_swapping_A_and_B_mirrors_the_motion_with_friction(u_A: float, u_B: float, tau_ext: float, z: float) -> None:
     plant = STICK.dynamics()
     swapped = Dynamics(plant.joint, plant.motor_B, plant.motor_A, plant.spring_B, plant.spring_A)
     x = PlantState(0.1, 0.5, 5.0, 0.2, 0.0, 4.0, -0.1, 0.0, z, -0.5 * z)

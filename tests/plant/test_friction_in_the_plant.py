@@ -73,7 +73,7 @@ MOVES = (
 
 
 @pytest.mark.parametrize("parameters", [STICK, UNLIKE], ids=["lab-stick", "one side sticks"])
-def test_agrees_with_an_independent_integration(parameters: PlantParameters) -> None:
+def test_plant_with_friction_agrees_with_an_independent_integration(parameters: PlantParameters) -> None:
     """Within 2e-5 rad, 5e-4 rad/s and 1e-6 rad of the bristles, a stiff solver at tight tolerances beside it."""
     plant, x = parameters.dynamics(), PlantState(0.05, 0.0, 3.0, 0.0, 0.0, 3.0, 0.0, 0.0)
     own, slowest = np.array(x), math.inf

@@ -47,7 +47,7 @@ def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return bundle, found
 
 
-def test_it_is_the_same_where_it_is_taken_in(
+def test_an_identification_is_the_same_where_it_is_taken_in(
     played: tuple[Path, Identification], database: Database, tmp_path: Path
 ) -> None:
     bundle, found = played
