@@ -28,8 +28,8 @@ import { sessionQuery } from "./service/queries";
 import { useFreshness } from "./service/references";
 import { useLiveFormulas } from "./service/signals";
 import { useNotifications } from "./service/useNotifications";
+import { keepsCookies } from "./wire/browserStorage";
 import { RequestError } from "./wire/client";
-import { keepsCookies } from "./wire/kept";
 
 const IdentifyPage = lazy(() => import("./pages/identify/IdentifyPage"));
 const BringUpPage = lazy(() => import("./pages/bringUp/BringUpPage"));

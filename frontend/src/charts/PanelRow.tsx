@@ -6,6 +6,8 @@ import { fixed } from "../samples/format";
 import { useDerived } from "../service/signals";
 import {
   type Edited,
+  LEAST_SHARE,
+  MOST,
   neighbour,
   resized,
   withOver,
@@ -13,8 +15,7 @@ import {
   withoutSignal,
   withSignal,
   withTitle,
-} from "../theme/editing";
-import { LEAST_SHARE, MOST } from "../theme/layouts";
+} from "../theme/layouts";
 import { dashOf, paintOf, type Trace, unitOf } from "../theme/signals";
 import type { ChartLayout, ChartPanel } from "../wire/types";
 import chartsStyles from "./Charts.module.css";

@@ -1,8 +1,7 @@
 import { useState } from "react";
+import { statistics } from "../samples/analysis";
 import { dateTime, fixed, short } from "../samples/format";
-import { statistics } from "../samples/statistics";
-import type { Stretch } from "../samples/stretch";
-import { type SampleTable, toCsv } from "../samples/table";
+import { type SampleTable, type Stretch, toCsv } from "../samples/timeSeries";
 import { dashOf, type Panel, type Trace, unitOf } from "../theme/signals";
 import { answered, api, RequestError } from "../wire/client";
 import { type LimitLine, linesOf, type PlacedMark } from "./decorations";

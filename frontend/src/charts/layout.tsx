@@ -7,12 +7,12 @@ import {
   allowedShare,
   type Edited,
   moved,
+  READY,
   renamed,
   withPanel,
   withShare,
   withSignal,
-} from "../theme/editing";
-import { READY } from "../theme/layouts";
+} from "../theme/layouts";
 import { useLayouts } from "../theme/useLayouts";
 import type { ChartLayout } from "../wire/types";
 import { EditedText } from "./EditedText";

@@ -1,7 +1,7 @@
 import { useMemo } from "react";
 import type { Extent } from "../samples/decimate";
 import { fixed } from "../samples/format";
-import type { Stretch } from "../samples/stretch";
+import type { Stretch } from "../samples/timeSeries";
 import { dashOf, type Panel, type Trace } from "../theme/signals";
 import styles from "./Charts.module.css";
 import { Legend } from "./Legend";

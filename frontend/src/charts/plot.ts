@@ -1,7 +1,7 @@
 import uPlot from "uplot";
 import { paintsInSoftware, withMemoryCanvases } from "../drawing/canvas";
 import { clockTime, dayTime, decimalsOf, fixed, MINUS } from "../samples/format";
-import type { Stretch } from "../samples/stretch";
+import type { Stretch } from "../samples/timeSeries";
 import { dashOf, type Panel } from "../theme/signals";
 import type { ChartColours } from "./colours";
 import {

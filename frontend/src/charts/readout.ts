@@ -2,12 +2,11 @@
 
 import { writeAbsent, writeValue } from "../components/values";
 import { fixed } from "../samples/format";
-import type { Stretch } from "../samples/stretch";
+import type { Stretch } from "../samples/timeSeries";
 import type { Panel } from "../theme/signals";
 import { marksNear, type PlacedMark } from "./decorations";
 import type { PlotSource } from "./sources";
-import type { StoredData } from "./storedRuns";
-import { StoredMoments } from "./storedRuns";
+import { type StoredData, StoredMoments } from "./storedRuns";
 import type { Playhead } from "./viewport";
 
 const EVERY_MS = 100;

@@ -1,8 +1,15 @@
 import type { LiveStore } from "../live/store";
-import { type Extent, gridOver, pointCount, writeTimes, writeValues } from "../samples/decimate";
-import { atOrBefore, pointTimes, pointValues } from "../samples/envelope";
-import type { Stretch } from "../samples/stretch";
-import type { SampleTable } from "../samples/table";
+import {
+  atOrBefore,
+  type Extent,
+  gridOver,
+  pointCount,
+  pointTimes,
+  pointValues,
+  writeTimes,
+  writeValues,
+} from "../samples/decimate";
+import type { SampleTable, Stretch } from "../samples/timeSeries";
 import { HUES, type Panel, type Trace } from "../theme/signals";
 import type { Excerpt } from "../wire/curves";
 import { PERIOD_S } from "../wire/sample.gen";

@@ -2,11 +2,9 @@ import { Modal, NativeSelect, Progress, SegmentedControl, useComputedColorScheme
 import { useEffect, useMemo, useRef, useState } from "react";
 import uPlot from "uplot";
 import { SignalName } from "../components/values";
-import { type SignalSpectrum, type Spectra, spectraOf } from "../samples/figures";
+import { type SignalSpectrum, type Spectra, type Spectrum, spectraOf } from "../samples/analysis";
 import { fixed, significant } from "../samples/format";
-import type { Spectrum } from "../samples/spectrum";
-import type { Stretch } from "../samples/stretch";
-import type { SampleTable } from "../samples/table";
+import type { SampleTable, Stretch } from "../samples/timeSeries";
 import { dashOf, type Panel } from "../theme/signals";
 import { PERIOD_S } from "../wire/sample.gen";
 import { readColours } from "./colours";

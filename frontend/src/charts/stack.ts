@@ -1,7 +1,7 @@
 /** Several charts on one time axis, redrawn on the browser's own frames and only when there is something to see. */
 
 import { FramePacer } from "../drawing/pacer";
-import type { Stretch } from "../samples/stretch";
+import type { Stretch } from "../samples/timeSeries";
 import type { Panel } from "../theme/signals";
 import { readColours } from "./colours";
 import { type LimitLine, linesOf, type PlacedMark } from "./decorations";

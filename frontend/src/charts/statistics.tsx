@@ -1,10 +1,9 @@
 import { Progress } from "@mantine/core";
 import { useEffect, useRef, useState } from "react";
 import { Shown, SignalName } from "../components/values";
-import { type Basis, type Figures, figuresOf } from "../samples/figures";
+import { type Basis, type Figures, figuresOf } from "../samples/analysis";
 import { fixed, significant } from "../samples/format";
-import type { Stretch } from "../samples/stretch";
-import type { SampleTable } from "../samples/table";
+import type { SampleTable, Stretch } from "../samples/timeSeries";
 import type { Panel } from "../theme/signals";
 import styles from "./Statistics.module.css";
 import type { StoredData } from "./storedRuns";

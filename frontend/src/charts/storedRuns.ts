@@ -1,6 +1,5 @@
-import type { Basis, Figures, SignalSpectrum, Spectra } from "../samples/figures";
-import type { Statistics } from "../samples/statistics";
-import type { Stretch } from "../samples/stretch";
+import type { Basis, Figures, SignalSpectrum, Spectra, Statistics } from "../samples/analysis";
+import type { Stretch } from "../samples/timeSeries";
 import {
   type RecordedSpectra,
   type RecordedStatistics,

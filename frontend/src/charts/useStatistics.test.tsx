@@ -1,7 +1,7 @@
 import { act, renderHook } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import type { Figures } from "../samples/figures";
-import type { Stretch } from "../samples/stretch";
+import type { Figures } from "../samples/analysis";
+import type { Stretch } from "../samples/timeSeries";
 import type { Waiting } from "../service/signals";
 import { useStatistics } from "./statistics";
 import type { StoredData } from "./storedRuns";

@@ -1,6 +1,6 @@
 import { useHotkeys } from "@mantine/hooks";
 import { type RefObject, useCallback, useMemo, useRef, useState, useSyncExternalStore } from "react";
-import type { Stretch } from "../samples/stretch";
+import type { Stretch } from "../samples/timeSeries";
 import type { Panel } from "../theme/signals";
 
 /** Which stretch of time the charts show: the newest `span_s` seconds, or a stretch held still. Pure. */

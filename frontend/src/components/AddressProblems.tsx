@@ -2,7 +2,7 @@
 
 import { useQuery } from "@tanstack/react-query";
 import { useLive } from "../live/react";
-import { capital } from "../samples/words";
+import { capital } from "../samples/format";
 import { NO_STREAM, wayQuery } from "../service/system";
 import styles from "./AddressProblems.module.css";
 

@@ -3,8 +3,7 @@ import { useMutation, useQuery } from "@tanstack/react-query";
 import { type FormEvent, type ReactNode, useEffect, useRef, useState, useSyncExternalStore } from "react";
 import { TbAlertTriangle, TbDeviceGamepad2, TbHandStop } from "react-icons/tb";
 import { useLive } from "../live/react";
-import { timeOfDay } from "../samples/format";
-import { counted } from "../samples/words";
+import { counted, timeOfDay } from "../samples/format";
 import { useSignOut } from "../service/commands";
 import {
   afterTold,

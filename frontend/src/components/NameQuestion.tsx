@@ -7,7 +7,7 @@ import { useSetName } from "../service/commands";
 import { usePreferences } from "../service/preferences";
 import { sessionQuery } from "../service/queries";
 import { RefusedFields } from "../service/refusals";
-import { keepText, readKept } from "../wire/kept";
+import { keepText, readKept } from "../wire/browserStorage";
 import { TextField } from "./fields";
 import styles from "./NameQuestion.module.css";
 import { Refusal } from "./Refusal";

@@ -9,8 +9,8 @@ import {
   TbSkull,
   TbUrgent,
 } from "react-icons/tb";
+import { heading } from "../samples/format";
 import { inWords } from "../samples/quantity";
-import { heading } from "../samples/words";
 import { entryOf } from "../service/glossary";
 import { useAngles } from "../service/preferences";
 import type { Experiment, Run } from "../wire/types";

@@ -5,9 +5,8 @@ import { TbAlertTriangle, TbCircleX, TbInfoCircle, TbPlayerPlay } from "react-ic
 import { Link } from "wouter";
 import { age_ms, type Health, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
-import { age, clockTime, duration, fixed } from "../samples/format";
+import { age, capital, clockTime, counted, duration, fixed, inWordsOf } from "../samples/format";
 import { inWords } from "../samples/quantity";
-import { capital, counted, inWordsOf } from "../samples/words";
 import { useReset } from "../service/commands";
 import {
   type ControlForm,

@@ -6,10 +6,9 @@
 
 import { TextInput } from "@mantine/core";
 import { type KeyboardEvent, useEffect, useEffectEvent, useRef, useState } from "react";
-import { notANumber, numberIn } from "../samples/number";
+import { notANumber, numberIn } from "../samples/format";
 import { withUnit } from "../samples/quantity";
-import type { Entry } from "../service/glossary";
-import { close } from "../service/glossary";
+import { close, type Entry } from "../service/glossary";
 import { useDescribedBy, useRefusedInput } from "../service/refusals";
 import { help } from "./Shortcuts";
 

@@ -7,9 +7,8 @@ import {
   type TextInputProps,
 } from "@mantine/core";
 import { useRef, useState } from "react";
-import { notANumber } from "../samples/number";
+import { capital, notANumber } from "../samples/format";
 import { boxText, inSI, labelWith, rangeText } from "../samples/quantity";
-import { capital } from "../samples/words";
 import { type Entry, settingEntry } from "../service/glossary";
 import { useAngles } from "../service/preferences";
 import { useDescribedBy, useRefusedInput } from "../service/refusals";

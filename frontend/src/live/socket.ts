@@ -1,8 +1,7 @@
 /** Drives the link machine with a real websocket and feeds the store. */
 
 import { heldKey, noteHolder } from "../wire/control";
-import { decodeFrame } from "../wire/frame";
-import { parseMessage } from "../wire/message";
+import { decodeFrame, parseMessage } from "../wire/liveMessages";
 import { type LinkEvent, step } from "./link";
 import type { LiveStore } from "./store";
 

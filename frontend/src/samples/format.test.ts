@@ -2,134 +2,215 @@ import { describe, expect, it } from "vitest";
 import {
   age,
   bytes,
+  capital,
   clockTime,
+  counted,
   dateTime,
   dayTime,
   digitsApart,
   digitsOver,
   duration,
   fixed,
+  heading,
+  inWordsOf,
   kilohertz,
+  notANumber,
+  numberIn,
   percent,
   short,
   significant,
+  structureInWords,
   timeOfDay,
   withError,
 } from "./format";
 
-describe("numbers", () => {
-  it("have fixed decimals, a true minus and no negative zero", () => {
-    expect(fixed(-1.234, 2)).toBe("−1.23");
-    expect(fixed(-0.001, 2)).toBe("0.00");
-    expect(fixed(12, 1)).toBe("12.0");
+describe("format", () => {
+  describe("numbers", () => {
+    it("have fixed decimals, a true minus and no negative zero", () => {
+      expect(fixed(-1.234, 2)).toBe("−1.23");
+      expect(fixed(-0.001, 2)).toBe("0.00");
+      expect(fixed(12, 1)).toBe("12.0");
+    });
+
+    it("say in words that one is none, and are not asked for what is not there", () => {
+      const numbers = [Number.NaN, Number.POSITIVE_INFINITY];
+      expect(numbers.flatMap((number) => [fixed(number, 2), significant(number, 2)])).toEqual(
+        Array(4).fill("no number"),
+      );
+      // @ts-expect-error what may be absent goes through `Shown`, which asks for the reason
+      expect(fixed(null, 2)).toBe("no number");
+      // @ts-expect-error the same
+      expect(significant(undefined, 2)).toBe("no number");
+    });
+
+    it.each([
+      [99.96, 1, "99.96"],
+      [99.9996, 1, "99.9996"],
+      [99.94, 1, "99.9"],
+      [100, 1, "100.0"],
+      [-3.2, 1, "−3.2"],
+    ])("call nothing less than the whole 100: %d", (value, decimals, text) => {
+      expect(percent(value, decimals)).toBe(text);
+    });
+
+    it("keep significant digits", () => {
+      expect(significant(0.0499987, 4)).toBe("0.05000");
+      expect(significant(-123.456, 4)).toBe("−123.5");
+      expect(significant(4.919e-7, 3)).toBe("4.92·10⁻⁷");
+      expect(significant(0, 3)).toBe("0");
+    });
+
+    it("have as many digits as tell them apart", () => {
+      const told = (values: number[]) => values.map((value) => short(value, digitsApart(values)));
+      expect(told([10.0051, 10.0053, 10.01])).toEqual(["10.0051", "10.0053", "10.01"]);
+      expect(told([0.5, 0.8, 0.8])).toEqual(["0.5", "0.8", "0.8"]);
+      expect(digitsApart([0.1 + 0.2, 0.3])).toBe(17);
+      expect([digitsOver([10, 10.0093]), digitsOver([9, 12]), digitsOver([]), digitsOver([5, 5])]).toEqual([
+        6, 4, 4, 4,
+      ]);
+    });
   });
 
-  it("say in words that one is none, and are not asked for what is not there", () => {
-    const numbers = [Number.NaN, Number.POSITIVE_INFINITY];
-    expect(numbers.flatMap((number) => [fixed(number, 2), significant(number, 2)])).toEqual(
-      Array(4).fill("no number"),
-    );
-    // @ts-expect-error what may be absent goes through `Shown`, which asks for the reason
-    expect(fixed(null, 2)).toBe("no number");
-    // @ts-expect-error the same
-    expect(significant(undefined, 2)).toBe("no number");
+  describe("times", () => {
+    it("read as an age", () => {
+      expect([age(12.3), age(1400), age(125_000)]).toEqual(["12 ms", "1.4 s", "2 min"]);
+    });
+
+    it("read as the length of a run", () => {
+      expect([duration(20.32), duration(59.96), duration(125), duration(3725)]).toEqual([
+        "20.3 s",
+        "60.0 s",
+        "2:05 min",
+        "1:02:05 h",
+      ]);
+    });
+
+    it("label the time axis as finely as its steps", () => {
+      expect(clockTime(75, 5)).toBe("1:15");
+      expect(clockTime(75.25, 0.05)).toBe("1:15.25");
+      expect(clockTime(59.9999, 0.5)).toBe("1:00.0");
+      expect(clockTime(-2.5, 0.5)).toBe("−0:02.5");
+      expect(clockTime(0.012, 0.002)).toBe("0:00.012");
+    });
+
+    it("show a date in the zone of the page, and a dash for none", () => {
+      const local = new Date(2026, 0, 9, 7, 5, 3);
+      expect(dateTime(local.toISOString())).toBe("2026-01-09 07:05:03");
+      expect(dateTime("")).toBe("time not known");
+      expect(timeOfDay(local.toISOString(), new Date(2026, 0, 9, 23, 0))).toBe("07:05");
+      expect(timeOfDay(local.toISOString(), new Date(2026, 0, 10, 1, 0))).toBe("2026-01-09 07:05");
+      expect(timeOfDay("")).toBe("time not known");
+    });
+  });
+
+  it("shows the rate of the loop in kHz", () => {
+    expect(kilohertz(999.6)).toBe("1.000 kHz");
+  });
+
+  describe("bytes", () => {
+    it("count as disks are sold", () => {
+      expect([bytes(1_250_000), bytes(20_000_000_000), bytes(999_949_999), bytes(null)]).toEqual([
+        "1.3 MB",
+        "20.0 GB",
+        "999.9 MB",
+        "size unknown",
+      ]);
+    });
+  });
+
+  describe("the time of day", () => {
+    it("is that of the moment in the person's zone, as finely as the step", () => {
+      const epoch_s = new Date(2026, 2, 1, 14, 5, 9, 250).getTime() / 1000;
+      expect(dayTime(epoch_s, 0.01)).toBe("14:05:09.25");
+      expect(dayTime(epoch_s - 0.25, 5)).toBe("14:05:09");
+      expect(dayTime(epoch_s + 0.7499, 0.1)).toBe("14:05:10.0");
+      expect(dayTime(epoch_s, 0.001)).toBe("14:05:09.250");
+    });
   });
 
   it.each([
-    [99.96, 1, "99.96"],
-    [99.9996, 1, "99.9996"],
-    [99.94, 1, "99.9"],
-    [100, 1, "100.0"],
-    [-3.2, 1, "−3.2"],
-  ])("call nothing less than the whole 100: %d", (value, decimals, text) => {
-    expect(percent(value, decimals)).toBe(text);
-  });
-
-  it("keep significant digits", () => {
-    expect(significant(0.0499987, 4)).toBe("0.05000");
-    expect(significant(-123.456, 4)).toBe("−123.5");
-    expect(significant(4.919e-7, 3)).toBe("4.92·10⁻⁷");
-    expect(significant(0, 3)).toBe("0");
-  });
-
-  it("have as many digits as tell them apart", () => {
-    const told = (values: number[]) => values.map((value) => short(value, digitsApart(values)));
-    expect(told([10.0051, 10.0053, 10.01])).toEqual(["10.0051", "10.0053", "10.01"]);
-    expect(told([0.5, 0.8, 0.8])).toEqual(["0.5", "0.8", "0.8"]);
-    expect(digitsApart([0.1 + 0.2, 0.3])).toBe(17);
-    expect([digitsOver([10, 10.0093]), digitsOver([9, 12]), digitsOver([]), digitsOver([5, 5])]).toEqual([
-      6, 4, 4, 4,
-    ]);
+    [333_412, 70_699, "(3.33 ± 0.71)·10⁵"],
+    [-1577, 2179, "−1600 ± 2200"],
+    [2.31847, 0.00312, "2.3185 ± 0.0031"],
+    [0.342, 0.0996, "0.34 ± 0.10"],
+    [350.2, 4.96, "350.2 ± 5.0"],
+    [3.357e-6, 2.1e-8, "(3.357 ± 0.021)·10⁻⁶"],
+    [0.05, 0.0001, "0.05000 ± 0.00010"],
+    [7, Number.NaN, "7.000"],
+    [7, 0, "7.000"],
+  ])("writes %d with its standard error %d to the place that it tells", (value, error, text) => {
+    expect(withError(value, error)).toBe(text);
   });
 });
 
-describe("times", () => {
-  it("read as an age", () => {
-    expect([age(12.3), age(1400), age(125_000)]).toEqual(["12 ms", "1.4 s", "2 min"]);
+describe("words", () => {
+  it.each([
+    ["first", "First order"],
+    ["third", "Third order"],
+    ["lags4", "Four equal lags"],
+    ["order:4", "Order 4, free poles"],
+    ["lags2+delay", "Two equal lags, dead time"],
+    ["order:1+delay", "Order 1, free poles, dead time"],
+  ])("reads the structure %s as %s", (name, words) => {
+    expect(structureInWords(name)).toBe(words);
   });
 
-  it("read as the length of a run", () => {
-    expect([duration(20.32), duration(59.96), duration(125), duration(3725)]).toEqual([
-      "20.3 s",
-      "60.0 s",
-      "2:05 min",
-      "1:02:05 h",
+  it("says one day and many days", () => {
+    expect([1, 0, 2, 0.5].map((days) => counted(days, "day"))).toEqual([
+      "1 day",
+      "0 days",
+      "2 days",
+      "0.5 days",
     ]);
   });
 
-  it("label the time axis as finely as its steps", () => {
-    expect(clockTime(75, 5)).toBe("1:15");
-    expect(clockTime(75.25, 0.05)).toBe("1:15.25");
-    expect(clockTime(59.9999, 0.5)).toBe("1:00.0");
-    expect(clockTime(-2.5, 0.5)).toBe("−0:02.5");
-    expect(clockTime(0.012, 0.002)).toBe("0:00.012");
-  });
-
-  it("show a date in the zone of the page, and a dash for none", () => {
-    const local = new Date(2026, 0, 9, 7, 5, 3);
-    expect(dateTime(local.toISOString())).toBe("2026-01-09 07:05:03");
-    expect(dateTime("")).toBe("time not known");
-    expect(timeOfDay(local.toISOString(), new Date(2026, 0, 9, 23, 0))).toBe("07:05");
-    expect(timeOfDay(local.toISOString(), new Date(2026, 0, 10, 1, 0))).toBe("2026-01-09 07:05");
-    expect(timeOfDay("")).toBe("time not known");
+  it("reads a name of the service as words, with a capital where it stands alone", () => {
+    expect(inWordsOf("motor_identification")).toBe("motor identification");
+    expect(heading("motor_identification")).toBe("Motor identification");
+    expect(heading("tracking")).toBe("Tracking");
+    expect(capital("smallest λ_q")).toBe("Smallest λ_q");
   });
 });
 
-it("shows the rate of the loop in kHz", () => {
-  expect(kilohertz(999.6)).toBe("1.000 kHz");
-});
-
-describe("bytes", () => {
-  it("count as disks are sold", () => {
-    expect([bytes(1_250_000), bytes(20_000_000_000), bytes(999_949_999), bytes(null)]).toEqual([
-      "1.3 MB",
-      "20.0 GB",
-      "999.9 MB",
-      "size unknown",
-    ]);
+describe("number", () => {
+  it.each([
+    ["5", 5],
+    [" -53.5 ", -53.5],
+    ["−12", -12],
+    ["+.5", 0.5],
+    ["1.", 1],
+    ["1e1", 10],
+    ["2.5E-1", 0.25],
+    ["0,5", 0.5],
+    ["−1,392", -1.392],
+    [",5", 0.5],
+  ])("reads %j as %d", (text, value) => {
+    expect(numberIn(text)).toBe(value);
   });
-});
 
-describe("the time of day", () => {
-  it("is that of the moment in the person's zone, as finely as the step", () => {
-    const epoch_s = new Date(2026, 2, 1, 14, 5, 9, 250).getTime() / 1000;
-    expect(dayTime(epoch_s, 0.01)).toBe("14:05:09.25");
-    expect(dayTime(epoch_s - 0.25, 5)).toBe("14:05:09");
-    expect(dayTime(epoch_s + 0.7499, 0.1)).toBe("14:05:10.0");
-    expect(dayTime(epoch_s, 0.001)).toBe("14:05:09.250");
+  it.each([
+    "",
+    " ",
+    "5-3",
+    "1e",
+    "1,2,3",
+    "1,234.5",
+    "1.234,5",
+    "1 000",
+    "0x10",
+    "1e999",
+    "Infinity",
+    "NaN",
+    "12deg",
+    "--1",
+    ".",
+    ",",
+  ])("does not take %j for a number", (text) => {
+    expect(numberIn(text)).toBeNull();
   });
-});
 
-it.each([
-  [333_412, 70_699, "(3.33 ± 0.71)·10⁵"],
-  [-1577, 2179, "−1600 ± 2200"],
-  [2.31847, 0.00312, "2.3185 ± 0.0031"],
-  [0.342, 0.0996, "0.34 ± 0.10"],
-  [350.2, 4.96, "350.2 ± 5.0"],
-  [3.357e-6, 2.1e-8, "(3.357 ± 0.021)·10⁻⁶"],
-  [0.05, 0.0001, "0.05000 ± 0.00010"],
-  [7, Number.NaN, "7.000"],
-  [7, 0, "7.000"],
-])("writes %d with its standard error %d to the place that it tells", (value, error, text) => {
-  expect(withError(value, error)).toBe(text);
+  it("says what was not taken", () => {
+    expect(notANumber(" 5-3 ")).toBe("“5-3” is not a number");
+    expect(notANumber(" ")).toBe("needs a number");
+  });
 });

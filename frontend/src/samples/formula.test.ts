@@ -1,5 +1,5 @@
 import { afterEach, expect, it } from "vitest";
-import type { Frame } from "../wire/frame";
+import type { Frame } from "../wire/liveMessages";
 import { type DerivedSignal, derivedSignal, type Step, setDerived, valuesOf } from "./formula";
 import cases from "./formulaCases.fixture.json";
 import { SampleWindow } from "./window";

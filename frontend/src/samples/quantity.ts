@@ -4,8 +4,7 @@
  * (N·m/rad, rad/(V·s)) stay as the paper has them. The service has the same rules in `backend/units.py`. Pure.
  */
 
-import { fixed, MINUS, short } from "./format";
-import { numberIn } from "./number";
+import { fixed, MINUS, numberIn, short } from "./format";
 
 export type Angles = "deg" | "rad";
 

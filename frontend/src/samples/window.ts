@@ -5,7 +5,7 @@
  * samples each block of 16 ticks keeps its minimum and maximum, which makes drawing a long stretch cheap.
  */
 
-import type { Frame } from "../wire/frame";
+import type { Frame } from "../wire/liveMessages";
 import { COMBINED } from "../wire/sample.gen";
 import { type DerivedSignal, valuesOf } from "./formula";
 

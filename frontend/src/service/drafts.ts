@@ -1,7 +1,7 @@
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useMemo, useReducer, useRef, useState, useSyncExternalStore } from "react";
 import { BASE } from "../wire/address";
-import { keepText, keptNames, readKept } from "../wire/kept";
+import { keepText, keptNames, readKept } from "../wire/browserStorage";
 import { sessionQuery } from "./queries";
 
 /** A value that a person changes while the service may change it too. Pure. */

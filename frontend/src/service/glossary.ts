@@ -1,6 +1,6 @@
 import { useSyncExternalStore } from "react";
+import { capital } from "../samples/format";
 import { type Angles, rangeWithUnit, told } from "../samples/quantity";
-import { capital } from "../samples/words";
 import { type Entry, GLOSSARY } from "../wire/glossary.gen";
 import { COMBINED } from "../wire/sample.gen";
 import type { Metric, Setting } from "../wire/types";

@@ -1,6 +1,6 @@
 import { infiniteQueryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
+import { heading, inWordsOf } from "../samples/format";
 import { type Angles, inWords } from "../samples/quantity";
-import { heading, inWordsOf } from "../samples/words";
 import { answered, api } from "../wire/client";
 import { PERIOD_S } from "../wire/sample.gen";
 import type { Fault, Flight, LogEntry, Run, State, Task } from "../wire/types";

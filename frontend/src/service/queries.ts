@@ -1,7 +1,7 @@
 /** Everything that is read from the service by asking, with one key per thing. */
 
 import { queryOptions, skipToken } from "@tanstack/react-query";
-import type { Stretch } from "../samples/stretch";
+import type { Stretch } from "../samples/timeSeries";
 import { answered, api } from "../wire/client";
 import { decodeCurves } from "../wire/curves";
 import type { IdentificationRequest, Tuning } from "../wire/types";

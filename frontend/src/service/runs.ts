@@ -1,6 +1,6 @@
 import { queryOptions, useMutation } from "@tanstack/react-query";
 import { paintsInSoftware } from "../drawing/canvas";
-import type { Stretch } from "../samples/stretch";
+import type { Stretch } from "../samples/timeSeries";
 import type { operations } from "../wire/api.gen";
 import { answered, api } from "../wire/client";
 import { excerptOf } from "../wire/curves";

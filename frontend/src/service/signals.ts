@@ -3,10 +3,9 @@ import { useEffect } from "react";
 import { useLiveStore } from "../live/react";
 import { fixed } from "../samples/format";
 import { type DerivedSignal, setDerived } from "../samples/formula";
-import type { Stretch } from "../samples/stretch";
+import type { Stretch } from "../samples/timeSeries";
 import type { components } from "../wire/api.gen";
-import { answered, api } from "../wire/client";
-import { resultIn } from "../wire/lines";
+import { answered, api, resultIn } from "../wire/client";
 import type { Formula, FormulaText, Trigger, TriggerOrder } from "../wire/types";
 import { flightsQuery } from "./system";
 

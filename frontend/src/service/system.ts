@@ -1,7 +1,7 @@
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
 import { BASE } from "../wire/address";
 import { answered, api, RequestError } from "../wire/client";
-import { fromCsv } from "../wire/csv";
+import { fromCsv } from "../wire/curves";
 import type { BringUp, BringUpStep, Fault, Flight, Injection } from "../wire/types";
 
 /** Machine, database, safety: what the System and Developer pages read and do. */

@@ -1,18 +1,25 @@
 import { describe, expect, it } from "vitest";
 import type { ChartLayout } from "../wire/types";
 import {
+  MOST,
   moved,
   neighbour,
+  PANELS,
+  panelOf,
+  panelsOf,
+  READY,
+  readIn,
   renamed,
   resized,
+  STANDARD,
+  titleFor,
   withOver,
   withoutPanel,
   withoutSignal,
   withPanel,
   withSignal,
   withTitle,
-} from "./editing";
-import { MOST, PANELS, panelOf, panelsOf, READY, readIn, STANDARD, titleFor } from "./layouts";
+} from "./layouts";
 import { DRAWN, scaleOf, signalOf, traceFor, unitOf } from "./signals";
 
 const MINE: ChartLayout = {

@@ -1,9 +1,11 @@
-/** The layouts of the charts that a person may choose, and their own ones; each change is kept at once. */
+/** Hooks for the layouts of the charts: the one in use, its panels, and changes, which are stored at once. */
 
-import { usePreferences } from "../service/preferences";
+import { useMemo } from "react";
+import { useAngles, usePreferences } from "../service/preferences";
+import { useDerived } from "../service/signals";
 import type { ChartLayout, Preferences } from "../wire/types";
-import type { Edited } from "./editing";
-import { MOST, panelsOf, READY, STANDARD, unused } from "./layouts";
+import { type Edited, MOST, panelsOf, READY, readIn, STANDARD, unused } from "./layouts";
+import { type Panel, signalOf } from "./signals";
 
 interface Layouts {
   readonly used: ChartLayout;
@@ -62,4 +64,31 @@ function edited(before: Preferences, how: (used: ChartLayout) => Edited): Partia
     return `${MOST.layouts} own layouts are kept at most; remove one first.`;
   const name = unused(to.name === used.name ? `My ${used.name}` : to.name, others);
   return { layout: name, layouts: [...layouts, { ...to, name }] };
+}
+
+/** The charts of the layout in use, in the colours and the units of the signed-in person; live, of a recording, compared. */
+
+export function usePanels(): readonly Panel[] {
+  return useDrawn(useLayouts().used);
+}
+
+/** The charts that every record has the signals of. */
+export function useStandardPanels(): readonly Panel[] {
+  return useDrawn(STANDARD);
+}
+
+function useDrawn(layout: typeof STANDARD): readonly Panel[] {
+  const { colours } = usePreferences().preferences;
+  const angles = useAngles();
+  const derived = useDerived();
+  // biome-ignore lint/correctness/useExhaustiveDependencies: which signals there are decides which are drawn
+  return useMemo(
+    () => panelsOf(layout).map((panel) => readIn(inColours(panel, colours), angles)),
+    [layout, colours, angles, derived],
+  );
+}
+
+function inColours(panel: Panel, colours: Readonly<Record<string, string>>): Panel {
+  const traces = panel.traces.map((trace) => ({ ...trace, hue: colours[signalOf(trace.name)] ?? trace.hue }));
+  return { ...panel, traces };
 }

@@ -9,7 +9,7 @@
  */
 
 import { addressOf, pathOf } from "./address";
-import { keepText, readKept } from "./kept";
+import { keepText, readKept } from "./browserStorage";
 
 const HEADER = "Sinew-Control";
 const LEFT_AS = "sinew-control";

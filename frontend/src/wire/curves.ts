@@ -1,4 +1,7 @@
-/** Curves of a recording as the service packs them: a header, then one or two float32 columns per signal asked for. */
+/**
+ * Decodes samples that the service sends: CSV, and binary curves (a header, then one or two float32 columns per signal).
+ * Pure.
+ */
 
 import type { components } from "./api.gen";
 import { CURVES_HEADER_BYTES as HEADER_BYTES } from "./sample.gen";
@@ -62,4 +65,20 @@ export function excerptOf({ raw, width_s, t, signals }: components["schemas"]["S
     { minimum: floats(minimum), maximum: floats(maximum) },
   ]);
   return { raw, width_s, t: Float64Array.from(t), signals: Object.fromEntries(curves) };
+}
+
+/** Samples of an exported file. Pure. */
+
+/** By column; comments of the file are passed over. */
+export type Columns = Readonly<Record<string, Float64Array>>;
+
+export function fromCsv(text: string): Columns {
+  const lines = text.split("\n").filter((line) => line !== "" && !line.startsWith("#"));
+  const names = (lines[0] ?? "").split(",");
+  const columns = names.map(() => new Float64Array(Math.max(0, lines.length - 1)));
+  for (let row = 1; row < lines.length; row += 1) {
+    const cells = (lines[row] as string).split(",");
+    for (const [place, column] of columns.entries()) column[row - 1] = Number(cells[place]);
+  }
+  return Object.fromEntries(names.map((name, place) => [name, columns[place] as Float64Array]));
 }

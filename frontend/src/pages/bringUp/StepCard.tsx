@@ -18,7 +18,7 @@ import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
 import { LocalizedText, Shown, SignalName } from "../../components/values";
 import { useLive, useLiveStore, useNow, useSampleAge } from "../../live/react";
-import { age, dateTime, duration, fixed, NOT_MEASURED, significant } from "../../samples/format";
+import { age, capital, dateTime, duration, fixed, NOT_MEASURED, significant } from "../../samples/format";
 import {
   type Angles,
   angleText,
@@ -29,7 +29,6 @@ import {
   withUnit,
 } from "../../samples/quantity";
 import type { SampleWindow } from "../../samples/window";
-import { capital } from "../../samples/words";
 import { isPlainRecord, useDraft } from "../../service/drafts";
 import { useAngles } from "../../service/preferences";
 import { RefusedFields } from "../../service/refusals";

@@ -9,7 +9,7 @@ import { Outcome, RunState } from "../../components/RunState";
 import { LocalizedText } from "../../components/values";
 import { duration } from "../../samples/format";
 import type { useDryRun } from "../../service/experiments";
-import { useStandardPanels } from "../../theme/usePanels";
+import { useStandardPanels } from "../../theme/useLayouts";
 import { excerptOf } from "../../wire/curves";
 import type { DryRun, ExperimentKind } from "../../wire/types";
 import pageStyles from "../Page.module.css";

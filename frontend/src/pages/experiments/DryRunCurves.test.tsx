@@ -12,7 +12,7 @@ vi.mock("../../charts/Charts", () => ({
     >{`${control.view.span_s} s to ${control.view.end_s} s`}</button>
   ),
 }));
-vi.mock("../../theme/usePanels", () => ({ useStandardPanels: () => [] }));
+vi.mock("../../theme/useLayouts", () => ({ useStandardPanels: () => [] }));
 vi.mock("../../wire/curves", () => ({ excerptOf: () => ({ from_s: 0, t: [], columns: {} }) }));
 vi.mock("../../charts/sources", () => ({
   RecordedSource: class {

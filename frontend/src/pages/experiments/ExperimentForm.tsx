@@ -7,9 +7,8 @@ import { ChoiceField, SettingField, type SettingValue } from "../../components/f
 import { MotorMargins } from "../../components/MotorMargins";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
-import { notANumber } from "../../samples/number";
+import { capital, counted, notANumber } from "../../samples/format";
 import { type Angles, boxText, offered, told } from "../../samples/quantity";
-import { capital, counted } from "../../samples/words";
 import { useQueueCommand, useStartExperiment } from "../../service/commands";
 import { useMayCommand, useNoControl } from "../../service/control";
 import { isPlainRecord, useDraft } from "../../service/drafts";

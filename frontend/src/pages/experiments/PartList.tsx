@@ -1,9 +1,8 @@
 import { ActionIcon, Button, NativeSelect } from "@mantine/core";
 import type { DragEvent } from "react";
 import { TbArrowDown, TbArrowUp, TbCopy, TbGripVertical, TbPlus, TbRepeat, TbX } from "react-icons/tb";
-import { short } from "../../samples/format";
+import { counted, short } from "../../samples/format";
 import { type Angles, told } from "../../samples/quantity";
-import { counted } from "../../samples/words";
 import { useAngles } from "../../service/preferences";
 import { useRefusedInput, useRefusedWithin } from "../../service/refusals";
 import type { PartPlayed } from "../../wire/types";

@@ -10,8 +10,7 @@ import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
 import { Shown } from "../../components/values";
 import { useLive, useLiveStore } from "../../live/react";
-import { duration, fixed, significant } from "../../samples/format";
-import { notANumber, numberIn } from "../../samples/number";
+import { duration, fixed, notANumber, numberIn, significant } from "../../samples/format";
 import {
   type Angles,
   angleText,

@@ -7,7 +7,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/StatusStrip";
 import { useLive } from "../../live/react";
-import { counted } from "../../samples/words";
+import { counted } from "../../samples/format";
 import { useSetMode } from "../../service/commands";
 import { useNoControl } from "../../service/control";
 import { usePauseOrder } from "../../service/experiments";

@@ -9,8 +9,7 @@ import { Refusal } from "../../components/Refusal";
 import { UndoTuning } from "../../components/UndoTuning";
 import { Shown, SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
-import { fixed } from "../../samples/format";
-import { notANumber } from "../../samples/number";
+import { fixed, notANumber } from "../../samples/format";
 import { type Angles, told } from "../../samples/quantity";
 import {
   useEndTrial,

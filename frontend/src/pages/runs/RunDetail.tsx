@@ -11,9 +11,17 @@ import { Explained } from "../../components/Explained";
 import { Refusal } from "../../components/Refusal";
 import { Outcome, RunState, unevaluated, Verdict } from "../../components/RunState";
 import { LocalizedText, Shown, Unit } from "../../components/values";
-import { dateTime, duration, fixed, measured, settingValue, short } from "../../samples/format";
+import {
+  capital,
+  dateTime,
+  duration,
+  fixed,
+  heading,
+  measured,
+  settingValue,
+  short,
+} from "../../samples/format";
 import { angleText, labelWith, readingOf, told, withUnit } from "../../samples/quantity";
-import { capital, heading } from "../../samples/words";
 import { useEvaluate, useSetNote, useTag } from "../../service/commands";
 import { useMayCommand } from "../../service/control";
 import { isText, useDraft } from "../../service/drafts";

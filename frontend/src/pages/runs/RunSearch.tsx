@@ -4,7 +4,7 @@ import { useId, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
-import { inWordsOf } from "../../samples/words";
+import { inWordsOf } from "../../samples/format";
 import { useForgetSearch, useSaveSearch } from "../../service/commands";
 import { savedSearchesQuery, searchWordsQuery } from "../../service/queries";
 import pageStyles from "../Page.module.css";

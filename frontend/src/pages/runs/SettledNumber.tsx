@@ -3,7 +3,7 @@
 import { TextInput } from "@mantine/core";
 import { useDebouncedCallback } from "@mantine/hooks";
 import { useState } from "react";
-import { notANumber } from "../../samples/number";
+import { notANumber } from "../../samples/format";
 import { boxText, inSI, labelWith, readingOf } from "../../samples/quantity";
 import { useAngles } from "../../service/preferences";
 

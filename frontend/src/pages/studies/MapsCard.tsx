@@ -1,9 +1,8 @@
 import { NativeSelect } from "@mantine/core";
 import { useState } from "react";
 import { Card } from "../../components/Card";
-import { digitsApart, digitsOver, fixed, settingValue, short } from "../../samples/format";
+import { counted, digitsApart, digitsOver, fixed, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
-import { counted } from "../../samples/words";
 import { useAngles } from "../../service/preferences";
 import type { MapPick } from "../../service/studies";
 import type { StudyDetail, StudyMap } from "../../wire/types";

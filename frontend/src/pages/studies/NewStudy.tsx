@@ -6,7 +6,7 @@ import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { DraftMark, useReplaceDraft } from "../../components/DraftMark";
 import { Refusal } from "../../components/Refusal";
-import { counted } from "../../samples/words";
+import { counted } from "../../samples/format";
 import { isText, useDraft } from "../../service/drafts";
 import { checkedStudyQuery, useBeginStudy } from "../../service/studies";
 import type { CheckedStudy } from "../../wire/types";

@@ -1,3 +1,11 @@
+/** Time ranges and tables of samples, as they are computed with and exported. Pure. */
+
+/** A piece of the time axis [s]. */
+export interface Stretch {
+  readonly from_s: number;
+  readonly to_s: number;
+}
+
 /** Samples of several signals over one stretch, as they are computed with and exported. Pure. */
 
 export interface Column {

@@ -1,5 +1,5 @@
 import { expect, test, vi } from "vitest";
-import { keepsCookies, keepText, readKept } from "./kept";
+import { keepsCookies, keepText, readKept } from "./browserStorage";
 
 test("a text is kept and forgotten", () => {
   keepText("sessionStorage", "name", "text");

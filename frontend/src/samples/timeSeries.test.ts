@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { toCsv } from "./table";
+import { toCsv } from "./timeSeries";
 
 const t = Float64Array.from([0.1, 0.101]);
 const unitOf = () => "rad";
