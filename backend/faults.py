@@ -1,6 +1,6 @@
 """Faults stop the actuator and stay latched; limits clip a command and pass. Few, named, each with a remedy.
 
-``docs/faults.md`` carries cause, reaction and remedy of each; a test holds the two together.
+``docs/reference/faults.md`` carries cause, reaction and remedy of each; a test holds the two together.
 """
 
 from enum import IntFlag, StrEnum

@@ -85,8 +85,8 @@ FIELDS: tuple[Field, ...] = (
     Field("lam_q", "λ_q", "s", "tuning parameter of the position loop in use"),
     Field("lam_S", "λ_S", "s", "tuning parameter of the stiffness loop in use"),
     Field("bank_entry", "entry", "1", "active entry of the controller bank, fractional while interpolating"),
-    Field("limits", "limits", "1", "limits that acted in this tick, a bit each; docs/faults.md lists them"),
-    Field("fault", "fault", "1", "number of the latched fault in the list of docs/faults.md, 0 for none"),
+    Field("limits", "limits", "1", "limits that acted in this tick, a bit each; docs/reference/faults.md lists them"),
+    Field("fault", "fault", "1", "number of the latched fault in the list of docs/reference/faults.md, 0 for none"),
     Field("lateness_s", "late", "s", "how late the tick began against its deadline"),
     Field("overruns", "overruns", "1", "deadlines missed since the loop started"),
 )

@@ -1,7 +1,7 @@
 """How a rig is wired to its card: channels, directions and calibrations from a TOML file, checked line by line.
 
 Each number carries its value, unit and source, as in a parameter file; names of channels and lines are plain text.
-``docs/rig.md`` has the table. Everything that is wrong is found at once, each with its line and what to do.
+``docs/how-to/rig.md`` has the table. Everything that is wrong is found at once, each with its line and what to do.
 """
 
 import math

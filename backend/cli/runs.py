@@ -122,7 +122,7 @@ def list_runs(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """List runs, newest first: all, or those that fit a search (docs/search.md)."""
+    """List runs, newest first: all, or those that fit a search (docs/reference/search.md)."""
     from backend.services import RunLibrary, RunQuery
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:

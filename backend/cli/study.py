@@ -27,7 +27,7 @@ Number = Annotated[int, typer.Argument(metavar="NUMBER", help="Number of a study
 
 @app.command()
 def run(
-    file: Annotated[Path | None, typer.Argument(help="File of a study, YAML or JSON (docs/studies.md).")] = None,
+    file: Annotated[Path | None, typer.Argument(help="File of a study, YAML or JSON (docs/how-to/studies.md).")] = None,
     resume: Annotated[int | None, typer.Option("--resume", metavar="NUMBER", help="Go on with this study.")] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=0, max=1024, help="Processes; 0 for one on each core.")] = 0,
     again: Annotated[bool, typer.Option("--again", help="With --resume: anew what failed or was lost.")] = False,

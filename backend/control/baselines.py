@@ -34,7 +34,7 @@ from plant import (
 # 2007); De Luca, Flacco, Bicchi, Schiavi, "Nonlinear decoupled motion-stiffness control and
 # collision detection/reaction for the VSA-II variable stiffness device" (IROS 2009). Static: q has
 # relative degree 4 and S has 2, together the six states of the model, so the law needs no states of
-# its own but the integrals; the dynamic extension filters S twice more (docs/errata.md, E9). The
+# its own but the integrals; the dynamic extension filters S twice more (docs/explanation/errata.md, E9). The
 # motors' accelerations appear in the fourth derivative of q and in the second of S (the torques'
 # lag of 2 ms left out); the law solves for those that make q'''' = v_q, S'' = v_S and lets
 #

@@ -157,7 +157,8 @@ FORMAT = 1
 SEAL = "facts_sha256"
 NOTATION = (
     "SI units, angles in rad. t counts from the first sample. _ref: a reference, _gov: after governor or plan, "
-    "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. Equations: docs/notation.md."
+    "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
+    "Equations: docs/reference/notation.md."
 )
 
 Batch = dict[str, NDArray[Any]]

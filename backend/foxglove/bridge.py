@@ -219,7 +219,7 @@ LOG_TOPIC = "/log"
 NOTATION = (
     "SI units, angles in rad. t counts from the start of the loop. _ref: a reference, _gov: after governor or plan, "
     "_dot: a derivative, A and B: the two motors with their tendons, lam: lambda. "
-    "Equations: docs/notation.md."
+    "Equations: docs/reference/notation.md."
 )
 BACKLOG = 4096
 """Messages that wait for a client before the oldest is dropped: four seconds."""

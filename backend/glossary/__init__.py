@@ -1,9 +1,9 @@
 """One glossary: every symbol, parameter, figure, verdict, fault and limit with its meaning, equation and source.
 
-Nothing is defined here that has its words elsewhere: signals and quantities come from ``docs/notation.md``, faults and
-limits from ``docs/faults.md`` and ``backend/faults.py``, figures from their declarations beside what computes them,
-what the loop's timing says from the message that carries it. Words that stood nowhere, of verdicts and modes, are in
-``verdicts.py``. The page gets all of it as ``glossary.gen.ts``.
+Nothing is defined here that has its words elsewhere: signals and quantities come from ``docs/reference/notation.md``,
+faults and limits from ``docs/reference/faults.md`` and ``backend/faults.py``, figures from their declarations beside
+what computes them, what the loop's timing says from the message that carries it. Words that stood nowhere, of
+verdicts and modes, are in ``verdicts.py``. The page gets all of it as ``glossary.gen.ts``.
 """
 
 import lazy_loader

@@ -69,8 +69,9 @@ class GlossaryTerm:
     """One word.
 
     ``name`` is its spelling in the code, unique within its kind; ``term`` what a person reads: a symbol, or words.
-    ``unit`` is SI, "" where it has none or needs none. ``equation`` is plain text in the spelling of docs/notation.md,
-    ``source`` where it stands; "" where there is none. ``more`` tells further: heading and text.
+    ``unit`` is SI, "" where it has none or needs none. ``equation`` is plain text in the spelling of
+    docs/reference/notation.md, ``source`` where it stands; "" where there is none. ``more`` tells further: heading
+    and text.
     """
 
     kind: TermKind
@@ -217,7 +218,7 @@ def _figure_entry(name: str, label: str, unit: str, meanings: dict[str, list[str
     )  # what most of them mean comes first
     more = tuple((", ".join(dict.fromkeys(of)), definition) for definition, of in others)
     shown = "" if unit == "1" else unit
-    source = "docs/experiments.md"
+    source = "docs/how-to/experiments.md"
     return GlossaryTerm(
         kind=TermKind.FIGURE,
         name=name,
@@ -272,7 +273,7 @@ _SECTIONS = (
     ("Control", TermKind.QUANTITY),
     ("Identification", TermKind.QUANTITY),
 )
-_ONE_SOURCE = r"\(\d+\)|table \d|decision \d+|docs/[\w-]+\.md"
+_ONE_SOURCE = r"\(\d+\)|table \d|decision \d+|docs/[\w/-]+\.md"
 _SOURCE = re.compile(rf"^((?:{_ONE_SOURCE})(?:, (?:{_ONE_SOURCE}))*)(?:: (.*))?$")
 _PARTS = ("Cause", "Reaction", "Within", "Remedy")
 
@@ -282,26 +283,27 @@ class GlossaryError(SinewError, ValueError):
 
 
 def notation(page: str | None = None) -> list[GlossaryTerm]:
-    """Return the entries of docs/notation.md. Raises GlossaryError."""
-    text = _read("notation.md") if page is None else page
+    """Return the entries of docs/reference/notation.md. Raises GlossaryError."""
+    text = _read("reference/notation.md") if page is None else page
     return [entry for heading, kind in _SECTIONS for row in _rows(text, heading) for entry in _of_row(kind, row)]
 
 
 def faults(page: str | None = None) -> list[GlossaryTerm]:
-    """Return the faults with cause, reaction, time and remedy of docs/faults.md. Raises GlossaryError."""
-    text = _read("faults.md") if page is None else page
+    """Return the faults with cause, reaction, time and remedy of docs/reference/faults.md. Raises GlossaryError."""
+    text = _read("reference/faults.md") if page is None else page
     sections = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##|\Z)", text, re.MULTILINE | re.DOTALL))
     return [_fault(fault, sections.get(fault.value, "")) for fault in Fault if fault is not Fault.NONE]
 
 
 def limits(page: str | None = None) -> list[GlossaryTerm]:
-    """Return the limits of docs/faults.md. Raises GlossaryError."""
-    held = {row[0].strip("`"): row[2] for row in _rows(_read("faults.md") if page is None else page, "Limits")}
+    """Return the limits of docs/reference/faults.md. Raises GlossaryError."""
+    text = _read("reference/faults.md") if page is None else page
+    held = {row[0].strip("`"): row[2] for row in _rows(text, "Limits")}
     missing = [str(limit.name) for limit in Limit if limit.name not in held]
     if missing:
-        raise GlossaryError(f"docs/faults.md does not explain the limits {', '.join(missing)}")
+        raise GlossaryError(f"docs/reference/faults.md does not explain the limits {', '.join(missing)}")
     return [
-        GlossaryTerm(TermKind.LIMIT, name, _in_words(name), held[name], source="docs/faults.md")
+        GlossaryTerm(TermKind.LIMIT, name, _in_words(name), held[name], source="docs/reference/faults.md")
         for name in (str(limit.name) for limit in Limit)
     ]
 
@@ -311,11 +313,11 @@ def _of_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
     symbol, code, unit, meaning, equation = row
     names = re.findall(r"`([\w.]+)`", code)
     if not names or not meaning:
-        raise GlossaryError(f"docs/notation.md: {symbol or code!r} needs a code name and a meaning")
+        raise GlossaryError(f"docs/reference/notation.md: {symbol or code!r} needs a code name and a meaning")
     symbols = symbol.split(", ") if len(names) > 1 else [symbol]
     units = unit.split(", ") if len(names) > 1 else [unit]
     found = _SOURCE.match(equation)
-    source, equation = (_cited(found[1]), found[2] or "") if found else ("docs/notation.md", equation)
+    source, equation = (_cited(found[1]), found[2] or "") if found else ("docs/reference/notation.md", equation)
     return [
         GlossaryTerm(
             kind=kind,
@@ -344,10 +346,10 @@ def _fault(fault: Fault, section: str) -> GlossaryTerm:
     parts = {part: re.search(rf"^- {part}: (.+)$", section, re.MULTILINE) for part in _PARTS}
     more = tuple((part, _plain_page(found[1])) for part, found in parts.items() if found)
     if len(more) != len(_PARTS):
-        raise GlossaryError(f"docs/faults.md: {fault.value} needs {', '.join(_PARTS)}")
+        raise GlossaryError(f"docs/reference/faults.md: {fault.value} needs {', '.join(_PARTS)}")
     name = fault.value
     return GlossaryTerm(
-        TermKind.FAULT, name, _in_words(name), EXPLAINED[fault].message, source="docs/faults.md", more=more
+        TermKind.FAULT, name, _in_words(name), EXPLAINED[fault].message, source="docs/reference/faults.md", more=more
     )
 
 
@@ -508,7 +510,7 @@ def verdicts() -> list[GlossaryTerm]:
     """Return what is said of verdicts and states, in the order of their enumerations."""
     return [
         *(
-            GlossaryTerm(TermKind.OUTCOME, one.value, one.value, words, source="docs/experiments.md")
+            GlossaryTerm(TermKind.OUTCOME, one.value, one.value, words, source="docs/how-to/experiments.md")
             for one, words in OUTCOMES.items()
         ),
         *(
@@ -516,14 +518,21 @@ def verdicts() -> list[GlossaryTerm]:
             for name, (term, words, held) in CRITERIA.items()
         ),
         *(
-            GlossaryTerm(TermKind.GRADE, one.value, one.value, words, source="docs/identification.md", more=_rule(held))
+            GlossaryTerm(
+                TermKind.GRADE,
+                one.value,
+                one.value,
+                words,
+                source="docs/explanation/identification.md",
+                more=_rule(held),
+            )
             for one, (words, held) in GRADES.items()
         ),
-        *_plain_verdict(TermKind.END, ENDS.items(), "docs/notebook.md"),
+        *_plain_verdict(TermKind.END, ENDS.items(), "docs/how-to/notebook.md"),
         *_plain_verdict(TermKind.MODE, MODES.items(), ""),
         *_plain_verdict(TermKind.CAUSE, CAUSES.items(), ""),
-        *(GlossaryTerm(TermKind.CHAIN, name, *CHAIN[name], source="docs/faults.md") for name in links()),
-        *_plain_verdict(TermKind.STEP, STEPS.items(), "docs/rig.md"),
+        *(GlossaryTerm(TermKind.CHAIN, name, *CHAIN[name], source="docs/reference/faults.md") for name in links()),
+        *_plain_verdict(TermKind.STEP, STEPS.items(), "docs/how-to/rig.md"),
         *_plain_verdict(TermKind.SETUP, SETUP.items(), ""),
     ]
 

@@ -243,7 +243,7 @@ MapPick = Annotated[
 
 
 class StudyText(Schema):
-    """A study as YAML or JSON, see docs/studies.md."""
+    """A study as YAML or JSON, see docs/how-to/studies.md."""
 
     text: str = Field(min_length=1, max_length=MAX_CHARACTERS)
 

@@ -1,4 +1,4 @@
-"""What a stop, a change of mode and a change of control end, as the table in docs/faults.md says."""
+"""What a stop, a change of mode and a change of control end, as the table in docs/reference/faults.md says."""
 
 import json
 import re

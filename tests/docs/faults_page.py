@@ -1,11 +1,11 @@
-"""docs/faults.md, read by machine."""
+"""docs/reference/faults.md, read by machine."""
 
 import re
 from pathlib import Path
 
 from backend.faults import Fault
 
-PAGE = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##)", PAGE, re.MULTILINE | re.DOTALL))
 
 

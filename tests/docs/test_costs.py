@@ -1,4 +1,4 @@
-"""Every route of the interface says what it may cost, and docs/security.md lists those that compute."""
+"""Every route of the interface says what it may cost, and docs/reference/security.md lists those that compute."""
 
 from collections.abc import Iterator
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Computes every figure of docs/errata.md from the numbers of the paper, with numpy, SciPy and python-control only."""
+"""Computes every figure of docs/explanation/errata.md from the paper, with numpy, SciPy and python-control only."""
 
 import re
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-PAGE = (Path(__file__).parents[2] / "docs" / "errata.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "explanation" / "errata.md").read_text(encoding="utf-8")
 
 r_m, r_j = 7.5e-3, 75e-3
 k_0, k_1, k_2 = -2.498, 331.49, 8543.8
@@ -30,7 +30,7 @@ s = control.tf("s")
 def section(name: str) -> str:
     """One erratum with its line breaks taken out."""
     found = re.search(rf"^## {name} .*?(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)
-    assert found, f"docs/errata.md has no section {name}"
+    assert found, f"docs/explanation/errata.md has no section {name}"
     return " ".join(found.group().split())
 
 

@@ -1,4 +1,4 @@
-"""docs/faults.md names every fault and limit, with the words the screen shows."""
+"""docs/reference/faults.md names every fault and limit, with the words the screen shows."""
 
 import re
 

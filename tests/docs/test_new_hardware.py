@@ -1,4 +1,4 @@
-"""docs/new-hardware.md names what there is: parts of a Plant, columns, modules, commands, code of the example."""
+"""docs/how-to/new-hardware.md names existing parts of a Plant, columns, modules, commands, code of the example."""
 
 import importlib
 import re
@@ -17,7 +17,7 @@ from plant.simulator import Simulator
 from tests.plant import example
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs" / "new-hardware.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "docs" / "how-to" / "new-hardware.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
 PROSE = re.sub(r"^```.*?^```$", "", TEXT, flags=re.MULTILINE | re.DOTALL)
 

@@ -1,4 +1,4 @@
-"""docs/notation.md says what the code says: the same names, symbols, units and meanings."""
+"""docs/reference/notation.md says what the code says: the same names, symbols, units and meanings."""
 
 import re
 from dataclasses import fields
@@ -9,7 +9,7 @@ from backend.sample import FIELDS
 from plant.interface import T_s
 from plant.parameters import SECTIONS
 
-PAGE = (Path(__file__).parents[2] / "docs" / "notation.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "notation.md").read_text(encoding="utf-8")
 
 
 def rows(heading: str) -> list[list[str]]:
@@ -52,4 +52,4 @@ def test_code_names_occur_in_the_code() -> None:
     )
     for _, code, *_ in rows("Control") + rows("Identification"):
         for name in re.findall(r"`(\w+)`", code):
-            assert re.search(rf"\b{name}\b", source), f"docs/notation.md names {name}, the code does not"
+            assert re.search(rf"\b{name}\b", source), f"docs/reference/notation.md names {name}, the code does not"

@@ -1,4 +1,4 @@
-"""The notebook of docs/notebook.md, played from top to bottom on the running service."""
+"""The notebook of docs/how-to/notebook.md, played from top to bottom on the running service."""
 
 import re
 from pathlib import Path
@@ -12,7 +12,7 @@ from tests.e2e.service import running_service
 
 pytestmark = pytest.mark.live
 
-PAGE = (Path(__file__).parents[2] / "docs" / "notebook.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "notebook.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 

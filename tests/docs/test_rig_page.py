@@ -1,4 +1,4 @@
-"""docs/rig.md has the shipped wiring, the figures of the code, and the words of ``sinew doctor``."""
+"""docs/how-to/rig.md has the shipped wiring, the figures of the code, and the words of ``sinew doctor``."""
 
 import inspect
 import re
@@ -13,7 +13,7 @@ from plant.safety_card import WATCHDOG_S
 from plant.wiring import PFI_OF_COUNTER, WATCHDOG_MAX_S, load_wiring
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "rig.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "rig.md").read_text(encoding="utf-8")
 SAID = " ".join(PAGE.split())
 WIRING = load_wiring(DEFAULT_WIRING)
 

@@ -1,4 +1,4 @@
-"""docs/security.md has the code's numbers, and the tests and attacks that it names are there."""
+"""docs/reference/security.md has the code's numbers, and the tests and attacks that it names are there."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ from tests.docs.faults_page import SECTIONS, documented_ms
 from tests.soak.attack import kill_service, kill_watchdog, parts, tally
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "reference" / "security.md").read_text(encoding="utf-8")
 
 
 def cells(heading: str, columns: int) -> list[list[str]]:

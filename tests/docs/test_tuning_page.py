@@ -1,4 +1,4 @@
-"""docs/tuning.md: every formula of the page places the poles that the page says, as polynomials."""
+"""docs/explanation/tuning.md: every formula of the page places the poles that the page says, as polynomials."""
 
 import math
 import re
@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from backend.tuning.gains import motor_gains, outer_gains
 
-PAGE = " ".join((Path(__file__).parents[2] / "docs" / "tuning.md").read_text(encoding="utf-8").split())
+PAGE = " ".join((Path(__file__).parents[2] / "docs" / "explanation" / "tuning.md").read_text(encoding="utf-8").split())
 s = Polynomial([0.0, 1.0])
 GREEK = {"Σ": "Sum", "Π": "Pro", "λ": "lam"}
 

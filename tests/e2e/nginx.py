@@ -1,4 +1,4 @@
-"""nginx in front of a service, with a configuration of docs/network.md."""
+"""nginx in front of a service, with a configuration of docs/how-to/network.md."""
 
 import re
 import shutil
@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-PAGE = (Path(__file__).parents[2] / "docs" / "network.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "network.md").read_text(encoding="utf-8")
 CONFIGURATIONS = dict(re.findall(r"^```nginx (\w+)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL))
 """What stands in the document, by its name there."""
 

@@ -15,7 +15,8 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 def headings(name: str) -> list[str]:
     """Return the headings of a file as they are read, without the marks of its markup; code is none."""
-    text = re.sub(r"^```.*?^```", "", (DOCS / f"{name}.md").read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    (file,) = DOCS.rglob(f"{name}.md")
+    text = re.sub(r"^```.*?^```", "", file.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     found = re.findall(r"^#{1,4} (.+)$", text, flags=re.MULTILINE)
     return [re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", one).replace("`", "").replace("*", "").strip() for one in found]
 

@@ -1,7 +1,7 @@
 """The first hour of the documents, from slack tendons to a tuned bank and a report, by the keyboard alone.
 
-In the order of docs/first-hour.md, on the simulator, with the shortest runs that still serve. What comes of each step
-is asked of the service.
+In the order of docs/tutorial/first-hour.md, on the simulator, with the shortest runs that still serve. What comes of
+each step is asked of the service.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Behind nginx, in each configuration of docs/network.md, the page works; set up wrongly it says what is wrong."""
+"""The page works behind nginx in each configuration of docs/how-to/network.md, and names what is set up wrongly."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager

@@ -122,7 +122,7 @@ def test_citations_of_the_paper_are_told_from_equations() -> None:
 
 
 def test_what_a_page_does_not_explain_is_refused_by_name() -> None:
-    page = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
     with pytest.raises(GlossaryError, match="slack needs Cause, Reaction, Within, Remedy"):
         faults(page.replace("### `slack`", "### `slacker`"))
     with pytest.raises(GlossaryError, match="limits GOVERNOR"):

@@ -1,4 +1,4 @@
-"""Table 1 against the paper, number by number, as printed but for what docs/errata.md (E2) says of a1 of G_q."""
+"""Table 1 against the paper, number by number, as printed except a1 of G_q (docs/explanation/errata.md, E2)."""
 
 import pytest
 

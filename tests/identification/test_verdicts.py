@@ -236,7 +236,7 @@ BOUNDS: list[tuple[dict[str, Any], Grade, str]] = [
 
 @pytest.mark.parametrize(("change", "grade", "reason"), BOUNDS)
 def test_the_bounds_are_those_of_the_table_of_verdicts(change: dict[str, Any], grade: Grade, reason: str) -> None:
-    """Just this side and just that side of each bound in docs/identification.md."""
+    """Just this side and just that side of each bound in docs/explanation/identification.md."""
     verdict = judge(replaced(change))
     assert verdict.grade is grade
     if reason:

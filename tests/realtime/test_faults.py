@@ -1,4 +1,4 @@
-"""Every fault that the loop or its plant finds, injected into the simulator: what docs/faults.md says happens, in time.
+"""Every fault that the loop or its plant finds, injected into the simulator, reacts as in docs/reference/faults.md.
 
 Those that are found elsewhere are tested there: ``service_lost`` in test_worker.py, ``operator_lost`` in
 tests/api/test_control.py, and in test_card_faults.py what only a card has.

@@ -80,7 +80,7 @@ async def list_runs(
     ] = None,
     search: Annotated[str, Query(max_length=100, description="words in kind, title, note, person or tags")] = "",
     where: Annotated[
-        tuple[Where, ...], Query(max_length=10, description="searches, see docs/search.md; all have to fit")
+        tuple[Where, ...], Query(max_length=10, description="searches, see docs/reference/search.md; all have to fit")
     ] = (),
     everywhere: Annotated[bool, Query(description="of all stations, not of this one only")] = False,
     limit: Annotated[int, Query(ge=1, le=500)] = 100,

@@ -19,7 +19,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "tick",
     "term": "k",
     "meaning": "index of the sample since the loop started",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:t": {
     "kind": "signal",
@@ -28,21 +28,21 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "tick times the sampling period",
     "unit": "s",
     "equation": "t = k T_s",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:mode": {
     "kind": "signal",
     "name": "mode",
     "term": "mode",
     "meaning": "what the loop does: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:run": {
     "kind": "signal",
     "name": "run",
     "term": "run",
     "meaning": "identifier of the stored run this sample belongs to, 0 for none",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:q": {
     "kind": "signal",
@@ -59,7 +59,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "q_ref",
     "meaning": "joint position reference as commanded",
     "unit": "rad",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:q_ref_gov": {
     "kind": "signal",
@@ -67,7 +67,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "q_ref,gov",
     "meaning": "joint position reference after the governor, or of the trajectory",
     "unit": "rad",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:q_dot": {
     "kind": "signal",
@@ -75,7 +75,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "dq/dt",
     "meaning": "joint velocity, estimated from the encoder",
     "unit": "rad/s",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:S": {
     "kind": "signal",
@@ -92,7 +92,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "S_ref",
     "meaning": "joint stiffness reference as commanded",
     "unit": "N·m/rad",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:S_ref_gov": {
     "kind": "signal",
@@ -100,7 +100,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "S_ref,gov",
     "meaning": "joint stiffness reference after the governor, or of the trajectory",
     "unit": "N·m/rad",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:S_true": {
     "kind": "signal",
@@ -190,7 +190,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "external push applied by the simulator, tangential at r_j",
     "unit": "N",
     "equation": "F_A − F_B = −F_push at rest; the paper's F_ext (22) is this reaction",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:F_ext_hat": {
     "kind": "signal",
@@ -199,7 +199,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "outside force at r_j as encoders and springs tell it, its learned bias taken off",
     "unit": "N",
     "equation": "observer of (5): F_push behind three lags of 3.3 ms, where it is the only one",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:F_wall": {
     "kind": "signal",
@@ -208,7 +208,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "force of a simulated obstacle on the joint at r_j, nan on the rig",
     "unit": "N",
     "equation": "positive towards +q; k_wall δ (1 + c_wall δ') while the wall is δ = ±r_j (q − q_wall) deep, never pulling",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:V_A": {
     "kind": "signal",
@@ -217,7 +217,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "load cell A as the card read it, nan where there is no card",
     "unit": "V",
     "equation": "F_A follows by the wiring's calibration",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:V_B": {
     "kind": "signal",
@@ -226,7 +226,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "load cell B as the card read it, nan where there is no card",
     "unit": "V",
     "equation": "F_B follows by the wiring's calibration",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:n_q": {
     "kind": "signal",
@@ -234,7 +234,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "n_q",
     "meaning": "counts of the joint's encoder since the start, nan where there is no card",
     "equation": "all four edges",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:n_A": {
     "kind": "signal",
@@ -242,7 +242,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "n_A",
     "meaning": "counts of motor A's encoder since the start, nan where there is no card",
     "equation": "all four edges",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:n_B": {
     "kind": "signal",
@@ -250,7 +250,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "n_B",
     "meaning": "counts of motor B's encoder since the start, nan where there is no card",
     "equation": "all four edges",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:lam_q": {
     "kind": "signal",
@@ -275,21 +275,21 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "bank_entry",
     "term": "entry",
     "meaning": "active entry of the controller bank, fractional while interpolating",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:limits": {
     "kind": "signal",
     "name": "limits",
     "term": "limits",
-    "meaning": "limits that acted in this tick, a bit each; docs/faults.md lists them",
-    "source": "docs/notation.md"
+    "meaning": "limits that acted in this tick, a bit each; docs/reference/faults.md lists them",
+    "source": "docs/reference/notation.md"
   },
   "signal:fault": {
     "kind": "signal",
     "name": "fault",
     "term": "fault",
-    "meaning": "number of the latched fault in the list of docs/faults.md, 0 for none",
-    "source": "docs/notation.md"
+    "meaning": "number of the latched fault in the list of docs/reference/faults.md, 0 for none",
+    "source": "docs/reference/notation.md"
   },
   "signal:lateness_s": {
     "kind": "signal",
@@ -297,14 +297,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "late",
     "meaning": "how late the tick began against its deadline",
     "unit": "s",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "signal:overruns": {
     "kind": "signal",
     "name": "overruns",
     "term": "overruns",
     "meaning": "deadlines missed since the loop started",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:geometry.r_m": {
     "kind": "parameter",
@@ -349,7 +349,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "joint range, to either side; trips beyond",
     "unit": "rad",
     "equation": "abs(q) ≤ q_max",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:spring.k": {
     "kind": "parameter",
@@ -366,7 +366,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "spring.points",
     "meaning": "or rows of elongation and force, from zero force up, joined by a rising curve",
     "unit": "m, N",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:spring.x_solid": {
     "kind": "parameter",
@@ -374,7 +374,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "x_solid",
     "meaning": "elongation at which the coils touch",
     "unit": "m",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:spring.k_solid": {
     "kind": "parameter",
@@ -382,7 +382,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "k_solid",
     "meaning": "slope of the force beyond",
     "unit": "N/m",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:motor.K_m": {
     "kind": "parameter",
@@ -427,7 +427,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "Coulomb friction at the gearbox outlet without load",
     "unit": "N·m",
     "equation": "(c0 + c1 r_m F) tanh(θ'/ω_c)",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:motor.c1": {
     "kind": "parameter",
@@ -435,7 +435,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "c1",
     "meaning": "Coulomb friction per torque of the tendon, r_m F",
     "equation": "(c0 + c1 r_m F) tanh(θ'/ω_c)",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:motor.omega_smooth": {
     "kind": "parameter",
@@ -444,7 +444,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "speed over which Coulomb friction changes sign, tanh(θ'/ω_c)",
     "unit": "rad/s",
     "equation": "(c0 + c1 r_m F) tanh(θ'/ω_c)",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:motor.u_max": {
     "kind": "parameter",
@@ -453,7 +453,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "range of the analog output, to either side",
     "unit": "V",
     "equation": "abs(U) ≤ u_max",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:motor.sigma_0": {
     "kind": "parameter",
@@ -462,7 +462,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "stiffness of the bristles of friction that sticks (LuGre); 0 or left out: Coulomb friction is smoothed",
     "unit": "N·m/rad",
     "equation": "z' = θ' − σ_0 abs(θ') z/g, friction σ_0 z + σ_1 z'",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:motor.sigma_1": {
     "kind": "parameter",
@@ -470,7 +470,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "σ_1",
     "meaning": "their damping",
     "unit": "N·m·s/rad",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:motor.stiction_ratio": {
     "kind": "parameter",
@@ -478,7 +478,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "F_s/F_c",
     "meaning": "break-away torque over Coulomb friction F_c = c0 + c1 r_m F",
     "equation": "g = F_c + (F_s − F_c) e^(−(θ'/ω_s)²)",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:motor.omega_s": {
     "kind": "parameter",
@@ -486,7 +486,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "ω_s",
     "meaning": "Stribeck speed, above which friction has come down to F_c",
     "unit": "rad/s",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:identified.K_m": {
     "kind": "parameter",
@@ -521,35 +521,35 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "identified.points",
     "meaning": "or its measured points",
     "unit": "m, N",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:asymmetry.spring_A": {
     "kind": "parameter",
     "name": "asymmetry.spring_A",
     "term": "asymmetry.spring_A",
     "meaning": "factor on the force of spring A",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:asymmetry.spring_B": {
     "kind": "parameter",
     "name": "asymmetry.spring_B",
     "term": "asymmetry.spring_B",
     "meaning": "factor on the force of spring B",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:asymmetry.motor_A": {
     "kind": "parameter",
     "name": "asymmetry.motor_A",
     "term": "asymmetry.motor_A",
     "meaning": "factor on the torque of motor A",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:asymmetry.motor_B": {
     "kind": "parameter",
     "name": "asymmetry.motor_B",
     "term": "asymmetry.motor_B",
     "meaning": "factor on the torque of motor B",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:sensors.joint_counts": {
     "kind": "parameter",
@@ -557,7 +557,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "sensors.joint_counts",
     "meaning": "counts of the joint encoder, 0 for exact",
     "unit": "1/rev",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:sensors.motor_counts": {
     "kind": "parameter",
@@ -565,7 +565,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "sensors.motor_counts",
     "meaning": "counts of a motor encoder, 0 for exact",
     "unit": "1/rev",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:sensors.force_delay": {
     "kind": "parameter",
@@ -573,7 +573,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "sensors.force_delay",
     "meaning": "delay of the load cells",
     "unit": "s",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:sensors.force_noise": {
     "kind": "parameter",
@@ -581,14 +581,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "sensors.force_noise",
     "meaning": "standard deviation of a load cell's noise",
     "unit": "N",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:sensors.converter_bits": {
     "kind": "parameter",
     "name": "sensors.converter_bits",
     "term": "sensors.converter_bits",
     "meaning": "resolution of analog in and out, 0 for exact",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "parameter:safety.F_max": {
     "kind": "parameter",
@@ -597,7 +597,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "tendon force at which the safety module cuts the motors",
     "unit": "N",
     "equation": "F_A, F_B ≤ F_max",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:T_s": {
     "kind": "quantity",
@@ -605,7 +605,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "T_s",
     "meaning": "sampling period of everything, 1 ms",
     "unit": "s",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:lam_q": {
     "kind": "quantity",
@@ -733,7 +733,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "M_s",
     "meaning": "maximum sensitivity of a loop, how near it comes to instability; λ is offered from where it is 1.7",
     "equation": "max over ω of 1/abs(1 + L(jω))",
-    "source": "docs/tuning.md"
+    "source": "docs/explanation/tuning.md"
   },
   "quantity:gain_margin": {
     "kind": "quantity",
@@ -741,7 +741,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "GM",
     "meaning": "gain margin: factor by which the gain may grow before the loop is unstable",
     "equation": "1/abs(L(jω)) where L has a phase of −180°",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:phase_margin_deg": {
     "kind": "quantity",
@@ -750,7 +750,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "phase margin: phase left before the loop is unstable",
     "unit": "°",
     "equation": "180° + phase of L(jω) where abs(L) = 1",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:rise_s": {
     "kind": "quantity",
@@ -759,7 +759,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "time from a step of the reference to 90 % of it, as predicted for the active motion",
     "unit": "s",
     "equation": "3.89 λ where y/r = 1/(λ s + 1)², small steps in lambda motion",
-    "source": "docs/tuning.md"
+    "source": "docs/explanation/tuning.md"
   },
   "quantity:u_peak_V": {
     "kind": "quantity",
@@ -767,7 +767,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "u_peak",
     "meaning": "largest motor voltage of a step of a reference, as predicted",
     "unit": "V",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:F_min_N": {
     "kind": "quantity",
@@ -775,7 +775,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "F_min",
     "meaning": "least tendon tension of that step, as predicted",
     "unit": "N",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:G_q": {
     "kind": "quantity",
@@ -799,7 +799,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "K",
     "meaning": "static gain; geometry gives r_m/(2 r_j) for G_q and 2 r_j² k2 r_m for G_S",
     "unit": "1 or N·m/rad",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:T": {
     "kind": "quantity",
@@ -808,7 +808,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "time constant of the reduced model: sum of lags",
     "unit": "s",
     "equation": "K/(T s + 1)",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:a1": {
     "kind": "quantity",
@@ -833,7 +833,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "time constant of four equal lags",
     "unit": "s",
     "equation": "K/(τ s + 1)^4",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:K_m": {
     "kind": "quantity",
@@ -860,7 +860,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "part of a motor's voltage that only overcomes dry friction",
     "unit": "V",
     "equation": "T_m ω' + ω = K_m (u − u_c sgn ω)",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "quantity:fit_percent": {
     "kind": "quantity",
@@ -869,7 +869,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "share of the motion that a model explains, on data it was not fitted to",
     "unit": "%",
     "equation": "100 (1 − rms(y − y_hat)/rms(y − mean y))",
-    "source": "docs/notation.md"
+    "source": "docs/reference/notation.md"
   },
   "setting:references.q_ref": {
     "kind": "setting",
@@ -1174,7 +1174,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "longest 10-90 % time of all q steps",
     "unit": "s",
     "equation": "t(90 %) − t(10 %)",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:rise_S_s": {
     "kind": "figure",
@@ -1183,7 +1183,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "longest 10-90 % time of all S steps",
     "unit": "s",
     "equation": "t(90 %) − t(10 %)",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:settling_q_s": {
     "kind": "figure",
@@ -1192,7 +1192,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "latest last exit from ±2 % of the step and half a count, q steps",
     "unit": "s",
     "equation": "last t with |q − q_ref| > 0.02 |Δq_ref|, from the step",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:settling_S_s": {
     "kind": "figure",
@@ -1201,7 +1201,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "latest last exit from ±2 % of the step, S steps",
     "unit": "s",
     "equation": "last t with |S − S_ref| > 0.02 |ΔS_ref|, from the step",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:reach_q_s": {
     "kind": "figure",
@@ -1210,7 +1210,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "longest time to 90 %, less half a count, of the largest q steps that are made while S_ref stays",
     "unit": "s",
     "equation": "t(90 %) − t(step), of the largest |Δq_ref| with ΔS_ref = 0",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:reach_bound_q_s": {
     "kind": "figure",
@@ -1219,7 +1219,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "90 % of the same turn by one motor at full voltage, unloaded: K_m, T_m alone",
     "unit": "s",
     "equation": "T_m θ'' + θ' = K_m u_max, until θ = 0.9 Δθ",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:reach_ratio_q": {
     "kind": "figure",
@@ -1227,7 +1227,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Times the bound of the motors",
     "meaning": "time to 90 % divided by the bound of the motors; none can be below 1",
     "equation": "reach_q_s / reach_bound_q_s",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:overshoot_q_percent": {
     "kind": "figure",
@@ -1236,7 +1236,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest, in per cent of its step",
     "unit": "%",
     "equation": "100 max(q − q_ref)/Δq_ref, along the step",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:overshoot_S_percent": {
     "kind": "figure",
@@ -1245,7 +1245,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest, in per cent of its step",
     "unit": "%",
     "equation": "100 max(S − S_ref)/ΔS_ref, along the step",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:deviation_S": {
     "kind": "figure",
@@ -1254,7 +1254,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max |S − S_ref| while q alone steps",
     "unit": "N·m/rad",
     "equation": "max |S − S_ref|",
-    "source": "docs/experiments.md",
+    "source": "docs/how-to/experiments.md",
     "more": [
       [
         "Compliance",
@@ -1273,7 +1273,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max |q − q_ref| while S alone steps",
     "unit": "rad",
     "equation": "max |q − q_ref|",
-    "source": "docs/experiments.md",
+    "source": "docs/how-to/experiments.md",
     "more": [
       [
         "Robustness",
@@ -1288,7 +1288,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "root mean square of q − q_ref, whole run, steps included",
     "unit": "rad",
     "equation": "√(1/N Σ (q − q_ref)²)",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:rmse_S": {
     "kind": "figure",
@@ -1297,7 +1297,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "root mean square of S − S_ref, whole run, steps included",
     "unit": "N·m/rad",
     "equation": "√(1/N Σ (S − S_ref)²)",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:min_tension_N": {
     "kind": "figure",
@@ -1306,7 +1306,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "of both load cells from the start of the program",
     "unit": "N",
     "equation": "min(F_A, F_B)",
-    "source": "docs/experiments.md",
+    "source": "docs/how-to/experiments.md",
     "more": [
       [
         "Actuator identification",
@@ -1325,7 +1325,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "of both load cells from the start of the program",
     "unit": "N",
     "equation": "max(F_A, F_B)",
-    "source": "docs/experiments.md",
+    "source": "docs/how-to/experiments.md",
     "more": [
       [
         "Actuator identification",
@@ -1344,7 +1344,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest |u_A|, |u_B| after limits",
     "unit": "V",
     "equation": "max(|u_A|, |u_B|)",
-    "source": "docs/experiments.md",
+    "source": "docs/how-to/experiments.md",
     "more": [
       [
         "Actuator identification",
@@ -1363,7 +1363,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "root mean square of u_A or u_B about its mean, the larger one, from 1 s after each step has settled to its end",
     "unit": "V",
     "equation": "√(1/N Σ (u − mean u)²)",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:bandwidth_q_Hz": {
     "kind": "figure",
@@ -1372,7 +1372,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "where |q/q_ref| falls to 0.707; at rest it is 1",
     "unit": "Hz",
     "equation": "f with |G(f)| = 1/√2, G = q/q_ref",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:bandwidth_S_Hz": {
     "kind": "figure",
@@ -1381,7 +1381,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "where |S/S_ref| falls to 0.707; at rest it is 1",
     "unit": "Hz",
     "equation": "f with |G(f)| = 1/√2, G = S/S_ref",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:resonance_q_dB": {
     "kind": "figure",
@@ -1390,7 +1390,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest |q/q_ref| over that at rest, which is 1",
     "unit": "dB",
     "equation": "20 log₁₀ max(1, |G|), G = q/q_ref",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:resonance_S_dB": {
     "kind": "figure",
@@ -1399,7 +1399,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest |S/S_ref| over that at rest, which is 1",
     "unit": "dB",
     "equation": "20 log₁₀ max(1, |G|), G = S/S_ref",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:lag_q_deg": {
     "kind": "figure",
@@ -1408,7 +1408,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "phase of q behind q_ref there",
     "unit": "°",
     "equation": "−arg(q/q_ref) at the bandwidth",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:lag_S_deg": {
     "kind": "figure",
@@ -1417,7 +1417,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "phase of S behind S_ref there",
     "unit": "°",
     "equation": "−arg(S/S_ref) at the bandwidth",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:bandwidth_q_predicted_Hz": {
     "kind": "figure",
@@ -1425,7 +1425,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Bandwidth of q, predicted",
     "meaning": "the same of the response that models and gains in use let expect",
     "unit": "Hz",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:gain_off_q_dB": {
     "kind": "figure",
@@ -1434,7 +1434,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest difference of both gains at the measured lines up to the predicted bandwidth",
     "unit": "dB",
     "equation": "max |20 log₁₀ |G| − 20 log₁₀ |G_predicted||",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:phase_off_q_deg": {
     "kind": "figure",
@@ -1443,7 +1443,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "the same of the phase",
     "unit": "°",
     "equation": "max |arg G − arg G_predicted|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:unlike_q_percent": {
     "kind": "figure",
@@ -1451,7 +1451,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Repeatability of q",
     "meaning": "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)",
     "unit": "%",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:residual_q_percent": {
     "kind": "figure",
@@ -1459,7 +1459,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Residual of q",
     "meaning": "root mean square of q beside its lines over that at them, last period: friction, noise",
     "unit": "%",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:bandwidth_S_predicted_Hz": {
     "kind": "figure",
@@ -1467,7 +1467,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Bandwidth of S, predicted",
     "meaning": "the same of the response that models and gains in use let expect",
     "unit": "Hz",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:gain_off_S_dB": {
     "kind": "figure",
@@ -1476,7 +1476,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest difference of both gains at the measured lines up to the predicted bandwidth",
     "unit": "dB",
     "equation": "max |20 log₁₀ |G| − 20 log₁₀ |G_predicted||",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:phase_off_S_deg": {
     "kind": "figure",
@@ -1485,7 +1485,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "the same of the phase",
     "unit": "°",
     "equation": "max |arg G − arg G_predicted|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:unlike_S_percent": {
     "kind": "figure",
@@ -1493,7 +1493,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Repeatability of S",
     "meaning": "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)",
     "unit": "%",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:residual_S_percent": {
     "kind": "figure",
@@ -1501,7 +1501,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Residual of S",
     "meaning": "root mean square of S beside its lines over that at them, last period: friction, noise",
     "unit": "%",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:rmse_raw_N": {
     "kind": "figure",
@@ -1510,7 +1510,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "F_A − F_B against −S_ref q/r_j as measured; the paper: 2.239 N",
     "unit": "N",
     "equation": "√(1/N Σ (F_A − F_B + S_ref q/r_j)²)",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:rmse_aligned_N": {
     "kind": "figure",
@@ -1518,7 +1518,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "RMSE, aligned",
     "meaning": "the same without sensor delay, each minus its mean before",
     "unit": "N",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:rmse_estimated_N": {
     "kind": "figure",
@@ -1526,7 +1526,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "RMSE, estimated",
     "meaning": "F_ext_hat against F_B − F_A, aligned, each minus its mean before",
     "unit": "N",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:delay_s": {
     "kind": "figure",
@@ -1534,7 +1534,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Sensor delay",
     "meaning": "of the load cells behind the encoder, that which aligns best",
     "unit": "s",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:stiffness_felt": {
     "kind": "figure",
@@ -1543,7 +1543,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "slope of −r_j (F_A − F_B) over q, aligned",
     "unit": "N·m/rad",
     "equation": "−r_j d(F_A − F_B)/dq",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:largest_push_N": {
     "kind": "figure",
@@ -1552,7 +1552,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest |F_A − F_B|, aligned",
     "unit": "N",
     "equation": "max |F_A − F_B|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:push_deviation_q": {
     "kind": "figure",
@@ -1561,7 +1561,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max |q − q_ref| while the joint is pushed",
     "unit": "rad",
     "equation": "max |q − q_ref|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:push_deviation_S": {
     "kind": "figure",
@@ -1570,7 +1570,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max |S − S_ref| while the joint is pushed",
     "unit": "N·m/rad",
     "equation": "max |S − S_ref|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:push_back_s": {
     "kind": "figure",
@@ -1578,7 +1578,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Back after a push",
     "meaning": "longest time from the end of a push until |q − q_ref| stays below 0.01 rad",
     "unit": "s",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:held_q_swing_counts": {
     "kind": "figure",
@@ -1586,7 +1586,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Swing of q, in counts",
     "meaning": "max − min of q while held, in counts of the joint encoder (4000 where exact)",
     "equation": "(max q − min q)/count",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:held_q_swing": {
     "kind": "figure",
@@ -1595,14 +1595,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max − min of q while held",
     "unit": "rad",
     "equation": "max q − min q",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:held_off_counts": {
     "kind": "figure",
     "name": "held_off_counts",
     "term": "Off the reference, in counts",
     "meaning": "max |q − q_ref| while held, less the half count that a reading tells to",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:held_u_swing_V": {
     "kind": "figure",
@@ -1611,7 +1611,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max − min of u_A or u_B while held",
     "unit": "V",
     "equation": "max u − min u",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:held_S_swing": {
     "kind": "figure",
@@ -1620,7 +1620,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max − min of S while held",
     "unit": "N·m/rad",
     "equation": "max S − min S",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:held_moving_percent": {
     "kind": "figure",
@@ -1628,14 +1628,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Motors moving",
     "meaning": "ticks in which the count of a motor's encoder changed while held (8000 where exact)",
     "unit": "%",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:hits": {
     "kind": "figure",
     "name": "hits",
     "term": "Hits",
     "meaning": "contacts with the wall at least 0.3 s after the one before",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:peak_force_N": {
     "kind": "figure",
@@ -1644,7 +1644,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest |F_wall| of all hits",
     "unit": "N",
     "equation": "max |F_wall|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:impulse_Ns": {
     "kind": "figure",
@@ -1653,35 +1653,35 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest time integral of |F_wall| over a hit, bounces included",
     "unit": "N·s",
     "equation": "max ∫ |F_wall| dt",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:soft_to_stiff_peak": {
     "kind": "figure",
     "name": "soft_to_stiff_peak",
     "term": "Peak force, soft over stiff",
     "meaning": "mean over the speeds: peak at the lowest S_ref over that at the highest",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:soft_to_stiff_impulse": {
     "kind": "figure",
     "name": "soft_to_stiff_impulse",
     "term": "Impulse, soft over stiff",
     "meaning": "mean over the speeds: impulse at the lowest S_ref over that at the highest",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:reaction_peak": {
     "kind": "figure",
     "name": "reaction_peak",
     "term": "Peak force, with over without reaction",
     "meaning": "mean over stiffness and speed of the peaks' ratio",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:reaction_impulse": {
     "kind": "figure",
     "name": "reaction_impulse",
     "term": "Impulse, with over without reaction",
     "meaning": "mean over stiffness and speed of the impulses' ratio",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:felt_after_s": {
     "kind": "figure",
@@ -1689,7 +1689,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Longest time to detect",
     "meaning": "from the touch until the estimated force passes the threshold",
     "unit": "s",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:gave_way_after_s": {
     "kind": "figure",
@@ -1697,7 +1697,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Longest time to react",
     "meaning": "from the threshold until the joint gives way",
     "unit": "s",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:fell_after_s": {
     "kind": "figure",
@@ -1705,7 +1705,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Longest time to the peak",
     "meaning": "from the threshold until the force is at its largest, from where on it falls",
     "unit": "s",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:pushed_peak_q": {
     "kind": "figure",
@@ -1714,7 +1714,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max |q − q before the push|, of all pushes",
     "unit": "rad",
     "equation": "max |q − q(before)|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:pushed_peak_S": {
     "kind": "figure",
@@ -1723,7 +1723,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max |S − S before the push|, of all pushes",
     "unit": "N·m/rad",
     "equation": "max |S − S(before)|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:pushed_back_s": {
     "kind": "figure",
@@ -1731,7 +1731,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Back after a push",
     "meaning": "longest time from a push's end until |q − q_ref| stays below 0.01 rad",
     "unit": "s",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:pushed_off_percent": {
     "kind": "figure",
@@ -1740,7 +1740,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest |measured/predicted − 1| of the peaks of q, gains in use",
     "unit": "%",
     "equation": "100 max |measured/predicted − 1|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:pushed_static_ratio": {
     "kind": "figure",
@@ -1748,7 +1748,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Largest share of the static deviation",
     "meaning": "largest peak of q over r_j F/S, impulses left out",
     "equation": "max |q − q(before)|/(r_j F/S)",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:deviation_A_rad": {
     "kind": "figure",
@@ -1757,7 +1757,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max |θ_A − θ_A,ref| after its load steps on or off",
     "unit": "rad",
     "equation": "max |θ_A − θ_A,ref|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:deviation_B_rad": {
     "kind": "figure",
@@ -1766,7 +1766,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "max |θ_B − θ_B,ref| after its load steps on or off",
     "unit": "rad",
     "equation": "max |θ_B − θ_B,ref|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:back_s": {
     "kind": "figure",
@@ -1774,7 +1774,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Back on the reference",
     "meaning": "longest time from a step of the load until |θ_ref − θ| stays within 5 % of its largest",
     "unit": "s",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:error_integral_A": {
     "kind": "figure",
@@ -1783,7 +1783,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "of θ_A,ref − θ_A while its load is on",
     "unit": "rad·s",
     "equation": "∫ (θ_A,ref − θ_A) dt",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:error_integral_B": {
     "kind": "figure",
@@ -1792,14 +1792,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "of θ_B,ref − θ_B while its load is on",
     "unit": "rad·s",
     "equation": "∫ (θ_B,ref − θ_B) dt",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:motion_counts": {
     "kind": "figure",
     "name": "motion_counts",
     "term": "Joint motion",
     "meaning": "peak to peak during the excitation, in encoder counts",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:K_m_A": {
     "kind": "figure",
@@ -1808,7 +1808,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "least squares on position over all steps",
     "unit": "rad/(V·s)",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:K_m_B": {
     "kind": "figure",
@@ -1817,7 +1817,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "least squares on position over all steps",
     "unit": "rad/(V·s)",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:T_m_A": {
     "kind": "figure",
@@ -1826,7 +1826,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "least squares on position over all steps",
     "unit": "s",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:T_m_B": {
     "kind": "figure",
@@ -1835,7 +1835,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "least squares on position over all steps",
     "unit": "s",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:u_c_A": {
     "kind": "figure",
@@ -1843,7 +1843,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Coulomb voltage of motor A",
     "meaning": "part of the voltage that only overcomes dry friction",
     "unit": "V",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:u_c_B": {
     "kind": "figure",
@@ -1851,7 +1851,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Coulomb voltage of motor B",
     "meaning": "part of the voltage that only overcomes dry friction",
     "unit": "V",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:turn_rad": {
     "kind": "figure",
@@ -1859,7 +1859,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Largest turn",
     "meaning": "largest |θ| of both motors, of ±15.7 rad",
     "unit": "rad",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:load_N": {
     "kind": "figure",
@@ -1867,7 +1867,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Largest load",
     "meaning": "largest tendon force of both load cells during the steps",
     "unit": "N",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:rms_A_N": {
     "kind": "figure",
@@ -1876,7 +1876,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "RMS of measured minus fitted force, recommended order",
     "unit": "N",
     "equation": "√(1/N Σ (F_A − F(x_A))²)",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:rms_B_N": {
     "kind": "figure",
@@ -1885,7 +1885,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "RMS of measured minus fitted force, recommended order",
     "unit": "N",
     "equation": "√(1/N Σ (F_B − F(x_B))²)",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:max_error_N": {
     "kind": "figure",
@@ -1893,7 +1893,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Largest error",
     "meaning": "of both springs, recommended order",
     "unit": "N",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:hysteresis_N": {
     "kind": "figure",
@@ -1901,7 +1901,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "term": "Hysteresis",
     "meaning": "largest mean force difference between the ways up and down",
     "unit": "N",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "figure:q_deviation": {
     "kind": "figure",
@@ -1910,35 +1910,35 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "meaning": "largest |q| during the sweep; 0 would be perfect antagonism",
     "unit": "rad",
     "equation": "max |q|",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "outcome:passed": {
     "kind": "outcome",
     "name": "passed",
     "term": "passed",
     "meaning": "Every criterion was measured on the whole run and held.",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "outcome:failed": {
     "kind": "outcome",
     "name": "failed",
     "term": "failed",
     "meaning": "At least one criterion was measured and did not hold; one that failed decides.",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "outcome:incomplete": {
     "kind": "outcome",
     "name": "incomplete",
     "term": "incomplete",
     "meaning": "The run ended early, or a criterion could not be measured: nothing passes unseen.",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "outcome:neutral": {
     "kind": "outcome",
     "name": "neutral",
     "term": "neutral",
     "meaning": "Nothing to judge by: this kind of run has no criteria.",
-    "source": "docs/experiments.md"
+    "source": "docs/how-to/experiments.md"
   },
   "criterion:pass": {
     "kind": "criterion",
@@ -1969,7 +1969,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "usable",
     "term": "usable",
     "meaning": "The model may be used for tuning: no test speaks against it.",
-    "source": "docs/identification.md",
+    "source": "docs/explanation/identification.md",
     "more": [
       [
         "Rule",
@@ -1982,7 +1982,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "usable with caution",
     "term": "usable with caution",
     "meaning": "The model may be used; the reasons beside it say what is doubtful.",
-    "source": "docs/identification.md",
+    "source": "docs/explanation/identification.md",
     "more": [
       [
         "Rule",
@@ -1995,7 +1995,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "not usable",
     "term": "not usable",
     "meaning": "No gains should be computed from this model; the reasons beside it say why.",
-    "source": "docs/identification.md",
+    "source": "docs/explanation/identification.md",
     "more": [
       [
         "Rule",
@@ -2008,42 +2008,42 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "running",
     "term": "running",
     "meaning": "The run is under way: samples are still recorded.",
-    "source": "docs/notebook.md"
+    "source": "docs/how-to/notebook.md"
   },
   "end:completed": {
     "kind": "end",
     "name": "completed",
     "term": "completed",
     "meaning": "The run came to the end of its program, or a session was ended in the usual way.",
-    "source": "docs/notebook.md"
+    "source": "docs/how-to/notebook.md"
   },
   "end:stopped": {
     "kind": "end",
     "name": "stopped",
     "term": "stopped",
     "meaning": "Somebody pressed STOP or ended the service before the run was over.",
-    "source": "docs/notebook.md"
+    "source": "docs/how-to/notebook.md"
   },
   "end:tripped": {
     "kind": "end",
     "name": "tripped",
     "term": "tripped",
     "meaning": "A fault stopped the run; the timing of it is in the flight record.",
-    "source": "docs/notebook.md"
+    "source": "docs/how-to/notebook.md"
   },
   "end:link_lost": {
     "kind": "end",
     "name": "link_lost",
     "term": "link lost",
     "meaning": "The page that held control was lost, and the loop stopped softly.",
-    "source": "docs/notebook.md"
+    "source": "docs/how-to/notebook.md"
   },
   "end:service_died": {
     "kind": "end",
     "name": "service_died",
     "term": "service died",
     "meaning": "The service died or hung, and the loop stopped by itself.",
-    "source": "docs/notebook.md"
+    "source": "docs/how-to/notebook.md"
   },
   "mode:off": {
     "kind": "mode",
@@ -2206,63 +2206,63 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "page",
     "term": "Page in control",
     "meaning": "The page that holds control is heard. Lost for 2 s its references are held; 2 s later the loop stops softly.",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "chain:service": {
     "kind": "chain",
     "name": "service",
     "term": "Service",
     "meaning": "The loop hears the service's beat; without it for 0.34 s the loop stops softly by itself.",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "chain:loop": {
     "kind": "chain",
     "name": "loop",
     "term": "Loop process",
     "meaning": "Samples arrive from the 1 kHz loop; without one for 1 s the loop is not well.",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "chain:watchdog": {
     "kind": "chain",
     "name": "watchdog",
     "term": "Watchdog, drive-enable",
     "meaning": "The card cuts the drives when the loop does not write in time; it has to show that it does before each start.",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "chain:safety_module": {
     "kind": "chain",
     "name": "safety_module",
     "term": "Safety module",
     "meaning": "Independent of the controller: it cuts the motors at F_max or at the end of the joint's range and stays tripped until it is acknowledged at the rig.",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "step:never": {
     "kind": "step",
     "name": "never",
     "term": "never",
     "meaning": "This step of the bring-up has not been done for this wiring.",
-    "source": "docs/rig.md"
+    "source": "docs/how-to/rig.md"
   },
   "step:current": {
     "kind": "step",
     "name": "current",
     "term": "current",
     "meaning": "Done, and it still holds for this wiring and for the time it is good for.",
-    "source": "docs/rig.md"
+    "source": "docs/how-to/rig.md"
   },
   "step:out_of_date": {
     "kind": "step",
     "name": "out_of_date",
     "term": "out of date",
     "meaning": "Done once; wiring, start of the loop or age have made it doubtful since.",
-    "source": "docs/rig.md"
+    "source": "docs/how-to/rig.md"
   },
   "step:failed": {
     "kind": "step",
     "name": "failed",
     "term": "failed",
     "meaning": "Done last without success.",
-    "source": "docs/rig.md"
+    "source": "docs/how-to/rig.md"
   },
   "setup:missing": {
     "kind": "setup",
@@ -2293,7 +2293,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "stop_pressed",
     "term": "stop pressed",
     "meaning": "STOP was pressed.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2318,7 +2318,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "force_limit",
     "term": "force limit",
     "meaning": "A tendon pulled harder than its limit.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2343,7 +2343,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "joint_limit",
     "term": "joint limit",
     "meaning": "The joint left its range.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2368,7 +2368,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "slack",
     "term": "slack",
     "meaning": "A tendon was slack for too long.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2393,7 +2393,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "sensor_invalid",
     "term": "sensor invalid",
     "meaning": "A sensor gave no number.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2418,7 +2418,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "sensor_stuck",
     "term": "sensor stuck",
     "meaning": "A sensor did not change while the rig moved.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2443,7 +2443,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "sensor_jump",
     "term": "sensor jump",
     "meaning": "A sensor jumped further than the rig can move.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2468,7 +2468,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "implausible",
     "term": "implausible",
     "meaning": "Tension and motor positions contradict each other.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2493,7 +2493,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "deadlines_missed",
     "term": "deadlines missed",
     "meaning": "The loop missed several deadlines in a row.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2518,7 +2518,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "service_lost",
     "term": "service lost",
     "meaning": "The loop no longer heard from the service and stopped by itself.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2543,7 +2543,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "operator_lost",
     "term": "operator lost",
     "meaning": "The browser that held control was lost.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2568,7 +2568,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "safety_module",
     "term": "safety module",
     "meaning": "The independent safety module cut the motors.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2593,7 +2593,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "plant_error",
     "term": "plant error",
     "meaning": "The plant could not be read or written.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2618,7 +2618,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "watchdog",
     "term": "watchdog",
     "meaning": "The card's watchdog cut the drives.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2643,7 +2643,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "watchdog_dead",
     "term": "watchdog dead",
     "meaning": "The card's watchdog is dead.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2668,7 +2668,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "service_ended",
     "term": "service ended",
     "meaning": "The service was told to end and stopped the loop.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2693,7 +2693,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "sensor_saturated",
     "term": "sensor saturated",
     "meaning": "A load cell is beyond what its input can read.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2718,7 +2718,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "motor_reversed",
     "term": "motor reversed",
     "meaning": "A motor turns against its command.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2743,7 +2743,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "internal_error",
     "term": "internal error",
     "meaning": "The control loop made a mistake of its own.",
-    "source": "docs/faults.md",
+    "source": "docs/reference/faults.md",
     "more": [
       [
         "Cause",
@@ -2768,49 +2768,49 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "name": "VOLTAGE_A",
     "term": "voltage A",
     "meaning": "motor A asked for more than ±10 V",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "limit:VOLTAGE_B": {
     "kind": "limit",
     "name": "VOLTAGE_B",
     "term": "voltage B",
     "meaning": "motor B asked for more than ±10 V",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "limit:GOVERNOR": {
     "kind": "limit",
     "name": "GOVERNOR",
     "term": "governor",
     "meaning": "the references moved slower than commanded, so that the motors can follow",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "limit:TENSION_FLOOR": {
     "kind": "limit",
     "name": "TENSION_FLOOR",
     "term": "tension floor",
     "meaning": "a tendon would have gone slack",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "limit:TENSION_CEILING": {
     "kind": "limit",
     "name": "TENSION_CEILING",
     "term": "tension ceiling",
     "meaning": "a tendon would have passed 50 N",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "limit:JOINT_RANGE": {
     "kind": "limit",
     "name": "JOINT_RANGE",
     "term": "joint range",
     "meaning": "a reference would have left the joint range",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "limit:CONTACT": {
     "kind": "limit",
     "name": "CONTACT",
     "term": "contact",
     "meaning": "a contact was felt, and the joint gives way until a mode is chosen, or an experiment that gives way by itself goes on",
-    "source": "docs/faults.md"
+    "source": "docs/reference/faults.md"
   },
   "timing:rate_Hz": {
     "kind": "timing",

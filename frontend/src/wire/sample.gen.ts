@@ -179,13 +179,13 @@ export const FIELDS = [
     "name": "limits",
     "symbol": "limits",
     "unit": "1",
-    "meaning": "limits that acted in this tick, a bit each; docs/faults.md lists them"
+    "meaning": "limits that acted in this tick, a bit each; docs/reference/faults.md lists them"
   },
   {
     "name": "fault",
     "symbol": "fault",
     "unit": "1",
-    "meaning": "number of the latched fault in the list of docs/faults.md, 0 for none"
+    "meaning": "number of the latched fault in the list of docs/reference/faults.md, 0 for none"
   },
   {
     "name": "lateness_s",

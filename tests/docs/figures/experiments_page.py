@@ -1,4 +1,4 @@
-"""The tables of docs/experiments.md: frequency response, disturbance battery, hold at rest."""
+"""The tables of docs/how-to/experiments.md: frequency response, disturbance battery, hold at rest."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -14,7 +14,7 @@ from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Place, Prose, Rows, Table, Values
 from tests.docs.figures.runs import LAMBDA, MOTION_NAMES, TIME_OPTIMAL, U_PLAN_V, Experiment, in_motion
 
-PAGE = "docs/experiments.md"
+PAGE = "docs/how-to/experiments.md"
 PLANTS = ("ideal", "lab", "lab-stick")
 MOTIONS = (LAMBDA, TIME_OPTIMAL)
 

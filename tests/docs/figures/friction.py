@@ -1,4 +1,4 @@
-"""What docs/fidelity.md says of friction: motors under a load, at rest, and a step, on `lab` and `lab-stick`."""
+"""Friction in docs/explanation/fidelity.md: motors under a load, at rest, and a step, on `lab` and `lab-stick`."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -13,7 +13,7 @@ from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Table
 from tests.docs.figures.runs import Bench, experiment
 
-PAGE = "docs/fidelity.md"
+PAGE = "docs/explanation/fidelity.md"
 PLANTS = ("lab", "lab-stick")
 S_REF = 10.0
 PLACES_RAD = (-0.6, -0.3, 0.0, 0.3, 0.6)

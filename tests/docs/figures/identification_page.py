@@ -1,4 +1,4 @@
-"""The paper's own procedure run on the `lab` plant, beside what the paper published: tables of docs/fidelity.md."""
+"""Identification tables of docs/explanation/fidelity.md: the paper's procedure on `lab`, and the published values."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from tests.docs.figures.places import Computation, Found, Place, Rows, Table, Va
 POSITIONS = 4
 """Rest positions within one count of the joint encoder from which the 1 ms excitation is repeated."""
 
-PAGE = "docs/fidelity.md"
+PAGE = "docs/explanation/fidelity.md"
 _FIRST = ("tension", "paper: K", "T [s]", "output error: K", "T [s]", "fit", "ARX: K", "T [s]")
 _THIRD = ("tension", "paper", "1 ms excitation", "80 ms excitation", "J_j/S [s²]; B_j/S [s]")
 

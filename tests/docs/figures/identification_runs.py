@@ -1,4 +1,4 @@
-"""The paper's identification procedure on the simulated rig: what docs/fidelity.md is computed from."""
+"""The paper's identification procedure on the simulated rig: what docs/explanation/fidelity.md is computed from."""
 
 import math
 

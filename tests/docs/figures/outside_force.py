@@ -1,4 +1,4 @@
-"""The table of docs/fidelity.md on what the outside force reads with nobody there, after learning over S."""
+"""The table of docs/explanation/fidelity.md on the external force without contact, after calibration over S."""
 
 import asyncio
 import tempfile
@@ -21,7 +21,7 @@ from tests.api.test_touch import at_rest
 from tests.api.test_touch_sweep import BEGIN, WHO, sweep_of
 from tests.docs.figures.places import Computation, Found, Table
 
-PAGE = "docs/fidelity.md"
+PAGE = "docs/explanation/fidelity.md"
 SEEDS = range(6)
 STIFFNESSES = np.linspace(8.1, 14.9, 20)
 

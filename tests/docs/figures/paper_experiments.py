@@ -1,4 +1,4 @@
-"""The paper's experiments on the simulated rig: figures 7 and 8 and the robustness table of docs/fidelity.md."""
+"""Figures 7 and 8 of the paper on the simulated rig and the robustness table, docs/explanation/fidelity.md."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,7 +14,7 @@ from tests.docs.figures.places import Computation, Found, Prose, Table
 from tests.docs.figures.runs import experiment
 from tests.experiments.judging import LEAD_IN_S
 
-PAGE = "docs/fidelity.md"
+PAGE = "docs/explanation/fidelity.md"
 PAPER_RMSE_N = 2.239
 DELAY_S = 0.012
 """Of the load cells: the paper's 10 to 15 ms."""

@@ -1,4 +1,4 @@
-"""The table of docs/tuning.md on pushes: what the forecast says and what a loop on the simulator does."""
+"""The table of docs/explanation/tuning.md on pushes: what the forecast says and what a loop on the simulator does."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -17,7 +17,7 @@ from tests.docs.figures.places import Computation, Found, Prose, Table
 from tests.docs.figures.runs import TIME_OPTIMAL, U_PLAN_V, Bench
 from tests.tuning.test_push_forecast import M_s, opened
 
-PAGE = "docs/tuning.md"
+PAGE = "docs/explanation/tuning.md"
 S_REF = 10.0
 LAMBDAS_S = (0.355, 0.5, 1.0, 2.0)
 SHARES = (0.0, 0.7, 1.0)

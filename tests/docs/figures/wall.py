@@ -1,4 +1,4 @@
-"""The tables of docs/fidelity.md on a wall: hits at two stiffnesses, without and with contact reaction."""
+"""The tables of docs/explanation/fidelity.md on a wall: hits at two stiffnesses, without and with contact reaction."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Prose, Table
 from tests.docs.figures.runs import experiment
 
-PAGE = "docs/fidelity.md"
+PAGE = "docs/explanation/fidelity.md"
 
 IMPACT = Table(
     PAGE,

@@ -88,7 +88,7 @@ def test_too_many_parts_are_refused() -> None:
 
 
 def pushed(parts: list[dict[str, Any]]) -> np.ndarray:
-    """The push at every tick, by what docs/experiments.md says of the parts."""
+    """The push at every tick, by what docs/how-to/experiments.md says of the parts."""
     ticks: list[float] = []
     before = 0.0
     for part in parts:

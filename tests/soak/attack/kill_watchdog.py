@@ -14,7 +14,7 @@ from tests.soak.attack.work import Accounts, be_moving, be_wound_up, must_be_wel
 from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
 BOTH_DEAD_S = LAST_RESORT_S + 2.0 * LOOK_S
-"""From the death of both to zero volts and drives off, by the service: docs/faults.md, ``watchdog_dead``."""
+"""From the death of both to zero volts and drives off, by the service: docs/reference/faults.md, ``watchdog_dead``."""
 
 PATIENCE_S = 3.0
 """An unsafe output is looked at for so long [s]; it counts as broken long before."""

@@ -7,12 +7,31 @@ import { Link, useParams } from "wouter";
 import { Card } from "../../components/Card";
 import page from "../Page.module.css";
 import styles from "./Docs.module.css";
-import { addressed, DOCUMENTS, type Document, documentNamed, type Found, search } from "./documents";
+import {
+  addressed,
+  DOCUMENTS,
+  type Document,
+  documentNamed,
+  type Found,
+  PURPOSES,
+  purposeOf,
+  search,
+} from "./documents";
 import { Markdown } from "./Markdown";
 
 const DECISIONS = "decisions/";
 const MOST = 40;
 const NARROW = "(max-width: 700px)";
+
+const isDecision = ({ name }: Document) => name.startsWith(DECISIONS);
+
+const GROUPS: readonly { title: string; documents: readonly Document[] }[] = [
+  ...Object.entries(PURPOSES).map(([purpose, title]) => ({
+    title,
+    documents: DOCUMENTS.filter((one) => purposeOf(one) === purpose),
+  })),
+  { title: "Project", documents: DOCUMENTS.filter((one) => purposeOf(one) === null && !isDecision(one)) },
+];
 
 export default function DocsPage() {
   const { rest } = useParams<{ rest?: string }>();
@@ -50,15 +69,19 @@ export default function DocsPage() {
 /** On a phone out of the way once something is read. */
 function Contents({ here, chosen }: { here: string; chosen: boolean }) {
   const narrow = useMediaQuery(NARROW, false, { getInitialValueInEffect: false });
-  const isDecision = ({ name }: Document) => name.startsWith(DECISIONS);
   return (
     <nav className={styles.contents} aria-label="Documents">
       <details open={!(narrow && chosen)}>
-        <summary>What there is</summary>
-        <Titles of={DOCUMENTS.filter((one) => !isDecision(one))} here={here} />
+        <summary>Documents by purpose</summary>
+        {GROUPS.map(({ title, documents }) => (
+          <div key={title}>
+            <h3>{title}</h3>
+            <Titles of={documents} here={here} />
+          </div>
+        ))}
       </details>
       <details open={here.startsWith(DECISIONS)}>
-        <summary>Why it is built so: decisions</summary>
+        <summary>Design decisions</summary>
         <Titles of={DOCUMENTS.filter(isDecision)} here={here} />
       </details>
     </nav>

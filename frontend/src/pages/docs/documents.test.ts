@@ -1,7 +1,16 @@
 import type { Token } from "marked";
 import { describe, expect, it } from "vitest";
 import { STEPS } from "../../components/setup/SetupDrawer";
-import { addressed, DOCUMENTS, documentNamed, documentOf, routeOf, search } from "./documents";
+import {
+  addressed,
+  DOCUMENTS,
+  documentNamed,
+  documentOf,
+  PURPOSES,
+  purposeOf,
+  routeOf,
+  search,
+} from "./documents";
 
 /** All tokens, with those within others. */
 function everything(tokens: readonly Token[]): Token[] {
@@ -30,6 +39,15 @@ describe("the documents", () => {
       expect.arrayContaining(["faults", "tuning", "architecture", "changelog", "decisions/README"]),
     );
     expect(DOCUMENTS.filter((one) => one.title === one.name)).toEqual([]);
+  });
+
+  it("have one name and one purpose each", () => {
+    const names = DOCUMENTS.map((one) => one.name);
+    expect(new Set(names).size).toBe(names.length);
+    expect(purposeOf(documentOf("docs/how-to/x.md", "# X"))).toBe("how-to");
+    expect(documentOf("docs/how-to/x.md", "# X").name).toBe("x");
+    const used = new Set(DOCUMENTS.map(purposeOf).filter((one) => one !== null));
+    expect([...used].sort()).toEqual(Object.keys(PURPOSES).sort());
   });
 
   it("have nothing that is not drawn", () => {
@@ -65,7 +83,7 @@ describe("the documents", () => {
 
   it("are cut at their headings, each with an address of its own", () => {
     const { title, parts } = documentOf(
-      "x",
+      "docs/x.md",
       "# Of `S` and λ_q\n\nFirst.\n\n## Why?\n\nSo.\n\n## Why?\n\nAgain.\n",
     );
     expect(title).toBe("Of S and λ_q");
@@ -86,11 +104,13 @@ describe("the first hour", () => {
 
 describe("a link", () => {
   it("leads to a document by its file, and to a part of it", () => {
-    expect(routeOf("rig", "faults.md#a-card-and-its-wires")).toBe("/docs/faults/a-card-and-its-wires");
-    expect(routeOf("exports", "decisions/0045-foxglove-behind-a-door.md")).toBe(
+    expect(routeOf("rig", "../reference/faults.md#a-card-and-its-wires")).toBe(
+      "/docs/faults/a-card-and-its-wires",
+    );
+    expect(routeOf("exports", "../decisions/0045-foxglove-behind-a-door.md")).toBe(
       "/docs/decisions/0045-foxglove-behind-a-door",
     );
-    expect(routeOf("decisions/0045-foxglove-behind-a-door", "../exports.md")).toBe("/docs/exports");
+    expect(routeOf("decisions/0045-foxglove-behind-a-door", "../how-to/exports.md")).toBe("/docs/exports");
     expect(routeOf("where", "../ARCHITECTURE.md")).toBe("/docs/architecture");
     expect(routeOf("architecture", "docs/where.md")).toBe("/docs/where");
     expect(routeOf("faults", "#a-card-and-its-wires")).toBe("/docs/faults/a-card-and-its-wires");
@@ -98,7 +118,7 @@ describe("a link", () => {
 
   it("that leads outside, or to a file of the sources, is none of the dashboard's", () => {
     expect(routeOf("rig", "https://example.org/a.md")).toBeNull();
-    expect(routeOf("rig", "../backend/faults.py")).toBeNull();
+    expect(routeOf("rig", "../../backend/faults.py")).toBeNull();
   });
 });
 

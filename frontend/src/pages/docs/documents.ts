@@ -14,6 +14,8 @@ export interface Part {
 
 export interface Document {
   readonly name: string;
+  /** File below the root of the sources. */
+  readonly path: string;
   readonly title: string;
   readonly parts: readonly Part[];
 }
@@ -31,39 +33,59 @@ const TEXTS = import.meta.glob<string>(
 );
 const ROOT = "../../../../";
 
-/** In the order in which they are offered; what is not named follows by its name. */
+/** Folders of documents by purpose, in the order of the list. */
+export const PURPOSES = {
+  tutorial: "Tutorial",
+  "how-to": "How-to guides",
+  reference: "Reference",
+  explanation: "Explanation",
+} as const;
+
+export type Purpose = keyof typeof PURPOSES;
+
+/** Order within a list; documents without an entry follow in alphabetical order. */
 const FIRST = [
   "first-hour",
-  "identification",
-  "tuning",
+  "rig",
   "experiments",
   "studies",
-  "search",
-  "reports",
-  "exports",
   "notebook",
-  "faults",
+  "exports",
+  "reports",
+  "network",
+  "new-hardware",
   "notation",
+  "faults",
+  "search",
+  "signals",
+  "security",
+  "identification",
+  "tuning",
   "fidelity",
   "errata",
-  "rig",
-  "new-hardware",
-  "network",
-  "security",
 ];
 
 export const DOCUMENTS: readonly Document[] = Object.entries(TEXTS)
-  .map(([path, text]) => documentOf(nameOf(path.slice(ROOT.length)), text))
+  .map(([path, text]) => documentOf(path.slice(ROOT.length), text))
   .sort((a, b) => place(a.name) - place(b.name) || a.name.localeCompare(b.name));
 
 export function documentNamed(name: string): Document | undefined {
   return DOCUMENTS.find((one) => one.name === name);
 }
 
-/** `docs/rig.md` is "rig", `docs/decisions/0001-x.md` is "decisions/0001-x", `CHANGELOG.md` is "changelog". */
+/** Name in addresses: "rig" of `docs/how-to/rig.md`, "decisions/0001-x", "changelog". A purpose is no part of it. */
 function nameOf(path: string): string {
-  const name = path.replace(/^docs\//, "").replace(/\.md$/, "");
+  const name = path
+    .replace(/^docs\//, "")
+    .replace(/\.md$/, "")
+    .replace(/^([\w-]+)\//, (folder, purpose) => (purpose in PURPOSES ? "" : folder));
   return path.startsWith("docs/") ? name : name.toLowerCase();
+}
+
+/** Purpose of a document by its folder; null for decisions, architecture, change log and index. */
+export function purposeOf({ path }: Document): Purpose | null {
+  const folder = path.split("/")[1] ?? "";
+  return folder in PURPOSES ? (folder as Purpose) : null;
 }
 
 function place(name: string): number {
@@ -72,7 +94,8 @@ function place(name: string): number {
   return name.startsWith("decisions/") ? 1000 : 100;
 }
 
-export function documentOf(name: string, text: string): Document {
+export function documentOf(path: string, text: string): Document {
+  const name = nameOf(path);
   const tokens: TokensList = new Lexer({ gfm: true }).lex(text);
   const parts: { id: string; title: string; depth: number; tokens: Token[]; text: string }[] = [];
   const ids = new Set<string>();
@@ -87,7 +110,7 @@ export function documentOf(name: string, text: string): Document {
     part?.tokens.push(token);
     if (part !== undefined) part.text += token.raw;
   }
-  return { name, title: parts[0]?.title ?? name, parts };
+  return { name, path, title: parts[0]?.title ?? name, parts };
 }
 
 function unlike(id: string, ids: Set<string>): string {
@@ -121,23 +144,12 @@ export function plain(tokens: readonly Token[]): string {
 export function routeOf(from: string, href: string): string | null {
   if (/^[a-z]+:/i.test(href)) return null;
   const [path = "", part] = href.split("#");
-  const folder = from.startsWith("decisions/") ? "docs/decisions/" : isBeside(from) ? "" : "docs/";
-  const target = new URL(path === "" ? `${fileOf(from)}` : `/${folder}${path}`, "file:///").pathname.slice(1);
-  const name = target.endsWith(".md")
-    ? nameOf(target)
-    : target === "docs/decisions/"
-      ? "decisions/README"
-      : "";
-  if (documentNamed(name) === undefined) return null;
-  return part === undefined ? `/docs/${name}` : `/docs/${name}/${part}`;
-}
-
-function isBeside(name: string): boolean {
-  return name === "architecture" || name === "changelog";
-}
-
-function fileOf(name: string): string {
-  return isBeside(name) ? `/${name.toUpperCase()}.md` : `/docs/${name}.md`;
+  const base = new URL(documentNamed(from)?.path ?? "", "file:///");
+  const target = new URL(path, base).pathname.slice(1);
+  const file = target.endsWith("/") ? `${target}README.md` : target;
+  const found = DOCUMENTS.find((one) => one.path === file);
+  if (found === undefined) return null;
+  return part === undefined ? `/docs/${found.name}` : `/docs/${found.name}/${part}`;
 }
 
 /** The name and the part of an address below `/docs/`. */

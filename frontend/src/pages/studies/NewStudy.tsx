@@ -75,7 +75,7 @@ export function NewStudy() {
   }
 
   return (
-    <Card title="New study" aside={<span className={page.dim}>YAML or JSON, docs/studies.md</span>}>
+    <Card title="New study" aside={<span className={page.dim}>YAML or JSON, docs/how-to/studies.md</span>}>
       <div className={page.fields}>
         <div className={page.actions}>
           <Button size="sm" variant="default" onClick={() => guard(() => edit(EMPTY_STUDY))}>
