@@ -60,37 +60,49 @@ class TuningInForce(Protocol):
 
 
 class StoredBanks:
-    """Reads and writes banks in threads; what takes long is computed in the process for such work."""
+    """Reads and writes banks; what takes long is computed in the process for such work.
+
+    Plain methods wait for the database: the event loop calls them in a thread.
+    """
 
     def __init__(self, database: Database, offload: Offload, tuning: Callable[[], TuningInForce]) -> None:
         self._database = database
         self._offload = offload
         self._tuning = tuning
 
-    async def banks(self) -> list[BankView]:
-        """Return all versions of all banks, newest first; what looks at them is loaded meanwhile."""
+    def prepare(self) -> None:
+        """Load what looks at banks, in the process for such work; called in the event loop."""
         self._offload.prepare(compute_entry_figures, *SCIENCE)
-        return await asyncio.to_thread(self._banks)
 
-    async def bank(self, bank_id: int) -> BankView:
+    def banks(self) -> list[BankView]:
+        """Return all versions of all banks, newest first."""
+        with self._database.reading() as session:
+            runs_of = identifications.find_estimate_runs(session)
+            found = banks.find(session)
+            positions = identifications.joint_positions(session, _estimates(*found))
+            return [self._listed(bank, runs_of, positions) for bank in found]
+
+    def bank(self, bank_id: int) -> BankView:
         """Return one version of a bank. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._bank_view, bank_id)
+        with self._database.reading() as session:
+            bank = banks.get(session, bank_id)
+            positions = identifications.joint_positions(session, _estimates(bank))
+            return bank_view(bank, identifications.find_estimate_runs(session), positions, self._in_use())
 
-    async def stored_bank(self, bank_id: int) -> Bank:
+    def stored_bank(self, bank_id: int) -> Bank:
         """Return one version of a bank as it is stored. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._bank, bank_id)
+        with self._database.reading() as session:
+            return banks.get(session, bank_id)
 
-    async def existing(self, numbers: Collection[int]) -> list[Bank]:
+    def existing(self, numbers: Collection[int]) -> list[Bank]:
         """Return the banks of these numbers that there are."""
-        return await asyncio.to_thread(self._existing, numbers)
-
-    def _existing(self, numbers: Collection[int]) -> list[Bank]:
         with self._database.reading() as session:
             return [bank for bank in banks.find(session) if bank.id in numbers]
 
-    async def build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
+    def build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
         """Build the next version of a bank from identification runs. Raises BankError, UnknownRecordError."""
-        return await asyncio.to_thread(self._build, name, run_ids, who)
+        parameters = self._tuning().parameters
+        return self.bank(builder.build_bank(self._database, parameters, name, run_ids, who).id)
 
     async def detail(self, bank_id: int) -> BankDetail:
         """Return gains, M_s at the λ in force, and lineage of every entry. Raises UnknownRecordError, TuningError."""
@@ -120,25 +132,14 @@ class StoredBanks:
             entries=[EntryDifference(**asdict(change)) for change in changes],
         )
 
-    async def file(self, bank_id: int) -> BankFile:
+    def file(self, bank_id: int) -> BankFile:
         """Return a bank as a file. Raises UnknownRecordError."""
-        return BankFile.model_validate(builder.build_bank_document(await self.stored_bank(bank_id)))
+        return BankFile.model_validate(builder.build_bank_document(self.stored_bank(bank_id)))
 
-    async def bring_in(self, file: BankFile, who: str) -> BankView:
+    def bring_in(self, file: BankFile, who: str) -> BankView:
         """Store a bank from its file as the next version of its name. Raises BankError."""
         document = file.model_dump(exclude_none=True)
-        parameters = self._tuning().parameters
-        bank = await asyncio.to_thread(builder.import_bank, self._database, parameters, document, who)
-        return await self.bank(bank.id)
-
-    # In a thread --------------------------------------------------------------------------------------------
-
-    def _banks(self) -> list[BankView]:
-        with self._database.reading() as session:
-            runs_of = identifications.find_estimate_runs(session)
-            found = banks.find(session)
-            positions = identifications.joint_positions(session, _estimates(*found))
-            return [self._listed(bank, runs_of, positions) for bank in found]
+        return self.bank(builder.import_bank(self._database, self._tuning().parameters, document, who).id)
 
     def _listed(self, bank: Bank, runs_of: dict[int, int | None], positions: dict[int, float]) -> BankView:
         """Return a bank as the list shows it: one that cannot be read says so, and the others are there."""
@@ -146,20 +147,6 @@ class StoredBanks:
             return bank_view(bank, runs_of, positions, self._in_use())
         except UnreadableDocumentError as error:
             return bank_view(replace(bank, entries=(), note=str(error)), runs_of, positions, self._in_use())
-
-    def _bank(self, bank_id: int) -> Bank:
-        with self._database.reading() as session:
-            return banks.get(session, bank_id)
-
-    def _bank_view(self, bank_id: int) -> BankView:
-        with self._database.reading() as session:
-            bank = banks.get(session, bank_id)
-            positions = identifications.joint_positions(session, _estimates(bank))
-            return bank_view(bank, identifications.find_estimate_runs(session), positions, self._in_use())
-
-    def _build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
-        parameters = self._tuning().parameters
-        return self._bank_view(builder.build_bank(self._database, parameters, name, run_ids, who).id)
 
     def _with_lineage(self, bank_id: int) -> tuple[Bank, list[EntryLineage | None]]:
         with self._database.reading() as session:

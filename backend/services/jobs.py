@@ -632,7 +632,7 @@ class JobManager:
     async def _play_dry(self, order: RunRequest, person: User, has_left: HasLeft) -> DryRunView:
         bank = await self._bank_of(order.loop_settings)
         others = list_plan_banks(order.plan) - {0 if bank is None else bank.id}
-        used = [*([] if bank is None else [bank]), *(await self._banks.existing(others) if others else ())]
+        used = [*([] if bank is None else [bank]), *(await asyncio.to_thread(self._banks.existing, others) if others else ())]
         return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, used, person, has_left)
 
     async def start_identification(self, request: IdentificationRequest, who: str) -> int:
@@ -755,7 +755,7 @@ class JobManager:
         """Return the tunings that an order puts into use while it plays, by their numbers from 1 on."""
         choices = list_plan_tunings(order.plan, order.loop_settings.tuning)
         numbers = {choice.bank for choice in choices}
-        there = {bank.id: bank for bank in await self._banks.existing(numbers)} if choices else {}
+        there = {bank.id: bank for bank in await asyncio.to_thread(self._banks.existing, numbers)} if choices else {}
         return [ResolvedTuning(choice, there.get(choice.bank)) for choice in choices]
 
     async def _progress(self, orders: Sequence[RunRequest], position: int, run: Run) -> ProgressCallback:
@@ -771,7 +771,7 @@ class JobManager:
             raise SettingError("seed", wanted.seed, remedy)
 
     async def _bank_of(self, wanted: LoopSettings) -> Bank | None:
-        return await self._banks.stored_bank(wanted.bank) if wanted.bank else None
+        return await asyncio.to_thread(self._banks.stored_bank, wanted.bank) if wanted.bank else None
 
     async def _ordered(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
         """Return what is asked for, of an own one its version; the operator's tuning where nothing else is said."""

@@ -59,7 +59,7 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
             entries = [BankEntry(8.24, MODEL, view.estimate), BankEntry(12.43, MODEL)]
             bank = banks.add(session, "bench", entries, OPERATOR.name)
         banks_of = StoredBanks(database, Here(lambda _cause: None), lambda: parts.present.tuning)
-        made, imported = (await banks_of.bank(bank.id)).entries
+        made, imported = banks_of.bank(bank.id).entries
         # θ_B = 0: both springs share what motor A winds, so that the joint stands at x/r_j, x = 23.49 mm at 10 N.
         assert made.q_nominal == pytest.approx(0.02349 / 0.075, abs=2e-3)
         assert imported.q_nominal is None

@@ -1,6 +1,5 @@
 """Banks and tunings without a version are read; one that cannot be read gives way, and says why."""
 
-import asyncio
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -95,7 +94,7 @@ def test_a_bank_that_cannot_be_read_says_so_in_the_list_and_the_others_are_there
         banks.add(session, "newer", [BankEntry(8.0, {**MODEL, "version": 2})], "Ana")
     tuning, _ = TuningStore(database).restore(LAB)
     with closing(Offload(lambda _cause: None)) as offload:
-        newer, good = asyncio.run(StoredBanks(database, offload, lambda: tuning).banks())
+        newer, good = StoredBanks(database, offload, lambda: tuning).banks()
     assert (good.name, len(good.entries), good.note) == ("good", 1, "")
     assert (newer.name, newer.entries) == ("newer", [])
     assert "is of version 2" in newer.note

@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
+from fastapi.concurrency import run_in_threadpool
 
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
 from backend.errors import RequestRejectedError
@@ -42,21 +43,22 @@ Again = Annotated[
 
 
 @banks_router.post("", status_code=201)
-async def build_bank(body: BankRequest, service: ServiceInUse, person: Operator) -> BankView:
+def build_bank(body: BankRequest, service: ServiceInUse, person: Operator) -> BankView:
     """Build a bank, or a new version of it, from identification runs; entries that do not fit are refused."""
-    return await service.banks.build(body.name, body.identifications, person.name)
+    return service.banks.build(body.name, body.identifications, person.name)
 
 
 @banks_router.get("")
 async def list_banks(service: ServiceInUse, _person: SignedIn) -> BankList:
     """List all versions of all banks, newest first."""
-    return BankList(banks=await service.banks.banks())
+    service.banks.prepare()
+    return BankList(banks=await run_in_threadpool(service.banks.banks))
 
 
 @banks_router.post("/file", status_code=201)
-async def import_bank(body: BankFile, service: ServiceInUse, person: Operator) -> BankView:
+def import_bank(body: BankFile, service: ServiceInUse, person: Operator) -> BankView:
     """Store an exported bank as the next version of its name, after checking it."""
-    return await service.banks.bring_in(body, person.name)
+    return service.banks.bring_in(body, person.name)
 
 
 @banks_router.get("/in-use/difference")
@@ -70,9 +72,9 @@ async def compare_with_bank_in_use(
 
 
 @banks_router.get("/{id}")
-async def get_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankView:
+def get_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankView:
     """Return one version of a bank with its entries."""
-    return await service.banks.bank(id)
+    return service.banks.bank(id)
 
 
 @banks_router.get("/{id}/detail")
@@ -91,9 +93,9 @@ async def compare_banks(
 
 
 @banks_router.get("/{id}/file")
-async def export_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankFile:
+def export_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankFile:
     """Return a bank as a file, to take it to another data folder."""
-    return await service.banks.file(id)
+    return service.banks.file(id)
 
 
 @banks_router.post("/geometry/activate")
@@ -105,8 +107,9 @@ async def use_geometry(service: ServiceInUse, person: InControl) -> TuningView:
 @banks_router.post("/{id}/activate")
 async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
     """Use a bank from now on; bumpless while the loop runs."""
-    await service.actuator.retuning.use_bank(await service.banks.stored_bank(id), person.name)
-    return await service.banks.bank(id)
+    bank = await run_in_threadpool(service.banks.stored_bank, id)
+    await service.actuator.retuning.use_bank(bank, person.name)
+    return await run_in_threadpool(service.banks.bank, id)
 
 
 def _require_one(other: int | None, run: list[int] | None) -> None:
