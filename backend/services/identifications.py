@@ -1,6 +1,5 @@
 """Stored identifications as the interface shows them."""
 
-import asyncio
 import logging
 from collections.abc import Callable
 from dataclasses import asdict
@@ -189,9 +188,10 @@ IDENTIFICATIONS = (
 
 
 class StoredIdentifications:
-    """Reads and writes the database in threads; what takes long is computed in the process for such work.
+    """Reads and writes the database; what takes long is computed in the process for such work.
 
-    ``progress`` tells how far a run is, from 0 to 1.
+    Plain methods wait for the database: the event loop calls them in a thread. ``progress`` tells how far a run is,
+    from 0 to 1.
     """
 
     def __init__(
@@ -216,38 +216,8 @@ class StoredIdentifications:
         computed = self._offload.run(compute_trend, self._database, tuning.parameters, tuning.lambdas.lam_motor)
         return Trend.model_validate(await computed)
 
-    async def identifications(self) -> list[IdentificationView]:
+    def identifications(self) -> list[IdentificationView]:
         """Return all identification runs, newest first."""
-        return await asyncio.to_thread(self._identifications)
-
-    async def identification(self, run_id: int) -> IdentificationView:
-        """Return one identification run. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._identification, run_id)
-
-    async def curves(self, run_id: int) -> IdentificationCurves:
-        """Return what can be drawn of the newest estimate of a run. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._curves, run_id)
-
-    async def spring_tables(self) -> list[SpringTableView]:
-        """Return springs identified from tables, newest first."""
-        return await asyncio.to_thread(self._spring_tables)
-
-    async def spring_table(self, number: int) -> SpringTableView:
-        """Return one spring identified from a table. Raises UnknownRecordError."""
-        return spring_table_view(await asyncio.to_thread(self._spring_table, number))
-
-    async def spring_table_curves(self, number: int) -> IdentificationCurves:
-        """Return what can be drawn of a spring identified from a table. Raises UnknownRecordError."""
-        found = await asyncio.to_thread(self._spring_table, number)
-        return IdentificationCurves.model_validate(build_curves(found))
-
-    async def add_spring_table(self, new: NewIdentification) -> SpringTableView:
-        """Store a spring that was identified from a measured table."""
-        return spring_table_view(await asyncio.to_thread(self._add, new))
-
-    # In a thread --------------------------------------------------------------------------------------------
-
-    def _identifications(self) -> list[IdentificationView]:
         with self._database.reading() as session:
             estimates = {estimate.run_id: estimate for estimate in reversed(identifications.find(session))}
             found = runs.find(session, kinds=IDENTIFICATIONS, limit=500)
@@ -261,7 +231,8 @@ class StoredIdentifications:
             view = identification_view(run, None, self._progress(run))
             return view.model_copy(update={"message": str(error)})
 
-    def _identification(self, run_id: int) -> IdentificationView:
+    def identification(self, run_id: int) -> IdentificationView:
+        """Return one identification run. Raises UnknownRecordError."""
         with self._database.reading() as session:
             run = runs.get(session, run_id)
             if run.kind not in IDENTIFICATIONS:
@@ -272,12 +243,14 @@ class StoredIdentifications:
         problem = "" if result is None else result.metrics.problem
         return view.model_copy(update={"message": problem}) if problem else view
 
-    def _curves(self, run_id: int) -> IdentificationCurves:
+    def curves(self, run_id: int) -> IdentificationCurves:
+        """Return what can be drawn of the newest estimate of a run. Raises UnknownRecordError."""
         with self._database.reading() as session:
             found = identifications.of_run(session, run_id)
         return IdentificationCurves.model_validate(build_curves(found))
 
-    def _spring_tables(self) -> list[SpringTableView]:
+    def spring_tables(self) -> list[SpringTableView]:
+        """Return springs identified from tables, newest first."""
         with self._database.reading() as session:
             found = identifications.find(session, kind="spring")
         shown = []
@@ -288,13 +261,23 @@ class StoredIdentifications:
                 _log.warning("The list of spring tables leaves one out: %s", error)
         return shown
 
+    def spring_table(self, number: int) -> SpringTableView:
+        """Return one spring identified from a table. Raises UnknownRecordError."""
+        return spring_table_view(self._spring_table(number))
+
+    def spring_table_curves(self, number: int) -> IdentificationCurves:
+        """Return what can be drawn of a spring identified from a table. Raises UnknownRecordError."""
+        return IdentificationCurves.model_validate(build_curves(self._spring_table(number)))
+
+    def add_spring_table(self, new: NewIdentification) -> SpringTableView:
+        """Store a spring that was identified from a measured table."""
+        with self._database.session() as session:
+            stored = identifications.add(session, new)
+        return spring_table_view(stored)
+
     def _spring_table(self, number: int) -> Identification:
         with self._database.reading() as session:
             found = identifications.get(session, number)
         if found.kind != "spring" or found.run_id is not None:
             raise UnknownRecordError(f"identification {number} was not made from a table of a spring")
         return found
-
-    def _add(self, new: NewIdentification) -> Identification:
-        with self._database.session() as session:
-            return identifications.add(session, new)

@@ -89,9 +89,7 @@ def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
         (1, 0),
     ]  # an identification uses λ_motor alone
     assert said in listed[0].evaluation_problem
-    found = asyncio.run(
-        StoredIdentifications(database, lambda _run: 1.0, Offload(print), lambda: TUNING).identifications()
-    )
+    found = StoredIdentifications(database, lambda _run: 1.0, Offload(print), lambda: TUNING).identifications()
     assert [(one.id, one.tension_N) for one in found] == [(3, None), (1, 20.0)]
     assert said in found[0].message
 

@@ -1,6 +1,7 @@
 """Identification runs, and springs identified from tables."""
 
 from fastapi import APIRouter, Request
+from fastapi.concurrency import run_in_threadpool
 
 from backend import __version__
 from backend.analysis import fit_spring_table
@@ -48,9 +49,9 @@ async def predict(
 
 
 @router.get("/identifications")
-async def list_identifications(service: ServiceInUse, _person: SignedIn) -> identification.IdentificationList:
+def list_identifications(service: ServiceInUse, _person: SignedIn) -> identification.IdentificationList:
     """List identification runs, newest first."""
-    return identification.IdentificationList(identifications=await service.identifications.identifications())
+    return identification.IdentificationList(identifications=service.identifications.identifications())
 
 
 @router.get("/identification-kinds")
@@ -60,15 +61,15 @@ async def list_identification_kinds(service: ServiceInUse, _person: SignedIn) ->
 
 
 @router.get("/identifications/{id}")
-async def get_identification(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.IdentificationView:
+def get_identification(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.IdentificationView:
     """Return one identification run with its models."""
-    return await service.identifications.identification(id)
+    return service.identifications.identification(id)
 
 
 @router.get("/identifications/{id}/curves")
-async def get_identification_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
+def get_identification_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
     """Return what can be drawn of an identification run: responses, residual tests, errors."""
-    return await service.identifications.curves(id)
+    return service.identifications.curves(id)
 
 
 @router.get("/identifications/{id}/unseen")
@@ -90,25 +91,25 @@ async def add_table(
     """Identify a spring from a table measured elsewhere."""
     asked = body.name, body.table, person.name, __version__, body.header, body.decimal
     new = await service.texts.run(person, request.is_disconnected, fit_spring_table, *asked)
-    return await service.identifications.add_spring_table(new)
+    return await run_in_threadpool(service.identifications.add_spring_table, new)
 
 
 @router.get("/spring-tables")
-async def list_spring_tables(service: ServiceInUse, _person: SignedIn) -> identification.SpringTableList:
+def list_spring_tables(service: ServiceInUse, _person: SignedIn) -> identification.SpringTableList:
     """List springs identified from tables, newest first."""
-    return identification.SpringTableList(tables=await service.identifications.spring_tables())
+    return identification.SpringTableList(tables=service.identifications.spring_tables())
 
 
 @router.get("/spring-tables/{id}")
-async def get_spring_table(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.SpringTableView:
+def get_spring_table(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.SpringTableView:
     """Return one spring identified from a table."""
-    return await service.identifications.spring_table(id)
+    return service.identifications.spring_table(id)
 
 
 @router.get("/spring-tables/{id}/curves")
-async def get_spring_table_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
+def get_spring_table_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
     """Return what can be drawn of a spring identified from a table."""
-    return await service.identifications.spring_table_curves(id)
+    return service.identifications.spring_table_curves(id)
 
 
 @router.get("/parameters")
