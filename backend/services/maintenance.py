@@ -50,34 +50,15 @@ _PACKAGES = ("numpy", "scipy", "numba", "fastapi", "sqlalchemy", "viser")
 
 
 class Maintenance:
-    """Looks after the database of one data folder; the work is done in threads."""
+    """Looks after the database of one data folder. All methods wait for the disk: the event loop calls none."""
 
     def __init__(self, database: Database, data: Path, supervisor: Supervisor) -> None:
         self._database = database
         self._data = data
         self._supervisor = supervisor
 
-    async def view(self) -> SystemView:
+    def view(self) -> SystemView:
         """Return what the System page shows beside the state."""
-        return await asyncio.to_thread(self._view)
-
-    async def check(self) -> DatabaseCheck:
-        """Check the whole database."""
-        return DatabaseCheck(problems=await asyncio.to_thread(find_database_errors, self._database.engine))
-
-    async def backup(self, who: str) -> BackupView:
-        """Copy the database to the data folder. Raises BackupError."""
-        return await asyncio.to_thread(self._backup, who)
-
-    def _backup(self, who: str) -> BackupView:
-        target = next_backup_path(self._data)
-        backup_database(self._database.engine, target)
-        # a database that takes nothing more is one to make copies of: the copy counts
-        with suppress(StorageError), self._database.session() as session:
-            events.add(session, EventKind.BACKUP, f"database copied to {target.name}", who=who)
-        return _backup_view(target)
-
-    def _view(self) -> SystemView:
         granted, ring = self._supervisor.granted, self._supervisor.ring
         edges_us = [1e6 * edge for edge in LATENESS_EDGES_S]
         copies = sorted(next_backup_path(self._data).parent.glob("*.db"), reverse=True)
@@ -98,6 +79,19 @@ class Maintenance:
             database=self._database_view(),
             backups=[_backup_view(copy) for copy in copies],
         )
+
+    def check(self) -> DatabaseCheck:
+        """Check the whole database."""
+        return DatabaseCheck(problems=find_database_errors(self._database.engine))
+
+    def backup(self, who: str) -> BackupView:
+        """Copy the database to the data folder. Raises BackupError."""
+        target = next_backup_path(self._data)
+        backup_database(self._database.engine, target)
+        # a database that takes nothing more is one to make copies of: the copy counts
+        with suppress(StorageError), self._database.session() as session:
+            events.add(session, EventKind.BACKUP, f"database copied to {target.name}", who=who)
+        return _backup_view(target)
 
     def _database_view(self) -> DatabaseView:
         engine = self._database.engine
@@ -151,18 +145,18 @@ class Retention:
         """Look from time to time until cancelled."""
         while True:
             try:
-                await self.view()
+                await asyncio.to_thread(self.view)
             except StorageError as error:
                 self.problem = f"the size of the recordings is not known: {error}"
             await asyncio.sleep(LOOK_S)
 
-    async def view(self) -> RecordingsView:
+    def view(self) -> RecordingsView:
         """Return what recordings take and which may go. Raises StorageError."""
-        return self._seen(await asyncio.to_thread(summarise_retention, self._database, self._rule))
+        return self._seen(summarise_retention(self._database, self._rule))
 
-    async def remove(self, run_ids: list[int], who: str) -> RecordingsView:
+    def remove(self, run_ids: list[int], who: str) -> RecordingsView:
         """Delete the samples of exactly these runs. Raises NotRemovableError, StorageError."""
-        return self._seen(await asyncio.to_thread(delete_recordings, self._database, self._rule, run_ids, who))
+        return self._seen(delete_recordings(self._database, self._rule, run_ids, who))
 
     def _seen(self, found: Overview) -> RecordingsView:
         self.problem = found.says
