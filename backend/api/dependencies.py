@@ -307,7 +307,8 @@ async def angles_of(connection: HTTPConnection) -> AngleUnit:
         return AngleUnit.DEGREES
     try:
         async with asyncio.timeout(ANGLES_PATIENCE_S):
-            return (await service_of(connection).preferences.of(person)).angles
+            preferences = await asyncio.to_thread(service_of(connection).preferences.of, person)
+            return preferences.angles
     except (StorageError, TimeoutError):
         return AngleUnit.DEGREES
 

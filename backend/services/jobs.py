@@ -632,7 +632,10 @@ class JobManager:
     async def _play_dry(self, order: RunRequest, person: User, has_left: HasLeft) -> DryRunView:
         bank = await self._bank_of(order.loop_settings)
         others = list_plan_banks(order.plan) - {0 if bank is None else bank.id}
-        used = [*([] if bank is None else [bank]), *(await asyncio.to_thread(self._banks.existing, others) if others else ())]
+        used = [
+            *([] if bank is None else [bank]),
+            *(await asyncio.to_thread(self._banks.existing, others) if others else ()),
+        ]
         return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, used, person, has_left)
 
     async def start_identification(self, request: IdentificationRequest, who: str) -> int:

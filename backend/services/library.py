@@ -1,6 +1,5 @@
 """The libraries of the station: own experiments, preferences, searches, tags."""
 
-import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -43,7 +42,6 @@ from backend.schemas import (
     SavedSearch,
     SavedSearchList,
     SearchWords,
-    TagList,
     WrittenExperiment,
     check_preferences,
 )
@@ -239,34 +237,26 @@ def _readable(kept: StoredExperiment) -> ExperimentDefinition | None:
 
 
 class StoredPreferences:
-    """Reads and writes settings in threads, so that the event loop never waits for the disk."""
+    """Reads and writes settings in the database. All methods wait for it: the event loop calls them in a thread."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def of(self, person: User) -> Preferences:
+    def of(self, person: User) -> Preferences:
         """Return how ``person`` likes the page; defaults for somebody new."""
-        stored = await asyncio.to_thread(self._newest, _setting_of(person))
+        with self._database.reading() as session:
+            stored = settings.newest(session, _setting_of(person))
         # what was stored before a preference existed lacks it
         return NEW_HERE if stored is None else _read(stored)
 
-    async def put(self, person: User, preferences: Preferences) -> Preferences:
+    def put(self, person: User, preferences: Preferences) -> Preferences:
         """Remember how ``person`` likes the page. Raises RequestRejectedError for a layout that cannot be drawn."""
-        check_preferences(preferences.layouts, await asyncio.to_thread(self._formulas))
-        await asyncio.to_thread(self._put, person, preferences)
-        return preferences
-
-    def _formulas(self) -> set[str]:
         with self._database.reading() as session:
-            return formulas.ever(session)
-
-    def _newest(self, name: str) -> StoredSetting | None:
-        with self._database.reading() as session:
-            return settings.newest(session, name)
-
-    def _put(self, person: User, preferences: Preferences) -> None:
+            known = formulas.ever(session)
+        check_preferences(preferences.layouts, known)
         with self._database.session() as session:
             settings.put(session, _setting_of(person), preferences.model_dump(), person.name)
+        return preferences
 
 
 def _read(stored: StoredSetting) -> Preferences:
@@ -289,49 +279,25 @@ _SEARCH = "search/"
 
 
 class RunLibrary:
-    """Reads and writes the database in threads. Saved searches are settings: what one was before stays there."""
+    """Reads and writes the database. Saved searches are settings: what one was before stays there."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def words(self) -> SearchWords:
+    def words(self) -> SearchWords:
         """Return what runs can be searched by."""
-        return await asyncio.to_thread(self._words)
-
-    async def searches(self) -> SavedSearchList:
-        """Return the saved searches of the station."""
-        return await asyncio.to_thread(self.saved_searches)
-
-    async def save_search(self, name: str, where: str, who: str) -> SavedSearchList:
-        """Save a search under a name. Raises QueryError, RequestRejectedError."""
-        return await asyncio.to_thread(self.keep_search, name, where, who)
-
-    async def forget_search(self, name: str, who: str) -> SavedSearchList:
-        """Take a search off the list. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self.drop_search, name, who)
-
-    async def put_tag(self, run_id: int, tag: str) -> None:
-        """Put a tag on a run. Raises TagError, UnknownRecordError."""
-        await asyncio.to_thread(self.tag, [run_id], [tag], [])
-
-    async def take_tag(self, run_id: int, tag: str) -> None:
-        """Take a tag off a run. Raises TagError, UnknownRecordError."""
-        await asyncio.to_thread(self.tag, [run_id], [], [tag])
-
-    async def rename_tag(self, before: str, after: str) -> TagList:
-        """Call a tag otherwise on all runs of the station. Raises TagError, UnknownRecordError."""
-        await asyncio.to_thread(self.rename, before, after)
-        return TagList(tags=(await self.words()).tags)
-
-    async def comparison(self, asked: ComparisonAsked) -> RunComparison:
-        """Set runs beside each other. Raises RequestRejectedError, UnknownRecordError."""
-        return await asyncio.to_thread(self.compared, asked)
-
-    async def metric_history(self, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
-        """Return a metric of a kind of runs over their dates. Raises QueryError."""
-        return await asyncio.to_thread(self.history, kind, metric, where, everywhere=everywhere)
-
-    # At once, for the command line too ----------------------------------------------------------------------
+        with self._database.reading() as session:
+            known = search.known_words(session)
+        return SearchWords(
+            station=self._database.station,
+            stations=list(known.stations),
+            fields=list(search.FIELDS),
+            kinds=list(known.kinds),
+            ends=list(ENDS),
+            verdicts=list(VERDICTS),
+            tags=list(known.tags),
+            values={source: list(names) for source, names in known.values.items()},
+        )
 
     def saved_searches(self) -> SavedSearchList:
         """Return the saved searches of the station."""
@@ -400,17 +366,3 @@ class RunLibrary:
         """Return a metric of a kind of runs over their dates. Raises QueryError."""
         with self._database.reading() as session:
             return comparison.metric_history(session, kind, metric, where, everywhere=everywhere)
-
-    def _words(self) -> SearchWords:
-        with self._database.reading() as session:
-            known = search.known_words(session)
-        return SearchWords(
-            station=self._database.station,
-            stations=list(known.stations),
-            fields=list(search.FIELDS),
-            kinds=list(known.kinds),
-            ends=list(ENDS),
-            verdicts=list(VERDICTS),
-            tags=list(known.tags),
-            values={source: list(names) for source, names in known.values.items()},
-        )

@@ -463,7 +463,10 @@ _NEEDED = ("q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "F_push", "F_e
 
 
 class ReplayView:
-    """Holds one row of a recording in the shape of a newest sample, and the wall that stood then."""
+    """Holds one row of a recording in the shape of a newest sample, and the wall that stood then.
+
+    Requests show a moment from their threads, the 3D view reads it from its own.
+    """
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -477,15 +480,15 @@ class ReplayView:
         """Return the wall that stood in the joint's way at the moment shown; None for none, and for none known."""
         return self._shown[1]
 
-    async def show(self, run_id: int, t: float) -> None:
+    def show(self, run_id: int, t: float) -> None:
         """Show the sample at ``t`` [s] of a run. Raises UnknownRecordError; stays where it is past the run's end."""
-        shown = await asyncio.to_thread(self._read, run_id, t)
+        shown = self._read(run_id, t)
         if shown is not None:
             self._shown = shown
 
-    async def show_flight(self, event_id: int, t: float) -> None:
+    def show_flight(self, event_id: int, t: float) -> None:
         """Show the sample of a flight record nearest to ``t`` [s] from its trip. Raises UnknownRecordError."""
-        columns = await asyncio.to_thread(read_flight_columns, self._database, event_id)
+        columns = read_flight_columns(self._database, event_id)
         if columns["t"].size:
             nearest = int(np.argmin(np.abs(columns["t"] - t)))
             self._shown = _row({name: columns[name][nearest] for name in _NEEDED if name in columns}), None
@@ -509,7 +512,7 @@ def _row(values: Mapping[str, float]) -> NDArray[np.float64]:
 
 # Timeline ------------------------------------------------------------------------------------------
 #
-# Everything that happened, read from the database in threads.
+# Everything that happened, read from the database.
 
 
 class StoredTimeline:
@@ -518,23 +521,17 @@ class StoredTimeline:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def page(self, asked: LogQuery, limit: int) -> Timeline:
+    def page(self, asked: LogQuery, limit: int) -> Timeline:
         """Return the newest of what is asked for."""
-        return await asyncio.to_thread(self._page, asked, limit)
-
-    async def remark(self, event_id: int, said: Remark, who: str) -> None:
-        """Put a note and tags on an event. Raises UnknownRecordError, TagError, RequestRejectedError."""
-        await asyncio.to_thread(self._remark, event_id, said.note.strip(), said.tags, who)
-
-    def _page(self, asked: LogQuery, limit: int) -> Timeline:
         with self._database.reading() as session:
             found, more_before = timeline.find(session, asked, limit)
             total = len(found) if more_before is None else timeline.count(session, asked)
         return Timeline(entries=[_entry(one) for one in found], total=total, more_before=more_before)
 
-    def _remark(self, event_id: int, note: str, tags: Sequence[str], who: str) -> None:
+    def remark(self, event_id: int, said: Remark, who: str) -> None:
+        """Put a note and tags on an event. Raises UnknownRecordError, TagError, RequestRejectedError."""
         with self._database.session() as session:
-            timeline.remark(session, event_id, note, tags, who)
+            timeline.remark(session, event_id, said.note.strip(), said.tags, who)
 
 
 def _entry(one: LogEntry) -> TimelineEntry:
@@ -784,10 +781,11 @@ class RunQuery:
 
 
 class StoredRuns:
-    """Reads and writes the database in threads, so that the event loop never waits for the disk.
+    """Reads and writes the runs of the database.
 
-    ``task`` tells what the service is doing at present, ``is_evaluated`` whether a run's result is being computed.
-    What reads very many samples is done in the process ``offload``, where there is one.
+    Plain methods wait for the disk: the event loop calls them in a thread. ``task`` tells what the service is doing at
+    present, ``is_evaluated`` whether a run's result is being computed. What reads very many samples is done in the
+    process ``offload``, where there is one.
     """
 
     def __init__(
@@ -802,22 +800,37 @@ class StoredRuns:
         self._task = task
         self._is_evaluated = is_evaluated
 
-    async def runs(self, asked: RunQuery) -> RunList:
+    def found(self, asked: RunQuery) -> RunList:
         """Return a page of runs, newest first. Raises RequestRejectedError for an unknown kind, QueryError."""
-        return await asyncio.to_thread(self.found, asked)
+        query = asked.query()
+        with self._database.reading() as session:
+            page = run_search.search(
+                session, query, everywhere=asked.everywhere, limit=asked.limit, offset=asked.offset
+            )
+            views = self._views(session, runs.of_numbers(session, page.run_ids))
+            return RunList(runs=views, total=page.total)
 
-    async def run(self, run_id: int) -> RunView:
+    def run(self, run_id: int) -> RunView:
         """Return one run. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._run, run_id)
+        with self._database.reading() as session:
+            return self._views(session, [runs.get(session, run_id)])[0]
 
-    async def set_note(self, run_id: int, note: str) -> RunView:
+    def set_note(self, run_id: int, note: str) -> RunView:
         """Write the note of a run. Raises UnknownRecordError."""
-        await asyncio.to_thread(self._set_note, run_id, note)
-        return await self.run(run_id)
+        with self._database.session() as session:
+            runs.set_note(session, run_id, note)
+        return self.run(run_id)
 
-    async def flights(self) -> FlightList:
+    def flights(self) -> FlightList:
         """Return the newest flight records."""
-        return await asyncio.to_thread(self._flights)
+        with self._database.reading() as session:
+            return FlightList(flights=[flight_view(flight) for flight in flights.find(session)])
+
+    def experiment(self, run_id: int) -> ExperimentView:
+        """Return one experiment run with its result. Raises UnknownRecordError."""
+        with self._database.reading() as session:
+            run = runs.get(session, run_id)
+            return experiment_view(run, results.newest(session, run_id), self.progress(run))
 
     async def samples(self, asked: SampleSlice) -> SamplesView:
         """Return samples or their envelope. Raises UnknownRecordError, UnknownSignalError."""
@@ -834,34 +847,6 @@ class StoredRuns:
             return await self._offload.run(envelope_of, self._database, asked)
         return await asyncio.to_thread(envelope_of, self._database, asked)
 
-    async def experiment(self, run_id: int) -> ExperimentView:
-        """Return one experiment run with its result. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._experiment, run_id)
-
-    # In a thread --------------------------------------------------------------------------------------------
-
-    def found(self, asked: RunQuery) -> RunList:
-        """Return a page of runs, newest first. Raises RequestRejectedError for an unknown kind, QueryError."""
-        query = asked.query()
-        with self._database.reading() as session:
-            page = run_search.search(
-                session, query, everywhere=asked.everywhere, limit=asked.limit, offset=asked.offset
-            )
-            views = self._views(session, runs.of_numbers(session, page.run_ids))
-            return RunList(runs=views, total=page.total)
-
-    def _run(self, run_id: int) -> RunView:
-        with self._database.reading() as session:
-            return self._views(session, [runs.get(session, run_id)])[0]
-
-    def _flights(self) -> FlightList:
-        with self._database.reading() as session:
-            return FlightList(flights=[flight_view(flight) for flight in flights.find(session)])
-
-    def _set_note(self, run_id: int, note: str) -> None:
-        with self._database.session() as session:
-            runs.set_note(session, run_id, note)
-
     def _reads(self, asked: SampleSlice) -> float:
         """Return how many samples have to be read one by one: none where the stored summaries tell it."""
         if all(name in STORED_NAMES for name in asked.signals):
@@ -870,11 +855,6 @@ class StoredRuns:
             recording, span = recordings.get(session, asked.run), recordings.span(session, asked.run)
         length_s = (span.end_tick - span.first_tick) * recording.period_s
         return (min(asked.to_s, length_s) - min(asked.from_s, length_s)) / recording.period_s
-
-    def _experiment(self, run_id: int) -> ExperimentView:
-        with self._database.reading() as session:
-            run = runs.get(session, run_id)
-            return experiment_view(run, results.newest(session, run_id), self.progress(run))
 
     def _views(self, session: Session, found: Sequence[Run]) -> list[RunView]:
         """Return runs with their tags and the extent of what was recorded of them."""

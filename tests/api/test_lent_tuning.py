@@ -91,7 +91,7 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
         assert parts.present.state().own_tuning is None
         assert parts.supervisor.setup.tuning == parts.present.tuning.command()
         await parts.actuator.retuning.set(TuningRequest(), WHO)  # and it can be changed again
-        view = await parts.runs.experiment(run)
+        view = parts.runs.experiment(run)
         assert {name: view.settings[name] for name in ASKED} == ASKED
         return run
 
@@ -227,7 +227,7 @@ def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Databas
         assert first is not None
         await parts.ended()
         for run, one in zip((first, first + 1), shown, strict=True):
-            assert (await parts.runs.experiment(run)).settings == one
+            assert (parts.runs.experiment(run)).settings == one
         assert parts.present.tuning.lambdas.lam_q == 0.8
 
     stepped(database, IDEAL, work)

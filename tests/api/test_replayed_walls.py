@@ -1,6 +1,5 @@
 """Replays draw the wall that stood: beside the force that the recording has of it."""
 
-import asyncio
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -48,25 +47,25 @@ class Drawn:
         self.pose = pose
 
 
-async def drawn_at(replay: ReplayView, run: int, moments: list[float]) -> list[tuple[Obstacle | None, bool]]:
+def drawn_at(replay: ReplayView, run: int, moments: list[float]) -> list[tuple[Obstacle | None, bool]]:
     """Return for each moment [s] the wall in the replay's 3D view, and whether it is drawn pressed."""
     mirror, stage, drawn = SceneMirror(LAB, replay.row, replay.wall), Drawn(), []
     for t in moments:
-        await replay.show(run, t)
+        replay.show(run, t)
         mirror._step(stage)  # type: ignore[arg-type]  # it has what is asked of a stage
         assert stage.pose is not None
         drawn.append((stage.wall, stage.pose.pressed))
     return drawn
 
 
-async def agrees(database: Database, run: int, walls: list[Obstacle | None]) -> None:
+def agrees(database: Database, run: int, walls: list[Obstacle | None]) -> None:
     """The wall in the view is one after the other of ``walls``, and bears all the force that was recorded."""
     with database.reading() as session:
         samples = read_samples(session, run, ("F_wall", "q"))
     F_wall, q = samples.columns["F_wall"], samples.columns["q"]
     # beside the ticks in which a program changes its wall: what these read of it is still the one before
     every = list(range(7, len(samples.t), 20))
-    drawn = await drawn_at(ReplayView(database), run, [float(samples.t[k]) for k in every])
+    drawn = drawn_at(ReplayView(database), run, [float(samples.t[k]) for k in every])
     assert [wall for n, (wall, _) in enumerate(drawn) if n == 0 or drawn[n - 1][0] != wall] == walls
     pressed = 0
     for k, (wall, is_pressed) in zip(every, drawn, strict=True):
@@ -103,14 +102,11 @@ def test_walls_put_up_in_flight(database: Database) -> None:
         runs.append(second)
         await parts.supervisor.advance(1.5)
 
-    async def replayed() -> None:
-        up, down = Obstacle(1.0, 0.3, 20000.0, 1.0), Obstacle(-1.0, -0.2, 5000.0, 1.0)
-        await agrees(database, runs[0], [None, up, None, down, None])
-        # what stood when the run began stands in it from its first sample on
-        assert await drawn_at(ReplayView(database), runs[1], [0.0, 1.0]) == [(up, False), (up, False)]
-
     stepped(database, LAB, session)
-    asyncio.run(replayed())
+    up, down = Obstacle(1.0, 0.3, 20000.0, 1.0), Obstacle(-1.0, -0.2, 5000.0, 1.0)
+    agrees(database, runs[0], [None, up, None, down, None])
+    # what stood when the run began stands in it from its first sample on
+    assert drawn_at(ReplayView(database), runs[1], [0.0, 1.0]) == [(up, False), (up, False)]
 
 
 def test_walls_of_a_program_and_a_run_that_keeps_none(database: Database) -> None:
@@ -139,9 +135,6 @@ def test_walls_of_a_program_and_a_run_that_keeps_none(database: Database) -> Non
         await parts.supervisor.advance_until(lambda: any(event.run == runs[-1] for event in ended), 20.0)
         await parts.supervisor.advance(0.5)
 
-    async def replayed() -> None:
-        await agrees(database, runs[1], [None, first, None, second, None])
-        assert {wall for wall, _ in await drawn_at(ReplayView(database), runs[0], [0.0, 0.2, 0.4])} == {None}
-
     stepped(database, LAB, session)
-    asyncio.run(replayed())
+    agrees(database, runs[1], [None, first, None, second, None])
+    assert {wall for wall, _ in drawn_at(ReplayView(database), runs[0], [0.0, 0.2, 0.4])} == {None}

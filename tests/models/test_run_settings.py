@@ -1,6 +1,5 @@
 """Settings of runs are read and written as they were; one that cannot be read is listed all the same."""
 
-import asyncio
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import asdict, fields
@@ -82,7 +81,7 @@ def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
     with database.reading() as session, pytest.raises(UnreadableDocumentError, match=said):
         assert runs.get(session, 3).set_to
     stored = StoredRuns(database, lambda: None, lambda _run: False)
-    listed = asyncio.run(stored.runs(RunQuery(limit=10))).runs
+    listed = stored.found(RunQuery(limit=10)).runs
     assert [(run.id, len(run.settings)) for run in listed] == [
         (3, 0),
         (2, 3),

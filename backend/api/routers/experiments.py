@@ -103,9 +103,9 @@ async def remove_from_queue(id: RowId, service: ServiceInUse, _person: Operator)
 
 
 @experiments_router.get("/{id}")
-async def get_experiment(id: RowId, service: ServiceInUse, _person: SignedIn) -> ExperimentView:
+def get_experiment(id: RowId, service: ServiceInUse, _person: SignedIn) -> ExperimentView:
     """Return one experiment run with its metrics and criteria."""
-    return await service.runs.experiment(id)
+    return service.runs.experiment(id)
 
 
 # Own experiments -----------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from collections.abc import AsyncIterator
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
 from pydantic import Field, StringConstraints
 
@@ -72,7 +73,7 @@ TagInPath = Annotated[str, Path(max_length=10 * TAG_MAX, description="a tag")]
 
 
 @runs_router.get("")
-async def list_runs(
+def list_runs(
     service: ServiceInUse,
     _person: SignedIn,
     kind: Annotated[
@@ -88,7 +89,7 @@ async def list_runs(
 ) -> RunList:
     """List stored runs, newest first."""
     kinds = kind.split(",") if kind else ()
-    return await service.runs.runs(
+    return service.runs.found(
         RunQuery(kinds=kinds, search=search, where=where, everywhere=everywhere, limit=limit, offset=offset)
     )
 
@@ -100,36 +101,36 @@ async def get_layout(_person: SignedIn) -> Response:
 
 
 @runs_router.get("/{id}")
-async def get_run(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunView:
+def get_run(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunView:
     """Return one run."""
-    return await service.runs.run(id)
+    return service.runs.run(id)
 
 
 @runs_router.patch("/{id}")
-async def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person: Operator) -> RunView:
+def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person: Operator) -> RunView:
     """Write the note of a run."""
-    return await service.runs.set_note(id, body.note)
+    return service.runs.set_note(id, body.note)
 
 
 @runs_router.post("/{id}/tags")
-async def put_tag(id: RowId, body: TagRequest, service: ServiceInUse, _person: Operator) -> RunView:
+def put_tag(id: RowId, body: TagRequest, service: ServiceInUse, _person: Operator) -> RunView:
     """Put a tag on a run."""
-    await service.run_library.put_tag(id, body.tag)
-    return await service.runs.run(id)
+    service.run_library.tag([id], [body.tag], [])
+    return service.runs.run(id)
 
 
 @runs_router.delete("/{id}/tags/{tag}")
-async def take_tag(id: RowId, tag: TagInPath, service: ServiceInUse, _person: Operator) -> RunView:
+def take_tag(id: RowId, tag: TagInPath, service: ServiceInUse, _person: Operator) -> RunView:
     """Take a tag off a run."""
-    await service.run_library.take_tag(id, tag)
-    return await service.runs.run(id)
+    service.run_library.tag([id], [], [tag])
+    return service.runs.run(id)
 
 
 @runs_router.post("/{id}/evaluation")
 async def evaluate_run(request: Request, id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
     """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
     await run_while_connected(service.evaluations.again(id), request.is_disconnected)
-    return await service.runs.run(id)
+    return await run_in_threadpool(service.runs.run, id)
 
 
 @runs_router.get("/{id}/lineage")
@@ -151,9 +152,9 @@ async def get_planned(request: Request, id: RowId, service: ServiceInUse, person
 
 
 @runs_router.post("/{id}/replay", status_code=204)
-async def show_moment(id: RowId, body: ReplayRequest, service: ServiceInUse, _person: SignedIn) -> None:
+def show_moment(id: RowId, body: ReplayRequest, service: ServiceInUse, _person: SignedIn) -> None:
     """Let the replay's 3D view at /replay/ show a moment of the run; nothing real moves."""
-    await service.replay.show(id, body.t)
+    service.replay.show(id, body.t)
 
 
 async def _excerpt(
@@ -252,7 +253,7 @@ log_router = APIRouter(prefix="/api", tags=["log"])
 
 
 @log_router.get("/log")
-async def get_log(
+def get_log(
     service: ServiceInUse,
     _person: SignedIn,
     angles: AnglesRead,
@@ -265,19 +266,19 @@ async def get_log(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> Timeline:
     """Return what happened and who asked for it, newest first."""
-    return await service.timeline.page(LogQuery(kind or (), words.split(), since, before, angles), limit)
+    return service.timeline.page(LogQuery(kind or (), words.split(), since, before, angles), limit)
 
 
 @log_router.put("/log/{id}/remark", status_code=204)
-async def set_remark(id: RowId, body: Remark, service: ServiceInUse, person: Operator) -> None:
+def set_remark(id: RowId, body: Remark, service: ServiceInUse, person: Operator) -> None:
     """Say something of an event: a note and tags, in the place of those before."""
-    await service.timeline.remark(id, body, person.name)
+    service.timeline.remark(id, body, person.name)
 
 
 @log_router.get("/flights", tags=["faults"])
-async def list_flights(service: ServiceInUse, _person: SignedIn) -> FlightList:
+def list_flights(service: ServiceInUse, _person: SignedIn) -> FlightList:
     """List the newest flight records: of trips 10 s before to 5 s after, of triggers as asked for, at 1 kHz."""
-    return await service.runs.flights()
+    return service.runs.flights()
 
 
 @log_router.get("/flights/{id}/data.{format}", tags=["faults"], response_class=Response, responses=DATA)
@@ -287,9 +288,9 @@ async def get_flight_data(id: RowId, format: DataFormat, service: ServiceInUse, 
 
 
 @log_router.post("/flights/{id}/replay", tags=["faults"], status_code=204)
-async def show_flight_moment(id: RowId, body: FlightMoment, service: ServiceInUse, _person: SignedIn) -> None:
+def show_flight_moment(id: RowId, body: FlightMoment, service: ServiceInUse, _person: SignedIn) -> None:
     """Let the replay's 3D view at /replay/ show a moment of a flight record; nothing real moves."""
-    await service.replay.show_flight(id, body.t)
+    service.replay.show_flight(id, body.t)
 
 
 # Run library ---------------------------------------------------------------------------------------
@@ -304,46 +305,45 @@ RunNumber = Annotated[int, Query(ge=1, le=2**53)]
 
 
 @run_library_router.get("/run-words")
-async def get_search_words(service: ServiceInUse, _person: SignedIn) -> SearchWords:
+def get_search_words(service: ServiceInUse, _person: SignedIn) -> SearchWords:
     """Return what runs can be searched by at present: fields, names of values, tags, stations."""
-    return await service.run_library.words()
+    return service.run_library.words()
 
 
 @run_library_router.get("/saved-searches")
-async def list_saved_searches(service: ServiceInUse, _person: SignedIn) -> SavedSearchList:
+def list_saved_searches(service: ServiceInUse, _person: SignedIn) -> SavedSearchList:
     """List the saved searches."""
-    return await service.run_library.searches()
+    return service.run_library.saved_searches()
 
 
 @run_library_router.put("/saved-searches/{name}")
-async def save_search(name: SearchName, body: SearchText, service: ServiceInUse, person: Operator) -> SavedSearchList:
+def save_search(name: SearchName, body: SearchText, service: ServiceInUse, person: Operator) -> SavedSearchList:
     """Save a search under a name, in the place of one that has it."""
-    return await service.run_library.save_search(name, body.where, person.name)
+    return service.run_library.keep_search(name, body.where, person.name)
 
 
 @run_library_router.delete("/saved-searches/{name}")
-async def forget_search(name: SearchName, service: ServiceInUse, person: Operator) -> SavedSearchList:
+def forget_search(name: SearchName, service: ServiceInUse, person: Operator) -> SavedSearchList:
     """Take a saved search off the list."""
-    return await service.run_library.forget_search(name, person.name)
+    return service.run_library.drop_search(name, person.name)
 
 
 @run_library_router.patch("/run-tags/{tag}")
-async def rename_tag(
+def rename_tag(
     tag: Annotated[str, Path(max_length=10 * TAG_MAX, description="a tag")],
     body: TagRequest,
     service: ServiceInUse,
     _person: Operator,
 ) -> TagList:
     """Call a tag otherwise on all runs of this station."""
-    return await service.run_library.rename_tag(tag, body.tag)
+    service.run_library.rename(tag, body.tag)
+    return TagList(tags=service.run_library.words().tags)
 
 
 @run_library_router.get("/run-comparison")
-async def compare_runs(
-    asked: Annotated[ComparisonAsked, Query()], service: ServiceInUse, _person: SignedIn
-) -> RunComparison:
+def compare_runs(asked: Annotated[ComparisonAsked, Query()], service: ServiceInUse, _person: SignedIn) -> RunComparison:
     """Return metrics and settings of runs beside those of one of them, and how they come onto its time axis."""
-    return await service.run_library.comparison(asked)
+    return service.run_library.compared(asked)
 
 
 @run_library_router.get("/run-comparison/differences")
@@ -381,7 +381,7 @@ async def get_series_report(
 
 
 @run_library_router.get("/metric-history")
-async def get_metric_history(
+def get_metric_history(
     service: ServiceInUse,
     _person: SignedIn,
     kind: Annotated[str, Query(min_length=1, max_length=200, description="kind of runs, or name of an experiment")],
@@ -390,7 +390,7 @@ async def get_metric_history(
     everywhere: Annotated[bool, Query(description="of all stations, not of this one only")] = False,
 ) -> MetricHistory:
     """Return one metric of a kind of runs over the dates of these runs."""
-    return await service.run_library.metric_history(kind, metric, where, everywhere=everywhere)
+    return service.run_library.history(kind, metric, where, everywhere=everywhere)
 
 
 # Sheets --------------------------------------------------------------------------------------------

@@ -36,15 +36,15 @@ preferences_router = APIRouter(prefix="/api/preferences", tags=["session"])
 
 
 @preferences_router.get("")
-async def get_preferences(service: ServiceInUse, person: SignedIn) -> Preferences:
+def get_preferences(service: ServiceInUse, person: SignedIn) -> Preferences:
     """Return how the signed-in person likes the page; defaults for somebody new."""
-    return await service.preferences.of(person)
+    return service.preferences.of(person)
 
 
 @preferences_router.put("")
-async def set_preferences(body: Preferences, service: ServiceInUse, person: SignedIn) -> Preferences:
+def set_preferences(body: Preferences, service: ServiceInUse, person: SignedIn) -> Preferences:
     """Remember how the signed-in person likes the page. Open to viewers: it moves nothing."""
-    return await service.preferences.put(person, body)
+    return service.preferences.put(person, body)
 
 
 # Session -------------------------------------------------------------------------------------------
