@@ -229,7 +229,7 @@ def lineage(
 
     settings = load_settings(params=params, data=data, station=station)
     with database_of(settings, reading=True) as database:
-        found = History(database, parameters_in_force(settings, database), lambda: None, sys.maxsize).lineage_of(run)
+        found = History(database, parameters_in_force(settings, database), lambda: None, sys.maxsize).lineage(run)
     if as_json:
         print_json(found.model_dump(mode="json"))
         return

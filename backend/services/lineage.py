@@ -1,6 +1,5 @@
 """Lineage and history of runs, and the checklist of the set-up."""
 
-import asyncio
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -553,8 +552,7 @@ def _shown(value: float | str | None) -> str:
 
 # History -------------------------------------------------------------------------------------------
 #
-# Where a run came from, what happened in it, how far the set-up is: read from the database in
-# threads.
+# Where a run came from, what happened in it, how far the set-up is: read from the database.
 
 
 _RUNS_SHOWN = 20
@@ -579,19 +577,7 @@ class History:
         """Compare runs with these parameters from now on."""
         self._parameters = parameters.document()
 
-    async def lineage(self, run_id: int) -> Lineage:
-        """Return what a run came from and what came of it. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self.lineage_of, run_id)
-
-    async def marks(self, run_id: int) -> RunMarks:
-        """Return what happened during a run. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._marks, run_id)
-
-    async def checklist(self) -> Checklist:
-        """Return how far the set-up is."""
-        return await asyncio.to_thread(self._checklist)
-
-    def lineage_of(self, run_id: int) -> Lineage:
+    def lineage(self, run_id: int) -> Lineage:
         """Return what a run came from and what came of it. Raises UnknownRecordError."""
         with self._database.reading() as session:
             run = runs.get(session, run_id)
@@ -610,11 +596,13 @@ class History:
                 nodes=LineageGraph(session, self._parameters, self._samples).of(run, built),
             )
 
-    def _marks(self, run_id: int) -> RunMarks:
+    def marks(self, run_id: int) -> RunMarks:
+        """Return what happened during a run. Raises UnknownRecordError."""
         with self._database.reading() as session:
             return marks_of(session, run_id)
 
-    def _checklist(self) -> Checklist:
+    def checklist(self) -> Checklist:
+        """Return how far the set-up is."""
         with self._database.reading() as session:
             return Checklist(steps=checklist_steps(session, self._parameters, self._bank_in_use()))
 

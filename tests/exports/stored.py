@@ -90,7 +90,7 @@ def tracked(database: Database) -> int:
 
 def boxes(database: Database, run: int) -> dict[str, LineageNode]:
     """Return the boxes of a lineage by kind and digest: numbers differ from one installation to another."""
-    lineage = History(database, LAB, lambda: None).lineage_of(run)
+    lineage = History(database, LAB, lambda: None).lineage(run)
     return {f"{node.kind} {node.sha256}": node for node in lineage.nodes}
 
 

@@ -60,7 +60,7 @@ def recorded(session: Session, new: NewRun, cuts: tuple[int, ...] = (0, 20), fir
 
 
 def boxes(database: Database, run: int, largest_bytes: int = 10**9) -> dict[str, LineageNode]:
-    lineage = History(database, LAB, lambda: None, largest_bytes).lineage_of(run)
+    lineage = History(database, LAB, lambda: None, largest_bytes).lineage(run)
     assert lineage.nodes[0].id == f"run-{run}"
     return {node.id: node for node in lineage.nodes}
 

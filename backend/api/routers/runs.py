@@ -134,15 +134,15 @@ async def evaluate_run(request: Request, id: RowId, service: ServiceInUse, _pers
 
 
 @runs_router.get("/{id}/lineage")
-async def get_lineage(id: RowId, service: ServiceInUse, _person: SignedIn) -> Lineage:
+def get_lineage(id: RowId, service: ServiceInUse, _person: SignedIn) -> Lineage:
     """Return where a run came from, back to raw data and parameters, and what came of it."""
-    return await service.history.lineage(id)
+    return service.history.lineage(id)
 
 
 @runs_router.get("/{id}/marks")
-async def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunMarks:
+def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunMarks:
     """Return what happened during a run, on its own time axis."""
-    return await service.history.marks(id)
+    return service.history.marks(id)
 
 
 @runs_router.get("/{id}/planned")

@@ -116,9 +116,9 @@ async def rotate_tokens(body: Rotation, request: Request, response: Response, pe
 
 
 @session_router.get("/checklist")
-async def get_checklist(service: ServiceInUse, _person: SignedIn) -> Checklist:
+def get_checklist(service: ServiceInUse, _person: SignedIn) -> Checklist:
     """Return how far the set-up is, from pretension to report, and what is out of date."""
-    return await service.history.checklist()
+    return service.history.checklist()
 
 
 def _view(person: User) -> SessionView:
