@@ -347,32 +347,26 @@ class TuningService:
 
 
 class SavedTunings:
-    """Reads and writes settings in threads, so that the event loop never waits for the disk."""
+    """Reads and writes settings in the database. All methods wait for it: the event loop calls them in a thread."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def of(self, tuning: ActiveTuning) -> SavedTuning:
+    def of(self, tuning: ActiveTuning) -> SavedTuning:
         """Return what was saved for the bank in use; the defaults on its models where nobody has saved."""
-        stored = await asyncio.to_thread(self._newest, tuning)
+        with self._database.reading() as session:
+            stored = settings.newest(session, _setting_of(tuning))
         if stored is not None:
             return _saved(stored)
-        default = await asyncio.to_thread(tuning.default)
+        default = tuning.default()
         return SavedTuning(**parts_of(default.choice), who=None, at=None, moved=default.moved)
 
-    async def save(self, tuning: ActiveTuning, who: str) -> SavedTuning:
+    def save(self, tuning: ActiveTuning, who: str) -> SavedTuning:
         """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
-        return _saved(await asyncio.to_thread(self._put, tuning, who))
-
-    def _newest(self, tuning: ActiveTuning) -> StoredSetting | None:
-        with self._database.reading() as session:
-            return settings.newest(session, _setting_of(tuning))
-
-    def _put(self, tuning: ActiveTuning, who: str) -> StoredSetting:
+        parts = SAVED_TUNING.write(SavedParts(**parts_of(tuning.choice)))
         with self._database.session() as session:
-            return settings.put(
-                session, _setting_of(tuning), SAVED_TUNING.write(SavedParts(**parts_of(tuning.choice))), who
-            )
+            stored = settings.put(session, _setting_of(tuning), parts, who)
+        return _saved(stored)
 
 
 def _saved(stored: StoredSetting) -> SavedTuning:

@@ -1,6 +1,5 @@
 """The tuning in force outlives the service, where the plant is still the same."""
 
-import asyncio
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -91,7 +90,7 @@ def test_what_is_saved_by_default_is_offered_with_the_tuning_in_force(database: 
     weak = load_parameters(str(weak_motors(tmp_path)))
     for choice in (TuningSettings(lam_q=1.2), TuningSettings(lam_q=2.5, lam_S=1.5, lam_motor=0.2, b=1.0)):
         tuning = initial(weak, choice)
-        saved = asyncio.run(SavedTunings(database).of(tuning))
+        saved = SavedTunings(database).of(tuning)
         wanted = {name: getattr(saved, name) for name in TuningParts.model_fields}
         assert tuning.changed(TuningRequest(**wanted)).choice == TuningSettings(**wanted)
         assert "λ_q 0.5 → " in saved.moved

@@ -175,9 +175,9 @@ async def keep_trial(service: ServiceInUse, person: InControl) -> State:
 
 
 @tuning_router.get("/saved")
-async def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTuning:
+def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTuning:
     """Return the tuning saved for the bank in use, to compare with what is in force."""
-    return await service.saved_tunings.of(service.actuator.present.tuning)
+    return service.saved_tunings.of(service.actuator.present.tuning)
 
 
 @tuning_router.put("/saved")
@@ -188,7 +188,7 @@ async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "what is in force belongs to a run: save when it is over")
     if present.trial() is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
-    return await service.saved_tunings.save(present.tuning, person.name)
+    return await run_in_threadpool(service.saved_tunings.save, present.tuning, person.name)
 
 
 @tuning_router.get("/preview")
