@@ -227,15 +227,26 @@ class Applied:
         self._actuator, self._supervisor, self._database = actuator, supervisor, database
         self._kept, self._base, self._events = kept, base, events
 
-    async def view(self, estimate: int | None = None) -> ParametersView:
+    def view(self, estimate: int | None = None) -> ParametersView:
         """Return what is in force and was, and what applying an estimate would change. Raises UnknownRecordError."""
-        return await asyncio.to_thread(self._view, estimate)
+        try:
+            found = list_parameter_versions(self._database, self._base)
+        except ParameterError as error:
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"a version that was applied is not taken any more: {error}"
+            ) from None
+        before = [*found[1:], found[-1]]
+        return ParametersView(
+            name=self._base.name,
+            versions=[_version_view(one, former) for one, former in zip(found, before, strict=True)],
+            proposal=None if estimate is None else self._proposal_view(estimate, found[0].parameters),
+        )
 
     async def apply(self, estimate: int, who: str) -> ParametersView:
         """Put in force what was identified. Raises RequestRejectedError, UnknownRecordError; nothing changes then."""
         async with self._actuator.starting:
             await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._proposal(estimate)), who)
-        return await self.view()
+        return await asyncio.to_thread(self.view)
 
     async def undo(self, version: int, who: str) -> ParametersView:
         """Put what was before ``version``, the newest, in force again.
@@ -245,7 +256,7 @@ class Applied:
         """
         async with self._actuator.starting:
             await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._undoing(version)), who)
-        return await self.view()
+        return await asyncio.to_thread(self.view)
 
     def _wanted(self, propose: Callable[[], AppliedParameters]) -> _Wanted:
         try:
@@ -314,20 +325,6 @@ class Applied:
             found = identifications.get(session, estimate)
         now = load_active_parameters(self._database, self._base)
         return proposal(self._base, now, found)
-
-    def _view(self, estimate: int | None) -> ParametersView:
-        try:
-            found = list_parameter_versions(self._database, self._base)
-        except ParameterError as error:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"a version that was applied is not taken any more: {error}"
-            ) from None
-        before = [*found[1:], found[-1]]
-        return ParametersView(
-            name=self._base.name,
-            versions=[_version_view(one, former) for one, former in zip(found, before, strict=True)],
-            proposal=None if estimate is None else self._proposal_view(estimate, found[0].parameters),
-        )
 
     def _proposal_view(self, estimate: int, now: PlantParameters) -> ParameterProposal:
         try:

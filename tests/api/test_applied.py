@@ -76,7 +76,7 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
         present.tuning = initial(IDEAL, TuningSettings(lam_q=0.8, lam_S=0.6), bank)
         parts.kept.put(present.tuning, "Ana")
         applied = applied_with(parts, heard)
-        proposal = (await applied.view(found.id)).proposal
+        proposal = applied.view(found.id).proposal
         assert proposal is not None
 
         view = await applied.apply(found.id, "Ana")
@@ -119,7 +119,7 @@ def test_nothing_changes_unless_the_actuator_is_off(database: Database, restarte
         before = parts.present.tuning
         with pytest.raises(RequestRejectedError, match=r"parameters are applied in off only; the mode is pretension"):
             await applied.apply(found.id, "Ana")
-        assert len((await applied.view()).versions) == 1
+        assert len(applied.view().versions) == 1
         assert (parts.present.parameters, parts.present.tuning) == (IDEAL, before)
         assert restarted == []
 
@@ -131,7 +131,7 @@ def test_a_value_outside_its_bounds_is_refused_by_name(database: Database, resta
 
     async def work(parts: Parts) -> None:
         applied = applied_with(parts, [])
-        proposal = (await applied.view(beyond.id)).proposal
+        proposal = applied.view(beyond.id).proposal
         assert proposal is not None
         assert "identified_B.K_m = 2400 rad/(V·s) is outside 0.001 to 1000 rad/(V·s)" in proposal.problem
         with pytest.raises(RequestRejectedError, match=r"identified_B.K_m = 2400"):
@@ -153,7 +153,7 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
         async def refused(why: str) -> None:
             with pytest.raises(RequestRejectedError, match=why):
                 await applied.apply(found.id, "Ana")
-            assert [one.number for one in (await applied.view()).versions] == [0]
+            assert [one.number for one in applied.view().versions] == [0]
             assert (present.parameters, restarted) == (IDEAL, [])
 
         homing = "Homing of the bring-up is under way"
@@ -194,7 +194,7 @@ def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database,
         both = await asyncio.gather(*(applied.apply(found.id, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
         assert "says what is in force already: nothing would change" in str(refusal)
-        assert [one.number for one in (await applied.view()).versions] == [1, 0]
+        assert [one.number for one in applied.view().versions] == [1, 0]
         both = await asyncio.gather(*(applied.undo(1, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
         assert "version 2 is in force by now, not 1: look at what it changed" in str(refusal)
@@ -222,7 +222,7 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
             with pytest.raises(LoopExitedError, match=r"takes effect at the next start of the loop: .* SIGKILL"):
                 await applied.apply(found.id, "Ana")
         then = parts.present.parameters
-        newest = (await applied.view()).versions[0]
+        newest = applied.view().versions[0]
         assert (newest.number, newest.digest) == (1, applied_parameters.AppliedVersion(1, then).digest)
         assert heard == [then]
         assert IDEAL.with_identified(parts.supervisor.setup.identified) == then

@@ -113,9 +113,9 @@ def get_spring_table_curves(id: RowId, service: ServiceInUse, _person: SignedIn)
 
 
 @router.get("/parameters")
-async def get_parameters(service: ServiceInUse, _person: SignedIn, estimate: RowNumber | None = None) -> ParametersView:
+def get_parameters(service: ServiceInUse, _person: SignedIn, estimate: RowNumber | None = None) -> ParametersView:
     """Return the parameters in force by versions, and what applying an estimate would change."""
-    return await service.applied.view(estimate)
+    return service.applied.view(estimate)
 
 
 @router.post("/parameters")
