@@ -102,9 +102,9 @@ class RecordedFigures:
         """Return every sample as comma-separated text, in pieces. Raises like ``statistics``."""
         return await self._begun(file_pieces, asked, at_hand=0)  # its library takes long to load
 
-    async def values(self, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
-        """Return the values at the samples at or before ``times_s``. Raises like ``statistics``."""
-        return await asyncio.to_thread(values_at, self._database, run, times_s, signals)
+    def values(self, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
+        """Return the values at the samples at or before ``times_s``; waits for the disk. Raises like ``statistics``."""
+        return values_at(self._database, run, times_s, signals)
 
     async def _begun(self, lines: Lines, asked: RangeAsked, at_hand: int | None = None) -> AsyncGenerator[bytes]:
         """Return a stream whose first piece is there: whatever is refused has been refused by then."""
@@ -316,28 +316,18 @@ MOST = 50
 
 
 class Formulas:
-    """Reads and writes the formulas of a station in threads."""
+    """Reads and writes the formulas of a station. All methods wait for the disk."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    async def all(self) -> FormulaList:
+    def all(self) -> FormulaList:
         """Return the formulas, by name."""
-        return await asyncio.to_thread(self._all)
-
-    async def put(self, name: str, text: FormulaText, who: str) -> FormulaView:
-        """Write a formula, or change the one of this name. Raises RequestRejectedError."""
-        return await asyncio.to_thread(self._put, name, text, who)
-
-    async def remove(self, name: str, who: str) -> None:
-        """Remove a formula. Raises UnknownRecordError."""
-        await asyncio.to_thread(self._remove, name, who)
-
-    def _all(self) -> FormulaList:
         with self._database.reading() as session:
             return FormulaList(formulas=[_view(one) for one in formulas.find(session)])
 
-    def _put(self, name: str, text: FormulaText, who: str) -> FormulaView:
+    def put(self, name: str, text: FormulaText, who: str) -> FormulaView:
+        """Write a formula, or change the one of this name. Raises RequestRejectedError."""
         try:
             derived = parse_derived_signal(name, text.unit, text.expression)
         except ExpressionError as error:
@@ -366,7 +356,8 @@ class Formulas:
                 )
             )
 
-    def _remove(self, name: str, who: str) -> None:
+    def remove(self, name: str, who: str) -> None:
+        """Remove a formula. Raises UnknownRecordError."""
         with self._database.session() as session:
             formulas.remove(session, name, who)
 

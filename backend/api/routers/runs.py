@@ -418,21 +418,21 @@ Named = Annotated[FormulaName, Path(description="name of the derived signal")]
 
 
 @formulas_router.get("/formulas")
-async def list_formulas(service: ServiceInUse, _person: SignedIn) -> FormulaList:
+def list_formulas(service: ServiceInUse, _person: SignedIn) -> FormulaList:
     """List the derived signals of the station, by name, with the steps that compute them."""
-    return await service.formulas.all()
+    return service.formulas.all()
 
 
 @formulas_router.put("/formulas/{name}")
-async def put_formula(name: Named, body: FormulaText, service: ServiceInUse, person: Operator) -> FormulaView:
+def put_formula(name: Named, body: FormulaText, service: ServiceInUse, person: Operator) -> FormulaView:
     """Write a derived signal, or change the one of this name."""
-    return await service.formulas.put(name, body, person.name)
+    return service.formulas.put(name, body, person.name)
 
 
 @formulas_router.delete("/formulas/{name}", status_code=204)
-async def remove_formula(name: Named, service: ServiceInUse, person: Operator) -> None:
+def remove_formula(name: Named, service: ServiceInUse, person: Operator) -> None:
     """Remove a derived signal; recordings stay as they are."""
-    await service.formulas.remove(name, person.name)
+    service.formulas.remove(name, person.name)
 
 
 # Run figures ---------------------------------------------------------------------------------------
@@ -492,7 +492,7 @@ async def get_range_file(asked: Range, service: ServiceInUse, _person: SignedIn)
 
 
 @run_figures_router.get("/{id}/values")
-async def get_values(
+def get_values(
     id: RowId,
     service: ServiceInUse,
     _person: SignedIn,
@@ -500,4 +500,4 @@ async def get_values(
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> RecordedValues:
     """Return the values of signals at the samples at or before some times."""
-    return await service.figures.values(id, at, tuple(dict.fromkeys(signals.split(","))))
+    return service.figures.values(id, at, tuple(dict.fromkeys(signals.split(","))))
