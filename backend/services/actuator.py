@@ -138,13 +138,16 @@ RECORDED = (Mode.RUN, Mode.COMPLIANCE)
 
 
 class SessionRuns:
-    """Stores a run before the loop is told to move, so that no sample is without its run."""
+    """Stores a run before the loop is told to move, so that no sample is without its run.
+
+    Both methods wait for the disk: the event loop calls them in a thread.
+    """
 
     def __init__(self, database: Database, plant: str) -> None:
         self._database = database
         self._plant = plant
 
-    async def begin(self, mode: Mode, tuning: ActiveTuning, who: str) -> int:
+    def begin(self, mode: Mode, tuning: ActiveTuning, who: str) -> int:
         """Store a session run as running and return its number."""
         new = NewRun(
             kind=RunKind.SESSION,
@@ -156,17 +159,11 @@ class SessionRuns:
             settings=SETTINGS.write(RunSettings(mode=str(mode), loop=StoredLoopSettings(**tuning.choice.document()))),
             bank_id=None if tuning.bank is None else tuning.bank.id,
         )
-        return await asyncio.to_thread(self._create, new)
-
-    async def abandon(self, run: int) -> None:
-        """Close a run that the loop refused to begin."""
-        await asyncio.to_thread(self._end, run)
-
-    def _create(self, new: NewRun) -> int:
         with self._database.session() as session:
             return runs.create(session, new).id
 
-    def _end(self, run: int) -> None:
+    def abandon(self, run: int) -> None:
+        """Close a run that the loop refused to begin."""
         with self._database.session() as session:
             runs.end(session, run, EndState.STOPPED, "refused before it began")
 
@@ -337,14 +334,16 @@ class ActuatorService:
     async def _moved_to(self, mode: Mode, who: str) -> State:
         async with self._turn:
             require_legal(self.present, mode, loop_alive=self._supervisor.alive)
-            run = await self._session_runs.begin(mode, self.present.tuning, who) if mode in RECORDED else 0
+            sessions, run = self._session_runs, 0
+            if mode in RECORDED:
+                run = await asyncio.to_thread(sessions.begin, mode, self.present.tuning, who)
             self._asked = mode, who
             try:
                 await self._command(commands.SetMode(mode, run))
             except BaseException:
                 self._asked = None  # whatever brings the mode later on, it is not this order
                 if run:
-                    await self._session_runs.abandon(run)
+                    await asyncio.to_thread(sessions.abandon, run)
                 raise
         return await self._state_once(lambda: self.present.mode is mode)
 

@@ -1,9 +1,9 @@
 """Routes of experiments, own experiments and studies."""
 
-import asyncio
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request
+from fastapi.concurrency import run_in_threadpool
 
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
 from backend.experiments import build_json_schema
@@ -126,7 +126,7 @@ async def get_experiment_schema(_person: SignedIn) -> dict[str, Any]:
 @own_experiments_router.get("/own")
 async def list_own_experiments(request: Request, service: ServiceInUse, person: SignedIn) -> OwnExperimentList:
     """List own experiments, the newest version of each."""
-    if not await asyncio.to_thread(service.experiments.has_own):
+    if not await run_in_threadpool(service.experiments.has_own):
         return OwnExperimentList(experiments=[])
     found = await service.texts.run(person, request.is_disconnected, service.experiments.views)
     return OwnExperimentList(experiments=found)
