@@ -6,11 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from backend import __version__
+
 ROOT = Path(__file__).parents[1]
 TOP_LEVEL = {
-    ".ci", ".dockerignore", ".gitattributes", ".gitignore", "ARCHITECTURE.md", "CHANGELOG.md", "Dockerfile", "Makefile",
-    "README.md", "alembic.ini", "backend", "docker-compose.postgres.yml", "docker-compose.yml", "docs", "frontend",
-    "migrations", "plant", "pyproject.toml", "tests",
+    ".ci", ".dockerignore", ".gitattributes", ".gitignore", "ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff",
+    "CONTRIBUTING.md", "Dockerfile", "Makefile", "README.md", "SECURITY.md", "alembic.ini", "backend",
+    "docker-compose.postgres.yml", "docker-compose.yml", "docs", "frontend", "migrations", "plant", "pyproject.toml",
+    "tests",
 }  # fmt: skip
 BANNED_NAMES = {"utils", "util", "helpers", "helper", "common", "manager", "misc"}
 MAX_BYTES = 1_000_000
@@ -80,7 +83,17 @@ def test_links_between_documents_lead_somewhere() -> None:
     assert broken == []
 
 
-def test_make_offers_what_the_readme_names() -> None:
-    named = set(re.findall(r"(?:^ {4}|`)make (\w+)", TEXTS[ROOT / "README.md"], re.MULTILINE))
+def test_every_file_names_the_same_version() -> None:
+    assert f'"version": "{__version__}"' in TEXTS[ROOT / "frontend" / "package.json"]
+    assert f"\nversion: {__version__}\n" in TEXTS[ROOT / "CITATION.cff"]
+    assert f"Version {__version__} is the supported version" in TEXTS[ROOT / "SECURITY.md"]
+    released = re.findall(r"^## (\d\S*) – (\S+)$", TEXTS[ROOT / "CHANGELOG.md"], re.MULTILINE)
+    assert released[0][0] == __version__
+    assert f"\ndate-released: {released[0][1]}\n" in TEXTS[ROOT / "CITATION.cff"]
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+def test_make_offers_what_the_documents_name(page: str) -> None:
+    named = set(re.findall(r"(?:^ {4}|`)make ([\w-]+)", TEXTS[ROOT / page], re.MULTILINE))
     offered = set(re.findall(r"^([\w-]+):", TEXTS[ROOT / "Makefile"], re.MULTILINE))
     assert {"run", "test"} <= named <= offered

@@ -1,11 +1,24 @@
-"""What the README says of the commands holds for each of them."""
+"""Commands that the documents print exist, with their options; what prints results prints JSON too."""
 
+import re
+import shlex
 from collections.abc import Iterator
+from pathlib import Path
 
+import pytest
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from backend.cli import app
+
+ROOT = Path(__file__).parents[2]
+PAGES = ("command-line.md", "installation.md")
+PRINTED = [
+    pytest.param(line, id=line)
+    for name in PAGES
+    for page in (ROOT / "docs").glob(f"**/{name}")
+    for line in re.findall(r"^    (?:docker compose exec sinew )?(sinew .*)$", page.read_text("utf-8"), re.MULTILINE)
+]
 
 DO_AND_SAY_SO = {
     "serve",
@@ -39,7 +52,25 @@ def commands(of: object, words: str = "") -> Iterator[tuple[str, TyperCommand]]:
         yield from commands(command, f"{words} {name}".strip())
 
 
+def test_the_pages_print_commands() -> None:
+    assert len(PRINTED) > 25
+
+
 def test_every_command_that_shows_something_shows_it_to_programs_too() -> None:
     found = dict(commands(get_command(app)))
     silent = {words for words, command in found.items() if not any("--json" in p.opts for p in command.params)}
     assert silent == DO_AND_SAY_SO
+
+
+@pytest.mark.parametrize("line", PRINTED)
+def test_a_printed_command_has_a_command_with_its_options(line: str) -> None:
+    words = shlex.split(line, comments=True)[1:]
+    command = get_command(app)
+    while isinstance(command, TyperGroup):
+        assert words, f"{command.name} needs a subcommand"
+        name = words.pop(0)
+        assert name in command.commands
+        command = command.commands[name]
+    context = command.context_class(command, info_name=command.name)
+    _, left_over, _ = command.make_parser(context).parse_args(words)
+    assert left_over == []
