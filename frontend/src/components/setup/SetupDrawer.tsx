@@ -60,7 +60,7 @@ export const STEPS: Record<string, StepWords> = {
     action: "Run an experiment",
     told: "run-an-experiment",
   },
-  report: { title: "Report", path: "/experiments", action: "Open the report", told: "take-a-report-home" },
+  report: { title: "Report", path: "/experiments", action: "Open the report", told: "read-the-report" },
 };
 
 export function SetupDrawer({ opened, onClose }: { opened: boolean; onClose: () => void }) {
