@@ -46,10 +46,10 @@ def test_the_table_is_the_shipped_wiring() -> None:
 @pytest.mark.parametrize(
     "statement",
     [
-        f"the card's watchdog, {WATCHDOG_MAX_S:g} s after the last word",
-        f"{WATCHDOG_MAX_S:g} s is the longest that a wiring may say",
-        f"comes later than {UNATTENDED * WATCHDOG_MAX_S:g} s stops by itself",
-        f"On the virtual card it is {WATCHDOG_S:g} s",
+        f"the card's watchdog, {WATCHDOG_MAX_S:g} s after the last write",
+        f"{WATCHDOG_MAX_S:g} s is the longest time that a wiring file may set",
+        f"more than {UNATTENDED * WATCHDOG_MAX_S:g} s late stops itself",
+        f"On the virtual card the time is {WATCHDOG_S:g} s",
         f"{TRIED_CYCLES} cycles of reading and writing",
         f"takes more than {1e3 * CYCLE_MAX_S:g} ms",
     ],
