@@ -343,7 +343,8 @@ def _cited(cited: str) -> str:
 
 
 def _fault(fault: Fault, section: str) -> GlossaryTerm:
-    parts = {part: re.search(rf"^- {part}: (.+)$", section, re.MULTILINE) for part in _PARTS}
+    whole = re.sub(r"\n {2}(?=\S)", " ", section)  # list items go on in indented lines
+    parts = {part: re.search(rf"^- {part}: (.+)$", whole, re.MULTILINE) for part in _PARTS}
     more = tuple((part, _plain_page(found[1])) for part, found in parts.items() if found)
     if len(more) != len(_PARTS):
         raise GlossaryError(f"docs/reference/faults.md: {fault.value} needs {', '.join(_PARTS)}")

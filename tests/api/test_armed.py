@@ -15,7 +15,7 @@ from tests.api.pages import Page
 from tests.docs.faults_page import PAGE
 from tests.e2e.service import Service
 
-HEADING = "| armed or lent | STOP or a trip | another mode | control changes |"
+HEADING = "| armed or temporary | STOP or a trip | another mode | control changes |"
 EVENTS = ("STOP or a trip", "another mode", "control changes")
 LONG = json.dumps([{"duration_s": 60, "q_ref": 0.1, "S_ref": 10}])
 
@@ -68,15 +68,15 @@ class Bench:
 
     def arm(self, name: str) -> None:
         match name:
-            case "tuning on trial":
+            case "tuning trial":
                 self.order("POST", "/api/tuning/trial", {"lam_q": 1.0, "duration_s": 60.0})
-            case "push by hand":
+            case "manual push":
                 self.order("POST", "/api/push", {"F_push": 5.0, "duration_s": 10.0})
-            case "learning over S":
+            case "calibration over S":
                 self.order("PUT", "/api/touch", {"sweep": "begin"})
-            case "wall":
+            case "obstacle":
                 self.order("PUT", "/api/wall", {"wall": {"q_wall": 1.0}})
-            case "run, and the tuning lent to it" | "queue behind the run":
+            case "run, and its temporary tuning" | "queue after the run":
                 item = {"name": "sequence", "settings": {"segments": LONG}}
                 self.order("POST", "/api/experiments/queue", item)
                 self.order("POST", "/api/experiments/queue", item)
@@ -89,12 +89,12 @@ class Bench:
         """Whether what was armed is still there."""
         state = self.state()
         checks: dict[str, Callable[[], bool]] = {
-            "tuning on trial": lambda: state["trial"] is not None and state["tuning"]["lam_q"] == 1.0,
-            "push by hand": lambda: not any(text.startswith("push let go") for text in self.log()),
-            "learning over S": lambda: bool(state["touch"]["sweep"] and state["touch"]["sweep"]["under_way"]),
-            "run, and the tuning lent to it": lambda: state["own_tuning"] is not None and state["task"] is not None,
-            "queue behind the run": lambda: bool(self.queue()["running"]),
-            "wall": lambda: state["wall"] is not None,
+            "tuning trial": lambda: state["trial"] is not None and state["tuning"]["lam_q"] == 1.0,
+            "manual push": lambda: not any(text.startswith("push let go") for text in self.log()),
+            "calibration over S": lambda: bool(state["touch"]["sweep"] and state["touch"]["sweep"]["under_way"]),
+            "run, and its temporary tuning": lambda: state["own_tuning"] is not None and state["task"] is not None,
+            "queue after the run": lambda: bool(self.queue()["running"]),
+            "obstacle": lambda: state["wall"] is not None,
         }
         return checks[name]()
 
@@ -127,8 +127,8 @@ def bench(service: Service, viewer: httpx.Client) -> Iterator[Bench]:
         yield bench
 
 
-ALONE = ("learning over S", "run, and the tuning lent to it", "queue behind the run")
-TOGETHER = ("tuning on trial", "push by hand", "wall")
+ALONE = ("calibration over S", "run, and its temporary tuning", "queue after the run")
+TOGETHER = ("tuning trial", "manual push", "obstacle")
 
 
 def test_the_table_names_what_is_tried() -> None:
@@ -140,7 +140,7 @@ def test_the_table_names_what_is_tried() -> None:
 def test_each_event_ends_what_the_table_says(bench: Bench, names: tuple[str, ...], event: str) -> None:
     bench.begin()
     for name in names:
-        if name != "queue behind the run":
+        if name != "queue after the run":
             bench.arm(name)
     assert all(bench.is_there(name) for name in names)
     status = bench.cause(event)

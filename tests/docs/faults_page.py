@@ -6,7 +6,11 @@ from pathlib import Path
 from backend.faults import Fault
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
-SECTIONS = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##)", PAGE, re.MULTILINE | re.DOTALL))
+SECTIONS = {
+    name: re.sub(r"\n {2}(?=\S)", " ", section)
+    for name, section in re.findall(r"^### `(\w+)`\n(.*?)(?=^## |^### `)", PAGE, re.MULTILINE | re.DOTALL)
+}
+"""Text by fault; list items that go on in indented lines are joined."""
 
 
 def documented_ms(fault: Fault) -> int:

@@ -37,7 +37,7 @@ AFTER_TICKS = 40
 
 
 def stated_V() -> float:
-    found = re.search(r"by at most (\d+(?:\.\d+)?) V from one sample to the next", PAGE)
+    found = re.search(r"by at most (\d+(?:\.\d+)?) V from one sample to the next", " ".join(PAGE.split()))
     assert found is not None
     return float(found[1])
 

@@ -2301,7 +2301,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop: zero volts in the tick in which it arrives."
+        "Hard stop: zero volts in the tick in which the command arrives."
       ],
       [
         "Within",
@@ -2322,7 +2322,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A load cell read more than F_max (50 N), where the springs become solid."
+        "A load cell read more than F_max (50 N), at which the springs reach their end."
       ],
       [
         "Reaction",
@@ -2372,7 +2372,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A tendon stayed below 1 N for more than 0.1 s while it was under control. A short touch passes."
+        "A tendon under control stayed below 1 N for more than 0.1 s. A shorter time below 1 N is no fault."
       ],
       [
         "Reaction",
@@ -2397,7 +2397,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A reading was not a number."
+        "A reading was NaN or infinite."
       ],
       [
         "Reaction",
@@ -2422,11 +2422,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A motor encoder did not move by a count for 0.1 s although its motor was driven, a load cell did not change in its last digit while its motor turned by 2 rad, or a reading stood still while tension and encoders came to contradict each other (see implausible). While nothing moves, a sensor that stands still is no fault."
+        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change in its last digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is no fault."
       ],
       [
         "Reaction",
-        "Hard stop. The next pretension winds up from slack and finds the zeros of the encoders anew."
+        "Hard stop. The next pretension winds up from slack and sets the encoder zeros again."
       ],
       [
         "Within",
@@ -2447,11 +2447,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A reading moved further in a tick than the rig can: the joint by 0.1 rad, a motor by 0.09 rad, a load cell by 9 N with the shipped parameters. Torn tendons and pulled cables show so."
+        "A reading changed by more than the rig can move in one tick: the joint by 0.1 rad, a motor by 0.09 rad, a load cell by 9 N with the shipped parameters. Torn tendons and unplugged cables cause such a jump."
       ],
       [
         "Reaction",
-        "Hard stop in the same tick; the zeros of the encoders are found anew."
+        "Hard stop in the same tick; the next pretension sets the encoder zeros again."
       ],
       [
         "Within",
@@ -2472,11 +2472,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "For 0.2 s a load cell and the elongation that the encoders give (x_A = r_m θ_A − r_j q, x_B = r_m θ_B + r_j q) differed by more than 6 N, always to the same side."
+        "For 0.2 s a load cell and the elongation that the encoders imply (x_A = r_m θ_A − r_j q, x_B = r_m θ_B + r_j q) differed by more than 6 N, with constant sign."
       ],
       [
         "Reaction",
-        "Hard stop; the zeros of the encoders are found anew."
+        "Hard stop; the next pretension sets the encoder zeros again."
       ],
       [
         "Within",
@@ -2497,7 +2497,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The loop missed as many periods at a stretch as its plant may be left alone: 0.4 s on the simulator, which waits meanwhile."
+        "The loop missed so many consecutive periods that its plant was uncontrolled for the longest time allowed: 0.4 s on the simulator, which waits meanwhile."
       ],
       [
         "Reaction",
@@ -2522,15 +2522,15 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The loop process heard nothing from the service for 0.34 s: it hangs, was killed or lost its connection. Or the part of the service that watches over a running experiment died: it stops then, as nobody else would; the status line says which part."
+        "The control loop received no message from the service for 0.34 s: the service hangs, was killed or lost its connection. Or the part of the service that supervises a running experiment died; the run stops then, because no other part would stop it. The status line names the part."
       ],
       [
         "Reaction",
-        "Soft stop, carried out by the loop alone: latched at once, the joint braked below 5 % of its speed within 0.5 s of the last word, zero volts after. The loop process ends if the service is gone."
+        "Soft stop by the loop alone: latched at once, the joint braked below 5 % of its speed within 0.5 s of the last message, then zero volts. The loop process ends if the service is gone."
       ],
       [
         "Within",
-        "360 ms of the last word from the service."
+        "360 ms of the last message from the service."
       ],
       [
         "Remedy",
@@ -2547,7 +2547,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The page that holds control was not heard for 2 s: closed, asleep, or cut off. A page that comes back before the stop goes on holding control. Or the part of the service that watches over pages died: what moves is stopped softly at once, and the status line says so."
+        "The page that holds control sent no heartbeat for 2 s: it is closed, asleep, or disconnected. A page that returns before the stop keeps control. Or the part of the service that supervises pages died: motion is then stopped softly at once, and the status line names the part."
       ],
       [
         "Reaction",
@@ -2555,7 +2555,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Within",
-        "4500 ms of the last word from the page."
+        "4500 ms of the last heartbeat of the page."
       ],
       [
         "Remedy",
@@ -2572,7 +2572,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The safety module saw a tendon force or a joint position beyond its bounds. It has its own sensors and does not ask the loop."
+        "The safety module measured a tendon force or a joint position beyond its bounds. It has its own sensors and does not depend on the loop."
       ],
       [
         "Reaction",
@@ -2601,7 +2601,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Hard stop; the card's watchdog takes the outputs down if writing fails too. What cannot be written leaves the outputs as they were: chart and recording go on showing the volts that were put last. While it lasts, the problems of the state say so, whatever else is latched; it is told when it begins and when it has been over for 1 s. A card that fails is opened anew by the reset, with a new loop: what was opened before is gone for good."
+        "Hard stop; if writing fails too, the watchdog of the card cuts the outputs. Outputs that cannot be written keep their values: chart and recording continue to show the last voltages written. While the failure lasts, the problems of the state list it, whatever fault is latched; the log has its start, and its end once it has been over for 1 s. A reset opens a failed card again, with a new loop; the earlier connection cannot be restored."
       ],
       [
         "Within",
@@ -2622,11 +2622,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The card's outputs were not written for 0.5 s: the loop hung, or died. On the simulator the card is imitated by registers in shared memory and a watchdog process of its own, see decision 0012."
+        "The outputs of the card were not written for 0.5 s: the loop hung or died. On the simulator registers in shared memory and a separate watchdog process imitate the card, see decision 0012."
       ],
       [
         "Reaction",
-        "The watchdog clears the outputs and takes the drive-enable line away, whether or not the loop still lives; a loop that comes back latches the fault. A loop that is gone is told by the service within 1 s; reset starts a new one."
+        "The watchdog clears the outputs and switches the drive-enable line off, whether or not the loop is alive; a loop that recovers latches the fault. The service reports a dead loop within 1 s; a reset starts a new one."
       ],
       [
         "Within",
@@ -2647,15 +2647,15 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The watchdog's count of its looks, which the loop reads at each write, stood still for 0.5 s: its process was killed or hangs. A pause of the whole machine counts as two ticks."
+        "The watchdog's count of its checks, which the loop reads at each write, did not change for 0.5 s: its process was killed or hangs. A pause of the whole machine counts as two ticks."
       ],
       [
         "Reaction",
-        "The loop takes the drive-enable line away and the outputs to zero volts by itself, and stays so. Should the loop die before it has noticed, the service clears the outputs within 0.7 s of the loop's last write; if the service is dead as well, only the safety module and the e-stop are left."
+        "The loop switches the drive-enable line off and the outputs to zero volts, and stays in this state. If the loop dies before it has noticed, the service clears the outputs within 0.7 s of the loop's last write; if the service is dead as well, only the safety module and the e-stop remain."
       ],
       [
         "Within",
-        "600 ms of the watchdog's last look."
+        "600 ms of the watchdog's last check."
       ],
       [
         "Remedy",
@@ -2676,7 +2676,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
       ],
       [
         "Reaction",
-        "Soft stop, then the loop process ends; with the motors off nothing is stopped and no trip is kept. A run that this cuts short ends as stopped, with \"service ended by SIGTERM\", or which signal it was."
+        "Soft stop, then the loop process ends. With the motors off there is no stop, and no trip is stored. An interrupted run ends as stopped, with \"service ended by SIGTERM\" or the name of the other signal."
       ],
       [
         "Within",
@@ -2697,7 +2697,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "The volts of a load cell came within 0.1 % of ±10 V, or left the table of its calibration by more than a twentieth of its span: there is a reading, and no force that would belong to it. On a card only."
+        "The voltage of a load cell came within 0.1 % of ±10 V, or left its calibration table by more than a twentieth of the table's span: the reading corresponds to no force. On a card only."
       ],
       [
         "Reaction",
@@ -2722,15 +2722,15 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "For 0.1 s a motor turned against a voltage that is sure to turn it the other way, whatever the tension (2.8 V with the shipped parameters), and got faster: wires of the motors or of their encoders are swapped, or a sign in the wiring file is wrong."
+        "For 0.1 s a motor turned against a voltage that overcomes every tension (2.8 V with the shipped parameters), and accelerated: wires of the motors or of their encoders are swapped, or a sign in the wiring file is wrong."
       ],
       [
         "Reaction",
-        "Hard stop; the zeros of the encoders are found anew."
+        "Hard stop; the next pretension sets the encoder zeros again."
       ],
       [
         "Within",
-        "110 ms of the first such voltage, which comes within a tenth of a second of the wrong turn, as the error grows."
+        "110 ms of the first such voltage, which follows within a tenth of a second of the wrong motion, because the error grows."
       ],
       [
         "Remedy",
@@ -2747,11 +2747,11 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "An invariant of the control step does not hold (a voltage that is no number or beyond the motors' limit, a mode without the motion or the latched fault that belongs to it), another process changed the count of samples, or the step or a command ended with an exception. Nothing at the rig does that: it is a mistake of the program."
+        "An invariant of the control step was violated (a voltage that is NaN or beyond the limit of the motors, a mode without its motion or its latched fault), another process changed the sample counter, or the step or a command raised an exception. The rig cannot cause this fault; it is an error of the program."
       ],
       [
         "Reaction",
-        "Hard stop in the same tick, whatever was latched before, in place of the step's voltages, or right after them where the count of samples was changed; the loop goes on at zero volts and records. It is not trusted any more: reset starts a new one."
+        "Hard stop in the same tick, whatever fault was latched before. Zero volts replace the voltages of the step, or follow right after them if the sample counter was changed. The loop continues at zero volts and records, but is no longer trusted: a reset starts a new one."
       ],
       [
         "Within",
@@ -2767,14 +2767,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "limit",
     "name": "VOLTAGE_A",
     "term": "voltage A",
-    "meaning": "motor A asked for more than ±10 V",
+    "meaning": "the voltage command of motor A exceeded ±10 V",
     "source": "docs/reference/faults.md"
   },
   "limit:VOLTAGE_B": {
     "kind": "limit",
     "name": "VOLTAGE_B",
     "term": "voltage B",
-    "meaning": "motor B asked for more than ±10 V",
+    "meaning": "the voltage command of motor B exceeded ±10 V",
     "source": "docs/reference/faults.md"
   },
   "limit:GOVERNOR": {
@@ -2788,14 +2788,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "limit",
     "name": "TENSION_FLOOR",
     "term": "tension floor",
-    "meaning": "a tendon would have gone slack",
+    "meaning": "a tendon would have become slack",
     "source": "docs/reference/faults.md"
   },
   "limit:TENSION_CEILING": {
     "kind": "limit",
     "name": "TENSION_CEILING",
     "term": "tension ceiling",
-    "meaning": "a tendon would have passed 50 N",
+    "meaning": "a tendon would have exceeded 50 N",
     "source": "docs/reference/faults.md"
   },
   "limit:JOINT_RANGE": {
@@ -2809,7 +2809,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "limit",
     "name": "CONTACT",
     "term": "contact",
-    "meaning": "a contact was felt, and the joint gives way until a mode is chosen, or an experiment that gives way by itself goes on",
+    "meaning": "a contact was detected; the joint stays in mode compliance until a person selects a mode, or until an experiment with its own contact reaction continues",
     "source": "docs/reference/faults.md"
   },
   "timing:rate_Hz": {
