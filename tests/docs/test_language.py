@@ -10,9 +10,9 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 LONGEST = 100
 
 NOT_YET = {
-    "ARCHITECTURE.md", "CHANGELOG.md", "errata.md", "experiments.md", "exports.md", "faults.md",
+    "CHANGELOG.md", "errata.md", "experiments.md", "exports.md", "faults.md",
     "fidelity.md", "first-hour.md", "identification.md", "network.md", "new-hardware.md", "notation.md", "notebook.md",
-    "reports.md", "rig.md", "search.md", "security.md", "signals.md", "studies.md", "tuning.md", "where.md",
+    "reports.md", "rig.md", "search.md", "security.md", "signals.md", "studies.md", "tuning.md",
 }  # fmt: skip
 """Documents below ``docs`` that are still to be rewritten. Take a name out when its document is done."""
 
@@ -50,7 +50,7 @@ EXCEPTIONS = {
 
 
 def is_done(page: Path) -> bool:
-    return page.name not in NOT_YET and page.parent.name != "decisions"
+    return page.name not in NOT_YET and (page.parent.name != "decisions" or page.name == "README.md")
 
 
 def prose(text: str) -> list[tuple[int, str]]:

@@ -135,7 +135,7 @@ def test_files_that_the_architecture_names_are_there() -> None:
     "statement",
     [
         f"{flight.BEFORE_S:g} s before and {flight.AFTER_S:g} s after at 1 kHz",
-        f"not heard for {control_lease.LOST_S:g} s is lost; after {control_lease.HOLD_S:g} s more",
+        f"without a heartbeat for {control_lease.LOST_S:g} s the page is lost; after {control_lease.HOLD_S:g} s more",
     ],
 )
 def test_times_of_the_architecture_are_those_of_the_code(statement: str) -> None:
