@@ -29,12 +29,12 @@ def test_the_blocks_play_as_they_stand(
             until(lambda: names["sinew"].get("/api/state").json()["holder"] is None)
             assert names["run"] == count + 1
         names["sinew"].close()
-    samples, metrics, beside = names["samples"], names["metrics"], names["beside"]
+    samples, metrics, comparison = names["samples"], names["metrics"], names["comparison"]
     assert names["units"]["q"] == "rad"
     assert np.all(np.diff(samples.index) > 0)
     recorded = float(np.sqrt(np.mean((samples["q_ref"] - samples["q"]) ** 2)))
     assert metrics.loc["rmse_q", "value"] == pytest.approx(recorded, rel=1e-3)
-    assert list(beside.index) == [2, 1]
+    assert list(comparison.index) == [2, 1]
     assert set(names["settings"]["name"]) >= {"q_duration_s", "S_duration_s", "q_amplitude"}
     assert (tmp_path / "run-2.html").read_text().startswith("<!DOCTYPE html>")
     assert f"root mean square of the error: {recorded:.4f} rad" in capsys.readouterr().out
