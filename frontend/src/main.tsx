@@ -8,7 +8,7 @@ import { createRoot } from "react-dom/client";
 import { Router } from "wouter";
 import { useHashLocation } from "wouter/use-hash-location";
 import { App } from "./App";
-import { Boundary } from "./components/Boundary";
+import { Boundary } from "./components/ErrorBoundary";
 import { sessionQuery } from "./service/queries";
 import { theme } from "./theme/theme";
 import { RequestError } from "./wire/client";

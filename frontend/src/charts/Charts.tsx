@@ -1,30 +1,128 @@
 /** The chart workspace: panels over one time axis and over signals, legends that read out values, cursors, tools below. */
 
-import { useComputedColorScheme } from "@mantine/core";
+import { ActionIcon, Button, Menu, Tooltip, useComputedColorScheme } from "@mantine/core";
 import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
 import { type CSSProperties, type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
+import { TbCameraDown, TbChartHistogram, TbFileTypeCsv, TbRulerMeasure, TbSum } from "react-icons/tb";
 import { Terms } from "../components/Explained";
 import { usePreferences } from "../service/preferences";
 import type { Panel } from "../theme/signals";
+import { timeText } from "./axes";
 import styles from "./Charts.module.css";
-import { ChartTools } from "./ChartTools";
 import type { LimitLine, PlacedMark } from "./decorations";
-import { type Origin, sheetNow, useSaving } from "./export";
+import { type Origin, type PictureKind, sheetNow, useSaving } from "./export";
 import { type GestureTarget, inside, listen, steer, useWheelHint, WHEEL_HINT } from "./gestures";
+import { LayoutTools } from "./LayoutEditor";
 import { Legend } from "./Legend";
-import { LayoutTools } from "./layout";
 import { MeasureCursors } from "./PanelRow";
-import { isPlane, PlaneFigure } from "./plane";
-import { timeText } from "./plot";
+import { isPlane, PlaneFigure } from "./PlaneFigure";
+import { ChartStack } from "./plot";
 import { Readout } from "./readout";
+import { SpectrumDialog, type SpectrumOrder } from "./SpectrumDialog";
+import { RangeStatistics } from "./StatisticsTable";
 import type { PlotSource } from "./sources";
-import type { SpectrumOrder } from "./spectrum";
-import { SpectrumDialog } from "./spectrum";
-import { ChartStack } from "./stack";
-import { RangeStatistics } from "./statistics";
 import type { StoredData } from "./storedRuns";
-import type { Playhead, ViewControl } from "./viewport";
-import { held, panned, stretch, useEnlarged, useEpoch, type Viewport, zoomed } from "./viewport";
+import {
+  held,
+  type Playhead,
+  panned,
+  stretch,
+  useEnlarged,
+  useEpoch,
+  type ViewControl,
+  type Viewport,
+  zoomed,
+} from "./viewport";
+
+/** What can be done with the stretch in sight: measure, figures, spectrum, picture, data. */
+
+interface ChartToolsProps {
+  readonly measuring: boolean;
+  readonly figures: boolean;
+  /** Of what the service has every sample; null where the page has all that there is. */
+  readonly dataOf: string | null;
+  onMeasure(): void;
+  onFigures(): void;
+  onSpectrum(): void;
+  onPicture(kind: PictureKind): void;
+  onData(): void;
+}
+
+export function ChartTools(props: ChartToolsProps) {
+  const { measuring, figures, dataOf, onMeasure, onFigures, onSpectrum, onPicture, onData } = props;
+  return (
+    <span className={styles.tools}>
+      <Button
+        px={8}
+        variant={measuring ? "light" : "default"}
+        aria-pressed={measuring}
+        leftSection={<TbRulerMeasure size={14} />}
+        onClick={onMeasure}
+      >
+        Measure
+      </Button>
+      <Tool
+        name="Statistics"
+        hint="Statistics of the visible range, or between the cursors"
+        pressed={figures}
+        onClick={onFigures}
+      >
+        <TbSum size={16} />
+      </Tool>
+      <Tool name="Spectrum" hint="Spectrum of the visible range, or between the cursors" onClick={onSpectrum}>
+        <TbChartHistogram size={16} />
+      </Tool>
+      <Menu position="top" withinPortal>
+        <Menu.Target>
+          <ActionIcon
+            variant="default"
+            size={30}
+            aria-label="Save picture"
+            title="Picture of what is in sight"
+          >
+            <TbCameraDown size={16} />
+          </ActionIcon>
+        </Menu.Target>
+        <Menu.Dropdown>
+          <Menu.Item onClick={() => onPicture("svg")}>SVG, vectors</Menu.Item>
+          <Menu.Item onClick={() => onPicture("pdf")}>PDF, 180 mm, vectors with fonts</Menu.Item>
+          <Menu.Item onClick={() => onPicture("png")}>PNG, 180 mm at 300 dpi</Menu.Item>
+        </Menu.Dropdown>
+      </Menu>
+      <Tool
+        name="Save data"
+        hint={`${dataOf === null ? "Data" : `Every sample of ${dataOf}`} in the visible range, or between the cursors (CSV, SI)`}
+        onClick={onData}
+      >
+        <TbFileTypeCsv size={16} />
+      </Tool>
+    </span>
+  );
+}
+
+interface ToolProps {
+  readonly name: string;
+  readonly hint: string;
+  readonly pressed?: boolean;
+  readonly children: ReactNode;
+  onClick(): void;
+}
+
+function Tool({ name, hint, pressed, children, onClick }: ToolProps) {
+  return (
+    <Tooltip label={hint} position="top">
+      <ActionIcon
+        variant={pressed === true ? "light" : "default"}
+        size={30}
+        aria-label={name}
+        {...(pressed === undefined ? {} : { "aria-pressed": pressed })}
+        onClick={onClick}
+      >
+        {children}
+      </ActionIcon>
+    </Tooltip>
+  );
+}
 
 interface ChartsProps {
   readonly panels: readonly Panel[];

@@ -5,9 +5,9 @@ import { useElementSize } from "@mantine/hooks";
 import { useEffect, useRef } from "react";
 import uPlot from "uplot";
 import { paintOf } from "../theme/signals";
+import { logLabels, tickLabels } from "./axes";
 import styles from "./CurvePlot.module.css";
-import { type ChartColours, readColours } from "./colours";
-import { logLabels, tickLabels } from "./plot";
+import { type ChartColours, readColours } from "./canvas";
 
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const LINE_WIDTH = 1.6;

@@ -1,6 +1,7 @@
 import { ActionIcon, NativeSelect } from "@mantine/core";
 import { type ReactNode, useEffect, useRef } from "react";
 import { TbArrowDown, TbArrowUp, TbMinus, TbPlus, TbTrash, TbX } from "react-icons/tb";
+import { EditedText } from "../components/fields";
 import { Written } from "../components/values";
 import { fixed } from "../samples/format";
 import { useDerived } from "../service/signals";
@@ -19,7 +20,6 @@ import {
 import { dashOf, paintOf, type Trace, unitOf } from "../theme/signals";
 import type { ChartLayout, ChartPanel } from "../wire/types";
 import chartsStyles from "./Charts.module.css";
-import { EditedText } from "./EditedText";
 import layoutEditorStyles from "./LayoutEditor.module.css";
 import type { Readout } from "./readout";
 import { signalChoices } from "./SignalTree";

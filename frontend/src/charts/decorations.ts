@@ -2,7 +2,7 @@
 
 import type uPlot from "uplot";
 import type { Panel } from "../theme/signals";
-import type { ChartColours } from "./colours";
+import type { ChartColours } from "./canvas";
 
 export interface LimitLine {
   /** Signals that it limits: it stands in the panels that show one of them. */

@@ -4,10 +4,10 @@ import { dateTime, fixed, short } from "../samples/format";
 import { type SampleTable, type Stretch, toCsv } from "../samples/timeSeries";
 import { dashOf, type Panel, type Trace, unitOf } from "../theme/signals";
 import { answered, api, RequestError } from "../wire/client";
+import { printedTime, roundedRange, splitsOf, stepFor, timeText, timeTitle, type ValueRange } from "./axes";
 import { type LimitLine, linesOf, type PlacedMark } from "./decorations";
-import { type DrawnPlane, drawnNow, extentOf, gridOf, type Plane } from "./plane";
-import { printedTime, splitsOf, stepFor, timeText, timeTitle, withShortPaths } from "./plot";
-import { roundedRange, type ValueRange } from "./range";
+import { type DrawnPlane, drawnNow, extentOf, gridOf, type Plane } from "./PlaneFigure";
+import { withShortPaths } from "./plot";
 import type { PlotSource } from "./sources";
 import type { StoredData } from "./storedRuns";
 

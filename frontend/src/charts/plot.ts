@@ -1,19 +1,23 @@
+/** Draws charts on uPlot: paths of curves, one chart, and the stack of charts on one time axis. */
+
 import uPlot from "uplot";
 import { paintsInSoftware, withMemoryCanvases } from "../drawing/canvas";
-import { clockTime, dayTime, decimalsOf, fixed, MINUS } from "../samples/format";
+import { FramePacer } from "../drawing/pacer";
 import type { Stretch } from "../samples/timeSeries";
 import { dashOf, type Panel } from "../theme/signals";
-import type { ChartColours } from "./colours";
+import { splitsOf, steadyRange, TIME_STEPS_S, tickLabels, timeText, type ValueRange } from "./axes";
+import { type ChartColours, readColours } from "./canvas";
 import {
   drawLimitLabels,
   drawLimits,
   drawMarks,
   type LimitLine,
+  linesOf,
   MARK_LANE_PX,
   type PlacedMark,
 } from "./decorations";
-import { steadyRange, type ValueRange } from "./range";
-import type { Curves } from "./sources";
+import type { Curves, PlotSource } from "./sources";
+import { stretch, type Viewport } from "./viewport";
 
 /** Path of a curve straight from typed arrays; NaN lifts the pen, so that missing samples show as holes. */
 
@@ -97,80 +101,6 @@ function shortened(points: string): string {
 
 function written(steps: number): string {
   return String(steps / FINE).replace(/^(-?)0\./, "$1.");
-}
-
-/** Labels of the grid lines of an axis: whoever reads one reads where the line is. Pure. */
-
-/** Beyond so many decimals, or digits before the point, a label is written with an exponent. */
-const LONGEST = 6;
-
-/** Grid lines that are `step` apart, each with as many digits as the distance needs. */
-export function tickLabels(splits: readonly (number | null)[], step: number): string[] {
-  const decimals = decimalsOf(step);
-  const greatest = Math.max(...splits.map((split) => Math.abs(split ?? 0)));
-  if (decimals <= LONGEST && greatest < 10 ** LONGEST)
-    return splits.map((split) => (split === null ? "" : fixed(split, Math.max(0, decimals))));
-  return splits.map((split) => {
-    if (split === null) return "";
-    // what is nearer to zero than to the next line is zero, however the lines were added up
-    if (Math.abs(split) < step / 2) return "0";
-    const power = Math.floor(Math.log10(Math.abs(split)) + 1e-9);
-    return exponential(split, Math.max(0, decimals + power));
-  });
-}
-
-/** Lines of a logarithmic axis; those that the chart leaves out are null. */
-export function logLabels(splits: readonly (number | null)[]): string[] {
-  return splits.map((split) => {
-    if (split === null) return "";
-    const power = Math.floor(Math.log10(Math.abs(split)) + 1e-9);
-    const exact = Number(split.toPrecision(4));
-    if (power < -3 || power > 3) return exponential(exact, decimalsOf(Math.abs(exact)) + power);
-    return String(exact).replace("-", MINUS);
-  });
-}
-
-function exponential(value: number, digits: number): string {
-  return value.toExponential(digits).replace("e+", "e").replaceAll("-", MINUS);
-}
-
-/** Where the lines of a time axis stand and what they say: since the start, or the time of day. Pure. */
-
-/** Distances between the lines, of which those are taken that leave room for their labels [s]. */
-export const TIME_STEPS_S = [
-  0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800,
-  3600,
-];
-
-/** Lines at round times; `epoch_s` is the time of day at time 0, null where that is not what is told. */
-export function splitsOf(from_s: number, to_s: number, step_s: number, epoch_s: number | null): number[] {
-  const zone_s = epoch_s === null ? 0 : 60 * new Date(1000 * epoch_s).getTimezoneOffset();
-  const shift_s = ((epoch_s ?? 0) - zone_s) % step_s;
-  const first = Math.ceil((from_s + shift_s) / step_s - 1e-6);
-  const last = Math.floor((to_s + shift_s) / step_s + 1e-6);
-  return Array.from({ length: Math.max(0, last - first + 1) }, (_, n) => (first + n) * step_s - shift_s);
-}
-
-/** A moment as the axis tells it. */
-export function timeText(time_s: number, step_s: number, epoch_s: number | null): string {
-  return epoch_s === null ? clockTime(time_s, step_s) : dayTime(epoch_s + time_s, step_s);
-}
-
-/** A moment as the axis of a printed drawing tells it: in seconds, or the time of day. */
-export function printedTime(time_s: number, step_s: number, epoch_s: number | null): string {
-  if (epoch_s !== null) return dayTime(epoch_s + time_s, step_s);
-  return fixed(time_s, Math.max(0, decimalsOf(step_s)));
-}
-
-/** What such an axis is of. */
-export function timeTitle(epoch_s: number | null): string {
-  return epoch_s === null ? "time since the start [s]" : "time of day";
-}
-
-/** The finest distance of lines that leaves `room_px` for each. */
-export function stepFor(span_s: number, width_px: number, room_px: number): number {
-  const least_s = (span_s * room_px) / width_px;
-  return TIME_STEPS_S.find((step_s) => step_s >= least_s) ?? 3600 * Math.ceil(least_s / 3600);
 }
 
 /** One chart of the stack on uPlot: curves of a panel over a stretch of time, limit lines, event marks. */
@@ -363,4 +293,129 @@ function clearOfHead(plot: uPlot, splits: readonly number[], labels: readonly st
   return labels.map((label, index) =>
     plot.valToPos(splits[index] as number, "y") < LABEL_CLEARANCE_PX ? "" : label,
   );
+}
+
+/** Several charts on one time axis, redrawn on the browser's own frames and only when there is something to see. */
+
+/** A following view is redrawn once it has moved on by a pixel of the screen: in between nothing could be seen. */
+const LEAST_SHIFT_PX = 1;
+
+export class ChartStack {
+  private readonly plots: readonly SignalPlot[];
+  private width = 0;
+  private drawn: (Stretch & { version: number }) | null = null;
+  private dirty = true;
+  private request = 0;
+  private readonly pacer = new FramePacer(1);
+
+  constructor(
+    private readonly hosts: readonly HTMLElement[],
+    private readonly panels: readonly Panel[],
+    private readonly source: PlotSource,
+    private readonly view: () => Viewport,
+    epoch_s: () => number | null,
+    private readonly afterFrame: (seen: Stretch) => void,
+  ) {
+    const colours = readColours(hosts[0] as HTMLElement);
+    this.plots = panels.map(
+      (panel, index) =>
+        new SignalPlot(
+          hosts[index] as HTMLElement,
+          { panel, timeAxis: index === panels.length - 1, markLabels: index === 0, epoch_s },
+          colours,
+        ),
+    );
+    this.resize();
+    this.request = requestAnimationFrame(this.frame);
+  }
+
+  /** Width of the plotting area [CSS px]. */
+  get plotWidth(): number {
+    return Math.max(1, this.width - AXIS_WIDTH - RIGHT_MARGIN);
+  }
+
+  /** The stretch in sight now. */
+  seen(): Stretch {
+    return stretch(this.view(), this.source.now_s());
+  }
+
+  resize(): void {
+    for (const [index, host] of this.hosts.entries()) {
+      this.plots[index]?.resize(host.clientWidth, host.clientHeight);
+      this.width = host.clientWidth;
+    }
+    this.dirty = true;
+  }
+
+  show(name: string, shown: boolean): void {
+    for (const plot of this.plots) plot.show(name, shown);
+    this.dirty = true;
+  }
+
+  highlight(name: string | null): void {
+    for (const [index, plot] of this.plots.entries()) {
+      const mine = this.panels[index]?.traces.some((trace) => trace.name === name);
+      plot.highlight(mine ? name : null);
+    }
+    this.dirty = true;
+  }
+
+  get canvases(): readonly HTMLCanvasElement[] {
+    return this.plots.map((plot) => plot.canvas);
+  }
+
+  setLimits(limits: readonly LimitLine[]): void {
+    for (const [index, panel] of this.panels.entries()) {
+      const plot = this.plots[index];
+      if (plot !== undefined) plot.limits = linesOf(panel, limits);
+    }
+    this.dirty = true;
+  }
+
+  setMarks(marks: readonly PlacedMark[]): void {
+    for (const plot of this.plots) plot.marks = marks;
+    this.dirty = true;
+  }
+
+  scaleValues(index: number, factor: number, fraction: number): void {
+    this.plots[index]?.scaleValues(factor, fraction);
+    this.dirty = true;
+  }
+
+  resetValues(): void {
+    for (const plot of this.plots) plot.manualRange = null;
+    this.dirty = true;
+  }
+
+  destroy(): void {
+    cancelAnimationFrame(this.request);
+    for (const plot of this.plots) plot.destroy();
+  }
+
+  private readonly frame = (): void => {
+    this.request = requestAnimationFrame(this.frame);
+    const seen = this.seen();
+    const now_ms = performance.now();
+    if (this.pacer.due(now_ms) && this.worthDrawing(seen)) {
+      this.pacer.drew(now_ms);
+      for (const [index, plot] of this.plots.entries()) {
+        plot.draw(this.source.curves(this.panels[index] as Panel, seen, this.plotWidth), seen);
+      }
+      this.drawn = { ...seen, version: this.source.version() };
+      this.dirty = false;
+    }
+    this.afterFrame(seen);
+  };
+
+  private worthDrawing(seen: Stretch): boolean {
+    if (this.dirty || this.drawn === null) return true;
+    const perPixel_s = (seen.to_s - seen.from_s) / (this.plotWidth * devicePixelRatio);
+    const shift_s = Math.max(
+      Math.abs(seen.to_s - this.drawn.to_s),
+      Math.abs(seen.from_s - this.drawn.from_s),
+    );
+    if (shift_s >= LEAST_SHIFT_PX * perPixel_s) return true;
+    // a view that follows is redrawn when it has moved on by enough; one that is held, when its samples change
+    return this.view().end_s !== null && this.source.changedWithin(seen, this.drawn.version);
+  }
 }

@@ -1,8 +1,8 @@
 /** A titled region of a page. */
 
 import type { ReactNode } from "react";
-import { Boundary } from "./Boundary";
 import styles from "./Card.module.css";
+import { Boundary } from "./ErrorBoundary";
 import { Terms } from "./Explained";
 
 interface CardProps {

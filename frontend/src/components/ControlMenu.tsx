@@ -36,8 +36,7 @@ import controlLossStyles from "./ControlLoss.module.css";
 import controlMenuStyles from "./ControlMenu.module.css";
 import { ChoiceField, TextField } from "./fields";
 import handOverStyles from "./HandOver.module.css";
-import { Refusal } from "./Refusal";
-import { TakeControl } from "./TakeControl";
+import { Refusal, TakeControl } from "./Refusal";
 
 /** The forms in which control is asked for, offered, and kept or handed over: each with a reason. */
 

@@ -2,10 +2,58 @@
 
 import { useEffect, useId, useLayoutEffect, useMemo, useRef } from "react";
 import { createPortal } from "react-dom";
-import { close, type Explained, left, stay, useExplained } from "../service/glossary";
+import { inWords, readingOf } from "../samples/quantity";
+import {
+  close,
+  type Entry,
+  type Explained,
+  KIND_TITLES,
+  left,
+  stay,
+  useExplained,
+} from "../service/glossary";
+import { useAngles } from "../service/preferences";
 import { useDescribedBy } from "../service/refusals";
-import { EntryText } from "./Entry";
 import styles from "./Explained.module.css";
+import { Written } from "./values";
+
+/** An entry of the glossary, as it is shown in place and in the list of all. */
+
+/** Kinds whose terms are symbols, written as the paper does. */
+const SYMBOLS: ReadonlySet<string> = new Set(["signal", "quantity", "parameter"]);
+
+export function EntryText({ entry, listed = false }: { entry: Entry; listed?: boolean }) {
+  const angles = useAngles();
+  const { term, name, unit, meaning, equation, source, more } = entry;
+  return (
+    <div className={styles.entry}>
+      <div className={styles.head}>
+        <span className={styles.name}>
+          {SYMBOLS.has(entry.kind) && !term.includes(".") ? <Written name={term} /> : term}
+        </span>
+        {unit && <span className={styles.unit}>[{readingOf(unit, angles).unit}]</span>}
+        {listed ? (
+          name !== term && <code className={styles.kind}>{name}</code>
+        ) : (
+          <span className={styles.kind}>{KIND_TITLES[entry.kind]}</span>
+        )}
+      </div>
+      <p className={styles.meaning}>{inWords(meaning, angles)}</p>
+      {equation && <p className={styles.equation}>{equation}</p>}
+      {more && (
+        <dl className={styles.more}>
+          {more.map(([heading, text]) => (
+            <div key={heading}>
+              <dt>{heading}</dt>
+              <dd>{inWords(text, angles)}</dd>
+            </div>
+          ))}
+        </dl>
+      )}
+      {source && <p className={styles.source}>{source}</p>}
+    </div>
+  );
+}
 
 const GAP = 6;
 const EDGE = 8;

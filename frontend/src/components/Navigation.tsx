@@ -1,23 +1,61 @@
-/** The pages: those that there are for what is driven. */
+/** The links to the pages, and the menu of everything that explains. */
 
+import { Menu } from "@mantine/core";
 import type { IconType } from "react-icons";
 import {
   TbActivityHeartbeat,
   TbAdjustmentsHorizontal,
+  TbBook2,
   TbDatabase,
   TbFlask,
   TbGridDots,
+  TbHelp,
+  TbKeyboard,
   TbListCheck,
   TbListDetails,
+  TbMap2,
   TbPlugConnected,
   TbServerCog,
+  TbVocabulary,
   TbWaveSine,
 } from "react-icons/tb";
 import { Link, useLocation } from "wouter";
 import { useLive } from "../live/react";
+import { usePreferences } from "../service/preferences";
 import type { PlantView } from "../wire/types";
-import { HelpMenu } from "./HelpMenu";
 import styles from "./Navigation.module.css";
+
+/** Everything that explains: docs, glossary, tour, keys. */
+
+export function HelpMenu({ onShortcuts }: { onShortcuts: () => void }) {
+  const [location, go] = useLocation();
+  const { change } = usePreferences();
+  const here = ["/docs", "/glossary"].some((path) => location.startsWith(path));
+  return (
+    <Menu position="right-end" width={210} withinPortal>
+      <Menu.Target>
+        <button type="button" className={styles.link} aria-label="Help" data-here={here}>
+          <TbHelp size={22} strokeWidth={1.6} aria-hidden="true" />
+          Help
+        </button>
+      </Menu.Target>
+      <Menu.Dropdown>
+        <Menu.Item leftSection={<TbBook2 size={16} />} onClick={() => go("/docs")}>
+          Docs
+        </Menu.Item>
+        <Menu.Item leftSection={<TbVocabulary size={16} />} onClick={() => go("/glossary")}>
+          Glossary
+        </Menu.Item>
+        <Menu.Item leftSection={<TbMap2 size={16} />} onClick={() => change({ toured: false })}>
+          Tour
+        </Menu.Item>
+        <Menu.Item leftSection={<TbKeyboard size={16} />} onClick={onShortcuts}>
+          Keyboard shortcuts
+        </Menu.Item>
+      </Menu.Dropdown>
+    </Menu>
+  );
+}
 
 interface PageEntry {
   readonly path: string;

@@ -1,12 +1,39 @@
 /** Room kept free for the reason why a value was refused, so that nothing moves when there is one. */
 
+import { Button, type ButtonProps } from "@mantine/core";
+import { useMutation } from "@tanstack/react-query";
 import type { ReactNode } from "react";
+import { useLive } from "../live/react";
 import { inWords } from "../samples/quantity";
 import { isAboutControl, useErrorLifetime, useNoControl } from "../service/control";
 import { useAngles } from "../service/preferences";
 import { useToldAtField } from "../service/refusals";
+import { answeredBy } from "../wire/client";
+import { takeControl } from "../wire/control";
 import styles from "./Refusal.module.css";
-import { TakeControl } from "./TakeControl";
+
+/** Takes control of the actuator for this page, from whoever holds it. */
+
+export function TakeControl(look: Pick<ButtonProps, "variant" | "color">) {
+  const holder = useLive((live) => live.state?.holder?.name ?? null);
+  const take = useMutation({ mutationFn: () => answeredBy(takeControl(true)) });
+  const refused = useErrorLifetime(take.error);
+  return (
+    <>
+      <Button
+        size="compact-xs"
+        variant="default"
+        {...look}
+        loading={take.isPending}
+        title={holder === null ? undefined : `${holder} loses control`}
+        onClick={() => take.mutate()}
+      >
+        Take control
+      </Button>
+      {refused !== null && <span> {refused.message}</span>}
+    </>
+  );
+}
 
 interface RefusalProps {
   /** Shown until what caused it is gone. */

@@ -22,8 +22,8 @@ import { hearState, proofWords, type StopState, showElsewhere, stopWords } from 
 import type { PlayerPosition, State, Task } from "../wire/types";
 import { HandOver } from "./ControlMenu";
 import { Explained } from "./Explained";
+import { TakeControl } from "./Refusal";
 import statusStripStyles from "./StatusStrip.module.css";
-import { TakeControl } from "./TakeControl";
 
 /** The one sentence that matters most right now. Pure. */
 

@@ -1,3 +1,5 @@
+/** Inputs of forms: numbers, texts, choices, switches and declared settings. */
+
 import {
   NativeSelect,
   type NativeSelectProps,
@@ -6,9 +8,10 @@ import {
   TextInput,
   type TextInputProps,
 } from "@mantine/core";
-import { useRef, useState } from "react";
+import { useDebouncedCallback } from "@mantine/hooks";
+import { useEffect, useRef, useState } from "react";
 import { capital, notANumber } from "../samples/format";
-import { boxText, inSI, labelWith, rangeText } from "../samples/quantity";
+import { boxText, inSI, labelWith, rangeText, readingOf } from "../samples/quantity";
 import { type Entry, settingEntry } from "../service/glossary";
 import { useAngles } from "../service/preferences";
 import { useDescribedBy, useRefusedInput } from "../service/refusals";
@@ -221,4 +224,92 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
 /** Whether a setting takes a number. */
 export function isNumeric(setting: Setting): boolean {
   return typeof setting.default === "number";
+}
+
+/** A text that is taken when it is left or with Enter; Escape brings the one before back. */
+
+interface EditedTextProps {
+  readonly label: string;
+  readonly text: string;
+  onDone(text: string): void;
+}
+
+export function EditedText({ label, text, onDone }: EditedTextProps) {
+  const [typed, type] = useState(text);
+  useEffect(() => type(text), [text]);
+  const done = () => {
+    if (typed !== text) onDone(typed);
+  };
+  return (
+    <TextInput
+      aria-label={label}
+      value={typed}
+      maxLength={40}
+      w={170}
+      onChange={(event) => type(event.currentTarget.value)}
+      onBlur={done}
+      onKeyDown={(event) => {
+        if (event.key === "Enter") done();
+        if (event.key === "Escape") type(text);
+      }}
+    />
+  );
+}
+
+/** A number that counts once whoever types has come to rest: each change of it is asked of the service. */
+
+const RESTED_MS = 400;
+
+interface SettledNumberProps {
+  readonly label: string;
+  /** In SI; null where there is none. */
+  readonly value: number | null;
+  readonly unit?: string;
+  /** What stands before the number in its box. */
+  readonly before: string;
+  /** What is wrong with a number, "" for nothing. */
+  fits(value: number): string;
+  /** Whether an empty box is no number on purpose. */
+  readonly optional?: boolean;
+  onChange(value: number | null): void;
+}
+
+export function SettledNumber(props: SettledNumberProps) {
+  const { label, before, value, unit = "1", fits, optional, onChange } = props;
+  const angles = useAngles();
+  const [typed, setTyped] = useState<string | null>(null);
+  const settle = useDebouncedCallback((text: string) => {
+    const found = inSI(text, unit, angles);
+    if (text.trim() === "" && optional) onChange(null);
+    else if (found !== null && fits(found) === "") onChange(found);
+  }, RESTED_MS);
+  const shown = typed ?? (value === null ? "" : boxText(value, unit, angles));
+  return (
+    <TextInput
+      aria-label={labelWith(label, unit, angles)}
+      placeholder={label}
+      autoComplete="off"
+      leftSection={before}
+      rightSection={unit === "1" ? null : readingOf(unit, angles).unit}
+      rightSectionWidth={70}
+      w={170}
+      value={shown}
+      error={typed === null ? null : wrongWith(typed)}
+      onChange={({ currentTarget }) => {
+        setTyped(currentTarget.value);
+        settle(currentTarget.value);
+      }}
+      onBlur={() => {
+        settle.flush();
+        if (wrongWith(shown) === null) setTyped(null);
+      }}
+    />
+  );
+
+  function wrongWith(text: string): string | null {
+    if (text.trim() === "" && optional) return null;
+    const found = inSI(text, unit, angles);
+    if (found === null) return notANumber(text);
+    return fits(found) || null;
+  }
 }

@@ -1,8 +1,29 @@
-/** Shown when the page has no session: a token opens it. STOP is here too: a session that lapsed is good for it. */
+/** Pages for who is not signed in: the sign-in, and the reason why it cannot work without cookies. */
 
 import { Alert, Box, Button, Paper, PasswordInput, Stack, Text, TextInput, Title } from "@mantine/core";
 import { type FormEvent, useState } from "react";
 import { useSignIn } from "../service/commands";
+
+/** Shown in place of everything else where the browser keeps no cookies: nobody can be signed in there. */
+
+export function CookiesBlockedPage() {
+  const host = globalThis.location.host;
+  return (
+    <Box pt="12vh" px="xs">
+      <Paper component="main" withBorder maw={480} mx="auto" p="xl">
+        <Title order={1} size="h3" mb="md">
+          Cookies are blocked
+        </Title>
+        <Text role="alert" style={{ overflowWrap: "anywhere" }}>
+          This browser blocks cookies for {host}, so nobody can be signed in and STOP does not work here:
+          allow cookies for {host}, load this page again, and until then use the stop at the machine.
+        </Text>
+      </Paper>
+    </Box>
+  );
+}
+
+/** Shown when the page has no session: a token opens it. STOP is here too: a session that lapsed is good for it. */
 
 export function SignInPage() {
   const [token, setToken] = useState("");

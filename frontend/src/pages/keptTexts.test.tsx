@@ -13,12 +13,12 @@ const fetched = vi.hoisted(() => {
   return replacement;
 });
 
-import { FormulaEditor } from "../charts/FormulaEditor";
+import { FormulaEditor } from "../charts/LayoutEditor";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
 import type { BringUpStep, LogEntry, Run, State, Tuning } from "../wire/types";
 import { StepCard } from "./bringUp/StepCard";
-import { RemarkForm } from "./log/RemarkForm";
+import { RemarkForm } from "./log/LogRows";
 import { ContactCard } from "./operate/ContactCard";
 import { TuningChanges } from "./operate/TuningCard";
 import { TUNING } from "./refusals.fixture";

@@ -8,8 +8,7 @@ import { fixed, significant } from "../../samples/format";
 import { bankDifferenceQuery, tuningKey } from "../../service/queries";
 import type { Bank, BankDifference, LoopFigures } from "../../wire/types";
 import pageStyles from "../Page.module.css";
-import { nameOf } from "./BankTable";
-import { changeOf, entryName, LOOPS, type Loop } from "./difference";
+import { changeOf, entryName, LOOPS, type Loop, nameOf } from "./BankTable";
 
 /** Models, gains and robustness before and after a change of entries; what stays the same is grey. */
 

@@ -12,8 +12,7 @@ import { bankDetailQuery, tuningKey } from "../../service/queries";
 import type { Bank, BankDetail, ChannelFit, LoopFigures } from "../../wire/types";
 import page from "../Page.module.css";
 import styles from "./Banks.module.css";
-import { nameOf } from "./BankTable";
-import { entryName, LOOPS, percent } from "./difference";
+import { entryName, LOOPS, nameOf, percent } from "./BankTable";
 
 const FIGURES = ["K", "T", "k_p", "k_i"] as const;
 

@@ -6,7 +6,7 @@ import { Link, useLocation, useParams } from "wouter";
 import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
-import { UndoTuning } from "../../components/UndoTuning";
+import { UndoTuning } from "../../components/TuningParts";
 import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";

@@ -3,7 +3,7 @@
 import { TextInput } from "@mantine/core";
 import { useState } from "react";
 import { Card } from "../../components/Card";
-import { EntryText } from "../../components/Entry";
+import { EntryText } from "../../components/Explanation";
 import { type Entry, KIND_TITLES, search } from "../../service/glossary";
 import page from "../Page.module.css";
 import styles from "./Glossary.module.css";

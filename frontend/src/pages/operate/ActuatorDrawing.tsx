@@ -1,5 +1,5 @@
 import { useMemo } from "react";
-import { type Surface, useCanvas } from "../../charts/useCanvas";
+import { type Surface, useCanvas } from "../../charts/canvas";
 import { useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
 import { type Angles, angleWithUnit } from "../../samples/quantity";

@@ -2,7 +2,7 @@
 
 import { Button } from "@mantine/core";
 import { type MouseEvent, useMemo, useState } from "react";
-import { useCanvas } from "../../charts/useCanvas";
+import { useCanvas } from "../../charts/canvas";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
@@ -13,8 +13,7 @@ import { useAngles } from "../../service/preferences";
 import { useReferenceOrders } from "../../service/references";
 import type { References } from "../../wire/types";
 import styles from "./MapCard.module.css";
-import { type PlaneEntry, paintPlane } from "./paintPlane";
-import { planeOver, pointAt } from "./planeScale";
+import { type PlaneEntry, paintPlane, planeOver, pointAt } from "./operatingMap";
 import { whyNoReferences } from "./ReferencesCard";
 import { useBankEntries } from "./TuningCard";
 

@@ -4,9 +4,8 @@ import { Fragment, useMemo, useState } from "react";
 import { Card } from "../../components/Card";
 import { Explained } from "../../components/Explained";
 import { NumberField } from "../../components/fields";
-import { MotorMargins } from "../../components/MotorMargins";
 import { Refusal } from "../../components/Refusal";
-import { UndoTuning } from "../../components/UndoTuning";
+import { MotorMargins, UndoTuning } from "../../components/TuningParts";
 import { Shown, SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, notANumber } from "../../samples/format";
@@ -38,7 +37,7 @@ import { HUES } from "../../theme/signals";
 import type { PreviewedStep, SavedTuning, Trial, Tuning, TuningPreview } from "../../wire/types";
 import { DisturbanceFeedforwardControl, LambdaControl } from "./LambdaControl";
 import operateStyles from "./Operate.module.css";
-import type { PlaneEntry } from "./paintPlane";
+import type { PlaneEntry } from "./operatingMap";
 import tuningChangesStyles from "./TuningChanges.module.css";
 
 /** Saved, in force and staged tuning side by side; staged λ are applied, tried for a while, or dropped. */

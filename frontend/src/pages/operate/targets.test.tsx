@@ -16,7 +16,7 @@ import { LiveStore } from "../../live/store";
 import { DEGREES } from "../../theme/signals";
 import type { State } from "../../wire/types";
 import { MapCard } from "./MapCard";
-import { planeOver, xOf, yOf } from "./planeScale";
+import { planeOver, xOf, yOf } from "./operatingMap";
 import { ReferencesCard } from "./ReferencesCard";
 
 const LIMITS = {

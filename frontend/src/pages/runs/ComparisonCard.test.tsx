@@ -8,7 +8,7 @@ vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
 import type { RunComparison } from "../../wire/types";
 import { ComparisonCard } from "./ComparisonCard";
-import { askedOf, USUAL } from "./compared";
+import { askedOf, USUAL } from "./runAddress";
 
 afterEach(cleanup);
 

@@ -6,6 +6,7 @@ import { Link, useLocation } from "wouter";
 import { Card } from "../../components/Card";
 import { SeriesReports } from "../../components/Downloads";
 import { Explained } from "../../components/Explained";
+import { SettledNumber } from "../../components/fields";
 import { Unit } from "../../components/values";
 import { dateTime, fixed, measured, significant } from "../../samples/format";
 import { type Angles, inWords, readingOf } from "../../samples/quantity";
@@ -17,23 +18,23 @@ import type { ComparedMetric, Run, RunComparison } from "../../wire/types";
 import { Reason, SEEN } from "../experiments/ExperimentRuns";
 import { NAMES } from "../log/LogRows";
 import pageStyles from "../Page.module.css";
+import { DifferencesCard, DifferingSettings } from "./DifferencesCard";
+import { type Placed, RunCharts } from "./RunCharts";
+import runsStyles from "./Runs.module.css";
 import {
   ALIGN_BY,
   type AlignBy,
+  addressOf,
   askedOf,
   type Compared,
   EVENT_KINDS,
   type EventKind,
+  MOST_COMPARED,
   MOST_NUMBER,
   STEP_SIGNALS,
   type StepSignal,
   textOf,
-} from "./compared";
-import { DifferencesCard, DifferingSettings } from "./DifferencesCard";
-import { type Placed, RunCharts } from "./RunCharts";
-import { addressOf, MOST_COMPARED } from "./RunSearch";
-import runsStyles from "./Runs.module.css";
-import { SettledNumber } from "./SettledNumber";
+} from "./runAddress";
 
 /** The metrics of several runs beside each other, with the differences to one of them. */
 

@@ -7,6 +7,7 @@ import type { LimitLine, PlacedMark } from "../../charts/decorations";
 import { markOf, RecordedSource, traceOf } from "../../charts/sources";
 import { stretch, useViewport } from "../../charts/viewport";
 import { Card } from "../../components/Card";
+import { SettledNumber } from "../../components/fields";
 import { Absent, Shown, Unit } from "../../components/values";
 import { fixed, settingValue, significant } from "../../samples/format";
 import { type Angles, labelWith, readingOf, told } from "../../samples/quantity";
@@ -17,9 +18,8 @@ import { type Panel, scaleOf, traceFor, unitOf } from "../../theme/signals";
 import { FIELDS } from "../../wire/sample.gen";
 import type { ComparedSetting, Differences, RunComparison, RunDifference } from "../../wire/types";
 import pageStyles from "../Page.module.css";
-import type { Compared } from "./compared";
 import runsStyles from "./Runs.module.css";
-import { SettledNumber } from "./SettledNumber";
+import type { Compared } from "./runAddress";
 
 /** Where each run leaves the band around the reference, for how long, and how far it goes. */
 

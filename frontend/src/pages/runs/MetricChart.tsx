@@ -4,7 +4,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useMemo, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { Link } from "wouter";
-import { tickLabels } from "../../charts/plot";
+import { tickLabels } from "../../charts/axes";
 import { Card } from "../../components/Card";
 import { dateTime, inWordsOf } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";

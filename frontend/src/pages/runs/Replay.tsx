@@ -1,17 +1,50 @@
 /** Plays a recording back: the actuator stands where it stood at the cursor of the charts. */
 
 import { ActionIcon, Button, NativeSelect, Slider } from "@mantine/core";
-import { useCallback, useEffect, useState } from "react";
+import { useQuery } from "@tanstack/react-query";
+import { useCallback, useEffect, useMemo, useState } from "react";
 import { TbPlayerPauseFilled, TbPlayerPlayFilled } from "react-icons/tb";
-import type { PlotSource } from "../../charts/sources";
+import { type PlotSource, RecordedSource } from "../../charts/sources";
 import { type Playhead, usePlayhead } from "../../charts/viewport";
 import { CameraChoice, SceneFrame, sceneAddress } from "../../components/SceneFrame";
 import { clockTime } from "../../samples/format";
 import { showMoment } from "../../service/commands";
+import { recordingQuery } from "../../service/queries";
 import { useSceneView } from "../../service/runs";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
-import { useMoments } from "./useMoments";
+
+/** Single samples around the playhead: a bucket of the curves in sight may be seconds long and has no one moment. */
+
+const SIGNALS = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B"];
+const BLOCK_S = 5;
+/** More than a block has samples, so that each comes by itself. */
+const POINTS = 6000;
+
+/** How to read a signal at `at_s`; from the curves in sight until the samples have come. */
+export function useMoments(
+  run: number,
+  at_s: number,
+  duration_s: number,
+  curves: PlotSource,
+): (name: string, time_s: number) => number {
+  const last = Math.max(0, Math.ceil(duration_s / BLOCK_S) - 1);
+  const block = Math.min(Math.floor(at_s / BLOCK_S), last);
+  const { data } = useQuery(recordingQuery(run, blockAt(block), POINTS, SIGNALS));
+  // asked for ahead, so that playing does not stand at the end of a block
+  useQuery(recordingQuery(run, blockAt(Math.min(block + 1, last)), POINTS, SIGNALS));
+  const source = useMemo(() => {
+    if (data === undefined) return curves;
+    const samples = new RecordedSource(duration_s);
+    samples.setOverview(data);
+    return samples;
+  }, [data, curves, duration_s]);
+  return useCallback((name, time_s) => source.at(name, time_s), [source]);
+}
+
+function blockAt(block: number): { from_s: number; to_s: number } {
+  return { from_s: block * BLOCK_S, to_s: (block + 1) * BLOCK_S };
+}
 
 const SPEEDS = [0.1, 0.25, 1, 4, 10];
 const STEP_S = 0.001;

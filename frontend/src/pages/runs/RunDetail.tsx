@@ -34,11 +34,10 @@ import { Figures } from "../experiments/ExperimentRuns";
 import { parseSegments, type Segment } from "../experiments/SequenceEditor";
 import pageStyles from "../Page.module.css";
 import { ComparedRuns, CompareWith } from "./ComparisonCard";
-import { type Compared, USUAL } from "./compared";
 import { LineageCard } from "./LineageCard";
 import { RunCharts } from "./RunCharts";
-import { experimentOf } from "./RunSearch";
 import runsStyles from "./Runs.module.css";
+import { type Compared, experimentOf, USUAL } from "./runAddress";
 
 /** What a run came to: verdict, criteria, figures; of an identification its own verdict. */
 

@@ -11,8 +11,9 @@ import { runsQuery } from "../../service/queries";
 import type { Run } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import { KeyFigure, RunVerdict } from "./RunDetail";
-import { addressOf, type Filters, MOST_COMPARED, NO_FILTERS, RunSearch, whereOf } from "./RunSearch";
+import { type Filters, NO_FILTERS, RunSearch, whereOf } from "./RunSearch";
 import runsStyles from "./Runs.module.css";
+import { addressOf, MOST_COMPARED } from "./runAddress";
 
 /** A pageStyles of runs as a table. */
 

@@ -2,11 +2,10 @@
 
 import { useMemo } from "react";
 import { useParams } from "wouter";
-import { comparedIn } from "./compared";
 import { MetricChart } from "./MetricChart";
 import { RunDetail } from "./RunDetail";
-import { othersIn } from "./RunSearch";
 import { RunTable } from "./RunTable";
+import { comparedIn, othersIn } from "./runAddress";
 
 export default function RunsPage() {
   const { id, at, others, how, chart } = useParams();

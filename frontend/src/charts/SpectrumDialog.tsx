@@ -1,0 +1,266 @@
+import { Modal, NativeSelect, Progress, SegmentedControl, useComputedColorScheme } from "@mantine/core";
+import { useEffect, useMemo, useRef, useState } from "react";
+import uPlot from "uplot";
+import { SignalName } from "../components/values";
+import { type SignalSpectrum, type Spectra, type Spectrum, spectraOf } from "../samples/analysis";
+import { fixed, significant } from "../samples/format";
+import type { SampleTable, Stretch } from "../samples/timeSeries";
+import { dashOf, type Panel } from "../theme/signals";
+import { PERIOD_S } from "../wire/sample.gen";
+import { decadeRange, logLabels } from "./axes";
+import { readColours } from "./canvas";
+import { TraceLine } from "./PanelRow";
+import styles from "./Spectrum.module.css";
+import { basisWords, grouped } from "./StatisticsTable";
+import type { StoredData } from "./storedRuns";
+
+/** Spectra of a range: of the page's own samples at once, or computed by the service, which takes a moment. */
+
+/** What the spectrum is to be of: what was in sight, or between the cursors, when it was asked for. */
+export interface SpectrumOrder {
+  readonly range: Stretch;
+  /** Null where the service has every sample. */
+  readonly table: SampleTable | null;
+  readonly stored: StoredData | null;
+}
+
+export interface ShownSpectra {
+  readonly spectra: Spectra | null;
+  readonly share: number;
+  readonly problem: string;
+}
+
+const NOTHING: ShownSpectra = { spectra: null, share: 0, problem: "" };
+
+/** `names` has to be the same array as long as it says the same. What is under way ends when nobody shows it any more. */
+export function useSpectra({ range, table, stored }: SpectrumOrder, names: readonly string[]): ShownSpectra {
+  const [shown, setShown] = useState(NOTHING);
+  useEffect(() => {
+    if (table !== null) {
+      setShown({ ...NOTHING, spectra: spectraOf(table, names, PERIOD_S) });
+      return;
+    }
+    if (stored === null) return;
+    const leave = new AbortController();
+    const tell = (told: Partial<ShownSpectra>) => {
+      if (!leave.signal.aborted) setShown((before) => ({ ...before, ...told }));
+    };
+    setShown(NOTHING);
+    stored
+      .spectra(names, range, { signal: leave.signal, onShare: (share) => tell({ share }) })
+      .then((spectra) => tell({ spectra, share: 1 }))
+      .catch((error: Error) => tell({ problem: error.message }));
+    return () => leave.abort();
+  }, [range, table, stored, names]);
+  return shown;
+}
+
+/** Power density or amplitude over frequency of what was in sight, or between the cursors, when it was opened. */
+
+type Quantity = "density" | "amplitude";
+
+interface SpectrumDialogProps {
+  readonly panels: readonly Panel[];
+  /** Taken when the dialog was opened; null while it is closed. */
+  readonly order: SpectrumOrder | null;
+  /** A moment as the time axis tells it. */
+  timeText(time_s: number): string;
+  onClose(): void;
+}
+
+export function SpectrumDialog({ panels, order, timeText, onClose }: SpectrumDialogProps) {
+  return (
+    <Modal opened={order !== null} onClose={onClose} title="Spectrum" size={860}>
+      {order !== null && <Content panels={panels} order={order} timeText={timeText} />}
+    </Modal>
+  );
+}
+
+interface ContentProps {
+  readonly panels: readonly Panel[];
+  readonly order: SpectrumOrder;
+  timeText(time_s: number): string;
+}
+
+function Content({ panels, order, timeText }: ContentProps) {
+  const [title, setTitle] = useState(panels[0]?.title ?? "");
+  const [quantity, setQuantity] = useState<Quantity>("density");
+  const panel = panels.find((one) => one.title === title) ?? (panels[0] as Panel);
+  const names = useMemo(() => panel.traces.map((trace) => trace.name), [panel]);
+  const { spectra: found, share, problem } = useSpectra(order, names);
+  const spectra = useMemo(
+    () => panel.traces.map((trace) => scaled(found, trace.name, panel)),
+    [found, panel],
+  );
+  const unit = quantity === "density" ? `(${panel.unit})²/Hz` : panel.unit;
+  const computed = found !== null && spectra.some((spectrum) => spectrum !== null);
+  return (
+    <div className={styles.content}>
+      <div className={styles.choices}>
+        <NativeSelect
+          aria-label="Chart"
+          data={panels.map((one) => one.title)}
+          value={panel.title}
+          onChange={(event) => setTitle(event.currentTarget.value)}
+        />
+        <SegmentedControl
+          size="xs"
+          aria-label="Quantity"
+          value={quantity}
+          onChange={(value) => setQuantity(value as Quantity)}
+          data={[
+            { value: "density", label: "Power density" },
+            { value: "amplitude", label: "Amplitude" },
+          ]}
+        />
+        {panel.traces.map((trace) => (
+          <span key={trace.name} className={styles.key}>
+            <TraceLine trace={trace} /> <SignalName name={trace.name} />
+          </span>
+        ))}
+      </div>
+      {problem !== "" && <p className={styles.empty}>Not computed: {problem}</p>}
+      {problem === "" && found === null && (
+        <div className={styles.empty}>
+          <p>Reading every sample of the range: {fixed(100 * share, 0)} %. Close the dialog to stop.</p>
+          <Progress value={100 * share} aria-label="Spectrum progress" />
+        </div>
+      )}
+      {computed && <SpectrumPlot panel={panel} spectra={spectra} quantity={quantity} />}
+      {found !== null && !computed && (
+        <p className={styles.empty}>{sentence("No spectrum", reasonsOf(found, names))}</p>
+      )}
+      {found !== null && (
+        <output className={styles.foot} aria-label="Spectrum facts">
+          {computed && `${unit} over Hz. Welch's method: ${methodOf(found, names)}. `}
+          From {basisWords(found.basis, timeText)}.{computed && sentence("Left out", leftOut(found, names))}
+          {computed && sentence("No spectrum", reasonsOf(found, names))}
+        </output>
+      )}
+    </div>
+  );
+}
+
+/** The spectrum of a signal in the unit shown. */
+function scaled(found: Spectra | null, name: string, { factor }: Panel): SignalSpectrum | null {
+  const spectrum = found?.signals.get(name);
+  if (spectrum === undefined) return null;
+  return {
+    ...spectrum,
+    density: spectrum.density.map((value) => value * factor ** 2),
+    amplitude: spectrum.amplitude.map((value) => value * Math.abs(factor)),
+  };
+}
+
+/** How the spectra were made. */
+function methodOf({ signals }: Spectra, names: readonly string[]): string {
+  return together(names, (name) => {
+    const spectrum = signals.get(name);
+    if (spectrum === undefined) return [];
+    const step = significant(spectrum.frequencies[0] ?? Number.NaN, 3);
+    return [
+      `${spectrum.segments} Hann windows of ${grouped(spectrum.segment)} samples that overlap by half, resolution ${step} Hz`,
+    ];
+  });
+}
+
+/** Samples of the range that no spectrum is of, and signals without any power. */
+function leftOut({ signals }: Spectra, names: readonly string[]): string {
+  return together(names, (name) => {
+    const spectrum = signals.get(name);
+    if (spectrum === undefined) return [];
+    const { values, withoutValue, used, density } = spectrum;
+    return [
+      withoutValue > 0 ? `${grouped(withoutValue)} samples without value` : "",
+      values > used ? `${grouped(values - used)} samples in no window` : "",
+      density.every((value) => value === 0) ? "constant, not drawn" : "",
+    ].filter(Boolean);
+  });
+}
+
+/** What is said of signals; what is said of all is said once, without their names. */
+function together(names: readonly string[], saying: (name: string) => readonly string[]): string {
+  const said = new Map<string, string[]>();
+  for (const name of names)
+    for (const words of saying(name)) said.set(words, [...(said.get(words) ?? []), name]);
+  return [...said]
+    .map(([words, of]) => (of.length === names.length ? words : `${of.join(", ")}: ${words}`))
+    .join("; ");
+}
+
+function reasonsOf({ reasons }: Spectra, names: readonly string[]): string {
+  return together(names, (name) => {
+    const reason = reasons.get(name);
+    return reason === undefined ? [] : [reason];
+  });
+}
+
+function sentence(before: string, words: string): string {
+  return words === "" ? "" : ` ${before}: ${words}.`;
+}
+
+interface SpectrumPlotProps {
+  readonly panel: Panel;
+  readonly spectra: readonly (Spectrum | null)[];
+  readonly quantity: Quantity;
+}
+
+function SpectrumPlot({ panel, spectra, quantity }: SpectrumPlotProps) {
+  const host = useRef<HTMLDivElement>(null);
+  const scheme = useComputedColorScheme("light");
+  // biome-ignore lint/correctness/useExhaustiveDependencies: another colour scheme has other colours
+  useEffect(() => {
+    const element = host.current;
+    if (element === null) return;
+    const colours = readColours(element);
+    const axis: uPlot.Axis = {
+      stroke: colours.axis,
+      grid: { stroke: colours.grid, width: 1 },
+      ticks: { show: false },
+      values: (_plot, splits) => logLabels(splits),
+    };
+    const shown = panel.traces.flatMap((trace, index) => {
+      const spectrum = spectra[index];
+      return spectrum ? [{ trace, spectrum }] : [];
+    });
+    const plot = new uPlot(
+      {
+        width: element.clientWidth,
+        height: 340,
+        legend: { show: false },
+        scales: {
+          x: { time: false, distr: 3 },
+          y: { distr: 3, range: (_plot, min, max) => decadeRange(min, max) },
+        },
+        axes: [axis, { ...axis, size: 64 }],
+        series: [
+          {},
+          ...shown.map(({ trace }) => ({
+            stroke: colours.drawn(trace.hue),
+            width: 1.2,
+            dash: dashOf(trace),
+            points: { show: false },
+          })),
+        ],
+      },
+      aligned(
+        shown.map(({ spectrum }) => spectrum),
+        quantity,
+      ),
+      element,
+    );
+    return () => plot.destroy();
+  }, [panel, spectra, quantity, scheme]);
+  return <div ref={host} className={styles.plot} role="img" aria-label={`Spectrum of ${panel.title}`} />;
+}
+
+/** Spectra on one frequency axis, which they share unless one had a gap; zeros cannot be drawn on a log axis. */
+function aligned(spectra: readonly Spectrum[], quantity: Quantity): uPlot.AlignedData {
+  const tables = spectra.map(
+    (spectrum): uPlot.AlignedData => [
+      spectrum.frequencies,
+      Array.from(spectrum[quantity], (value) => (value > 0 ? value : null)),
+    ],
+  );
+  return uPlot.join(tables);
+}

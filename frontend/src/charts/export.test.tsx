@@ -1,0 +1,39 @@
+import { expect, it, vi } from "vitest";
+import { picture } from "./export";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  return replacement;
+});
+
+const SHEET = '<svg xmlns="http://www.w3.org/2000/svg" width="180mm" height="90mm"></svg>';
+const refused = (status: number, message: string) => async () =>
+  Response.json({ error: { code: "refused", message } }, { status });
+
+/** The words with which a PDF is not made. */
+async function words(answer: () => Promise<Response>): Promise<string> {
+  fetched.mockImplementation(async ({ url }) => {
+    const control = { epoch: 1, page: "k".repeat(16), name: "A. Operator" };
+    return url.endsWith("/api/chart-sheet.pdf") ? answer() : Response.json(control);
+  });
+  return picture(SHEET, "pdf").then(
+    () => "made",
+    ({ message }: Error) => message,
+  );
+}
+
+it.each([
+  ["is too large", refused(413, "the body is larger than 2097152 bytes"), /too many curves/],
+  ["could not be sent in time", () => Promise.reject(new TypeError("Failed to fetch")), /slow/],
+])("says what helps where a sheet %s", async (_, answer, why) => {
+  const said = await words(answer);
+  expect(said).toMatch(why);
+  expect(said).toContain("hide some signals, or save it as SVG");
+});
+
+it("leaves the service's own words for all else", async () => {
+  expect(await words(refused(422, "this is no sheet of charts"))).toBe("this is no sheet of charts");
+});

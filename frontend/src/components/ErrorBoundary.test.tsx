@@ -1,0 +1,57 @@
+/** A part of the page that throws says so, and leaves the rest alone. */
+
+import { MantineProvider } from "@mantine/core";
+import { cleanup, fireEvent, type RenderResult, render, screen } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { Boundary } from "./ErrorBoundary";
+
+const broken = { now: true };
+let shown: RenderResult;
+
+function Part() {
+  if (broken.now) throw new Error("no such sample");
+  return <p>all well</p>;
+}
+
+const page = (at: string) => (
+  <MantineProvider>
+    <Boundary of="Charts" at={at}>
+      <Part />
+    </Boundary>
+    <p>beside</p>
+  </MantineProvider>
+);
+
+beforeEach(() => {
+  broken.now = true;
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  vi.spyOn(console, "error").mockImplementation(() => undefined);
+  shown = render(page("run 1"));
+});
+afterEach(() => {
+  cleanup();
+  vi.restoreAllMocks();
+  vi.unstubAllGlobals();
+});
+
+it("names the part and the reason, and leaves what is beside it", () => {
+  expect(screen.getByRole("alert", { name: "Charts failed" }).textContent).toContain("no such sample");
+  expect(screen.getByText("beside")).toBeTruthy();
+});
+
+it("shows the part again where its cause is gone, and fails again where it is not", () => {
+  const again = () => fireEvent.click(screen.getByRole("button", { name: "Show it again" }));
+  again();
+  expect(screen.getByRole("alert", { name: "Charts failed" })).toBeTruthy();
+  broken.now = false;
+  again();
+  expect(screen.getByText("all well")).toBeTruthy();
+});
+
+it("has not failed where it is about something else", () => {
+  broken.now = false;
+  shown.rerender(page("run 1"));
+  expect(screen.queryByText("all well")).toBeNull();
+  shown.rerender(page("run 2"));
+  expect(screen.getByText("all well")).toBeTruthy();
+});

@@ -1,0 +1,88 @@
+/** What several pages show of a tuning: margins of the motor loop, undo and redo. */
+
+import { Button } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
+import { useLive } from "../live/react";
+import { fixed } from "../samples/format";
+import type { useTuningStep } from "../service/commands";
+import { useNoControl } from "../service/control";
+import { banksQuery, motorMarginsQuery } from "../service/queries";
+import { tuningInWords, whyNoStep } from "../service/tuning";
+import type { MotorMargins as Margins } from "../wire/types";
+import { Explained } from "./Explained";
+
+/** Margins of the motor loop in words. Pure. */
+
+/** A gain that may not fall is told with the one that it may rise to: the loop is lost at either end. */
+export function marginsText({ M_s, gain_margin, gain_reduction_margin, phase_margin_deg }: Margins): string {
+  const up = gain_margin === null ? "any" : `×${fixed(gain_margin, 1)}`;
+  const gain =
+    gain_reduction_margin === null ? `up to ${up}` : `×${fixed(gain_reduction_margin, 3)} to ${up}`;
+  const phase = phase_margin_deg === null ? "any" : `${fixed(phase_margin_deg, 0)}°`;
+  return `M_s ${fixed(M_s, 3)}, gain ${gain}, phase margin ${phase}`;
+}
+
+/** How robust the motor loops are at a λ_motor, as the service computes it of the sampled loop with L/R. */
+
+interface MotorMarginsProps {
+  readonly lam_motor: number;
+  /** In force; null for gains from geometry. */
+  readonly bank: number | null;
+  readonly className?: string | undefined;
+}
+
+export function MotorMargins({ lam_motor, bank, className }: MotorMarginsProps) {
+  const { data, error } = useQuery(motorMarginsQuery(lam_motor, bank));
+  const words = error?.message ?? (data === undefined ? "…" : marginsText(data));
+  return (
+    <output className={className} aria-label="Motor loop">
+      Motor loop at <Explained of="quantity:lam_motor">λ_motor</Explained> {lam_motor} s: {words}
+    </output>
+  );
+}
+
+/** Steps back and forward through what was in force, whatever part of it was changed. */
+
+type TuningStep = ReturnType<typeof useTuningStep>;
+
+interface UndoTuningProps {
+  readonly undo: TuningStep;
+  readonly redo: TuningStep;
+  readonly size?: "compact-xs";
+}
+
+export function UndoTuning({ undo, redo, size }: UndoTuningProps) {
+  return (
+    <>
+      <StepButton step="undo" command={undo} {...(size === undefined ? {} : { size })} />
+      <StepButton step="redo" command={redo} {...(size === undefined ? {} : { size })} />
+    </>
+  );
+}
+
+interface StepButtonProps {
+  readonly step: "undo" | "redo";
+  readonly command: TuningStep;
+  readonly size?: "compact-xs";
+}
+
+function StepButton({ step, command, size }: StepButtonProps) {
+  const isUndo = step === "undo";
+  const tuning = useLive((live) => (isUndo ? live.state?.earlier : live.state?.later) ?? null);
+  const noControl = useNoControl();
+  const reason = useLive((live) => whyNoStep(step, live.state, noControl));
+  const { data: banks = [] } = useQuery(banksQuery);
+  const words = tuning === null ? "" : tuningInWords({ ...tuning, bank: tuning.bank?.id ?? 0 }, banks);
+  return (
+    <Button
+      variant="default"
+      {...(size === undefined ? {} : { size })}
+      disabled={reason !== null}
+      loading={command.isPending}
+      title={reason ?? `${isUndo ? "Back to" : "Again"} ${words}`}
+      onClick={() => command.mutate()}
+    >
+      {isUndo ? "Undo change" : "Redo change"}
+    </Button>
+  );
+}

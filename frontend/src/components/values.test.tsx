@@ -1,0 +1,90 @@
+import { cleanup, render, screen } from "@testing-library/react";
+import { afterEach, describe, expect, it } from "vitest";
+import { Shown, Written, writeAbsent, writeValue } from "./values";
+
+/** No value is absent without its reason: by type where a number is written, by reading the source for the rest. */
+describe("absent", () => {
+  afterEach(cleanup);
+
+  const SOURCES = import.meta.glob<string>("../**/*.{ts,tsx}", {
+    query: "?raw",
+    import: "default",
+    eager: true,
+  });
+  /** A dash as all of a text; an empty text as all of a cell. */
+  const BARE = [
+    /(["'`])\s*[–—]\s*\1/,
+    />\s*[–—-]\s*</,
+    /^\s*[–—-]\s*$/m,
+    /(?::|\?\?|\|\|) ""\}\s*<\/(?:Table\.T[dh]|t[dh]|dd)>/,
+  ];
+
+  function bareIn(source: string): string | undefined {
+    const code = source.replace(/\/\*[\s\S]*?\*\/|\/\/.*/g, "");
+    return BARE.map((pattern) => pattern.exec(code)?.[0]).find((found) => found !== undefined);
+  }
+
+  describe("the source", () => {
+    it.each([
+      'const none = "–";',
+      "return `—`;",
+      "<td>–</td>",
+      "<span>\n    –\n  </span>",
+      "<dd>-</dd>",
+      '<td>{value === null ? "" : value}</td>'.replace('? "" : value', '? value : ""'),
+      '<Table.Td className={page.number}>{name ?? ""}</Table.Td>',
+    ])("is found out in %j", (source) => {
+      expect(bareIn(source)).toBeDefined();
+    });
+
+    it("has no dash and no empty cell but the one that asks for a reason", () => {
+      const files = Object.entries(SOURCES).filter(([path]) => !/\.test\.|\/wire\//.test(path));
+      expect(files.length).toBeGreaterThan(150);
+      const bare = files.filter(([, source]) => bareIn(source) !== undefined).map(([path]) => path);
+      expect(bare).toEqual(["./values.tsx"]);
+    });
+  });
+
+  it.each([null, undefined, Number.NaN])("tells why there is %s, to the eye and to the ear", (value) => {
+    render(
+      <Shown value={value} why="nothing is staged">
+        {(some) => `${some} s`}
+      </Shown>,
+    );
+    const dash = screen.getByRole("img", { name: "nothing is staged" });
+    expect([dash.textContent, dash.title]).toEqual(["–", "nothing is staged"]);
+    expect(document.body.textContent).toBe("–");
+  });
+
+  it.each([0, false, ""])("takes %j for a value", (value) => {
+    render(
+      <Shown<unknown> value={value} why="no">
+        {(some) => `has ${some}`}
+      </Shown>,
+    );
+    expect(document.body.textContent).toBe(`has ${value}`);
+  });
+
+  it("writes the reason into the page and takes it away with the next value", () => {
+    const place = document.body.appendChild(document.createElement("span"));
+    writeAbsent(place, "no sample");
+    writeAbsent(place, "none in force");
+    expect(screen.getByRole("img", { name: "none in force" }).title).toBe("none in force");
+    writeValue(place, "1.25");
+    expect(place.outerHTML).toBe("<span>1.25</span>");
+    place.remove();
+  });
+});
+
+describe("signal name", () => {
+  it.each([
+    ["theta_A_ref", "θA,ref"],
+    ["lam_q", "λq"],
+    ["q_ref", "qref"],
+    ["F_A", "FA"],
+    ["theta_A - theta_A_ref", "θA − θA,ref"],
+  ])("writes %s as the paper does", (name, read) => {
+    const { container } = render(<Written name={name} />);
+    expect(container.textContent).toBe(read);
+  });
+});

@@ -1,0 +1,14 @@
+import { describe, expect, it } from "vitest";
+import { changeOf } from "./BankTable";
+
+describe("changeOf", () => {
+  it("tells what changed, what is new and what is gone", () => {
+    expect(changeOf("0.342", "0.450")).toEqual({ text: "0.342 → 0.450", changed: true });
+    expect(changeOf(undefined, "0.450")).toEqual({ text: "new: 0.450", changed: true });
+    expect(changeOf("0.342", undefined)).toEqual({ text: "gone: 0.342", changed: true });
+  });
+
+  it("writes what stays the same once", () => {
+    expect(changeOf("0.342", "0.342")).toEqual({ text: "0.342", changed: false });
+  });
+});

@@ -1,0 +1,67 @@
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { Refusal } from "../../components/Refusal";
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { State } from "../../wire/types";
+import { NextMode, nextMode } from "./ModeCard";
+
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  return replacement;
+});
+
+const OFF = {
+  mode: "off",
+  legal_modes: ["pretension"],
+  task: null,
+  trial: null,
+  holder: null,
+  unready: "",
+} as unknown as State;
+const changed = (part: object) => ({ ...OFF, ...part }) as State;
+
+beforeEach(() =>
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} })),
+);
+afterEach(cleanup);
+
+it("names the mode that comes first, and none where it is not legal or helps nothing", () => {
+  expect(nextMode(null, "start")).toBeNull();
+  expect(nextMode(OFF, "start")).toBe("pretension");
+  expect(nextMode(changed({ legal_modes: [] }), "start")).toBeNull();
+  expect(nextMode(OFF, "off")).toBeNull();
+  const held = changed({ mode: "pretension", legal_modes: ["stopping", "run"] });
+  expect(nextMode(held, "start")).toBeNull();
+  expect(nextMode(held, "off")).toBe("stopping");
+  expect(nextMode(changed({ ...held, task: { run: 3 } }), "off")).toBeNull();
+  expect(nextMode(changed({ mode: "tripped", legal_modes: [] }), "off")).toBeNull();
+});
+
+it("stands in the refusal and sends its mode", async () => {
+  fetched.mockImplementation(async ({ url }) =>
+    new URL(url).pathname === "/api/session"
+      ? Response.json({ name: "A. Operator", role: "operator" })
+      : Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" }),
+  );
+  const live = new LiveStore(0);
+  live.setState({ ...OFF, link: { starts: 1 } } as unknown as State);
+  render(
+    <QueryClientProvider client={new QueryClient()}>
+      <MantineProvider>
+        <LiveProvider store={live}>
+          <Refusal text="Tendons are slack: start Pretension first.">
+            <NextMode need="start" />
+          </Refusal>
+        </LiveProvider>
+      </MantineProvider>
+    </QueryClientProvider>,
+  );
+  fireEvent.click(screen.getByRole("button", { name: "Pretension" }));
+  const sent = () => fetched.mock.calls.find(([{ url }]) => new URL(url).pathname === "/api/mode")?.[0];
+  await waitFor(() => expect(sent()).toBeDefined());
+  expect(await sent()?.clone().json()).toEqual({ mode: "pretension" });
+});

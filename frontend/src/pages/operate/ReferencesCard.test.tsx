@@ -1,0 +1,85 @@
+import { MantineProvider } from "@mantine/core";
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
+import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { Tuning } from "../../wire/types";
+import { MotionControl } from "./ReferencesCard";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  return replacement;
+});
+
+const LIMIT = "Voltage limit of time-optimal motion [V]";
+
+function open(motion: Tuning["motion"], disabled = false): void {
+  const tuning = { motion, u_plan: 8.5, u_plan_min: 2, u_plan_max: 9 } as Tuning;
+  render(
+    <MantineProvider>
+      <QueryClientProvider client={new QueryClient()}>
+        <LiveProvider store={new LiveStore(0)}>
+          <MotionControl tuning={tuning} disabled={disabled} />
+        </LiveProvider>
+      </QueryClientProvider>
+    </MantineProvider>,
+  );
+}
+
+async function commanded(): Promise<unknown[]> {
+  const puts = fetched.mock.calls.map(([request]) => request).filter(({ method }) => method === "PUT");
+  return Promise.all(puts.map((request) => request.clone().json()));
+}
+
+beforeEach(() => {
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  vi.stubGlobal(
+    "ResizeObserver",
+    class {
+      observe() {}
+      unobserve() {}
+      disconnect() {}
+    },
+  );
+  fetched.mockReset().mockImplementation(async ({ url }) => {
+    const path = new URL(url).pathname;
+    if (path === "/api/control")
+      return Response.json({ epoch: 1, page: "k".repeat(16), name: "A. Operator" });
+    return Response.json(path === "/api/session" ? { name: "A. Operator", role: "operator" } : {});
+  });
+});
+afterEach(cleanup);
+
+const radio = (name: string) => screen.getByRole<HTMLInputElement>("radio", { name });
+
+it("offers the voltage limit in the motion that has one", () => {
+  open("lambda");
+  expect(radio("lambda").checked).toBe(true);
+  expect(screen.queryByRole("textbox", { name: LIMIT })).toBeNull();
+  cleanup();
+  open("time-optimal");
+  expect(radio("time-optimal").checked).toBe(true);
+  expect(screen.getByRole<HTMLInputElement>("textbox", { name: LIMIT }).value).toBe("8.5");
+});
+
+it("sends a chosen motion alone, and a voltage limit with its motion", async () => {
+  open("lambda");
+  fireEvent.click(radio("time-optimal"));
+  await waitFor(async () => expect(await commanded()).toEqual([{ motion: "time-optimal" }]));
+  cleanup();
+  fetched.mockClear();
+  open("time-optimal");
+  const box = screen.getByRole("textbox", { name: LIMIT });
+  fireEvent.change(box, { target: { value: "6" } });
+  fireEvent.keyDown(box, { key: "Enter" });
+  await waitFor(async () => expect(await commanded()).toEqual([{ motion: "time-optimal", u_plan: 6 }]));
+});
+
+it("changes nothing while the tuning cannot be changed", () => {
+  open("time-optimal", true);
+  expect(radio("lambda").disabled).toBe(true);
+  expect(screen.getByRole<HTMLInputElement>("textbox", { name: LIMIT }).disabled).toBe(true);
+});

@@ -1,0 +1,60 @@
+import { afterEach, expect, it, vi } from "vitest";
+import { ALL_STATIONS, NO_FILTERS, together, whereOf } from "./RunSearch";
+import { addressOf, MOST_COMPARED, othersIn, RUNS } from "./runAddress";
+
+afterEach(() => vi.unstubAllEnvs());
+
+it("says the form as a search, with what would end a quote behind a backslash", () => {
+  expect(whereOf(NO_FILTERS)).toBe("");
+  expect(whereOf({ ...NO_FILTERS, kind: "tracking", tag: 'a"b\\' })).toBe(
+    'kind = "tracking" tag = "a\\"b\\\\"',
+  );
+  expect(whereOf({ ...NO_FILTERS, station: "rig-2" })).toBe('station = "rig-2"');
+});
+
+it("means days of the person's own zone, by the instants in UTC that searches have", () => {
+  const day = { ...NO_FILTERS, from: "2026-03-29", to: "2026-03-29" };
+  for (const [zone, first, after] of [
+    ["UTC", "2026-03-29T00:00", "2026-03-30T00:00"],
+    ["Europe/Berlin", "2026-03-28T23:00", "2026-03-29T22:00"], // a day of 23 hours
+    ["Pacific/Auckland", "2026-03-28T11:00", "2026-03-29T11:00"],
+    ["America/Los_Angeles", "2026-03-29T07:00", "2026-03-30T07:00"],
+  ]) {
+    vi.stubEnv("TZ", zone);
+    expect(whereOf(day)).toBe(`date >= ${first} date < ${after}`);
+  }
+  expect(whereOf({ ...NO_FILTERS, from: "20266-13-01" })).toBe("date >= 20266-13-01");
+});
+
+it("keeps what is typed apart from the form, whatever it says", () => {
+  const filters = { ...NO_FILTERS, end: "tripped" };
+  expect(together(" a or b ", filters)).toBe('(a or b) end = "tripped"');
+  expect(together("", filters)).toBe('end = "tripped"');
+  expect(together("a or b", NO_FILTERS)).toBe("a or b");
+});
+
+it("keeps all stations in a search that is saved", () => {
+  const filters = { ...NO_FILTERS, station: ALL_STATIONS };
+  expect(together("a or b", filters)).toBe('(a or b) station ~ ""');
+  expect(together("", filters)).toBe('station ~ ""');
+});
+
+it("has the runs beside a run in its address, each once", () => {
+  expect(addressOf(3, [])).toBe("/runs/3");
+  expect(addressOf(3, [4, 5])).toBe("/runs/3/4,5");
+  expect(othersIn("4,5,4,3", 3)).toEqual({ numbers: [4, 5], problem: "" });
+  expect(othersIn(undefined, 3)).toEqual({ numbers: [], problem: "" });
+});
+
+it("asks for no run that an address does not name, and says what it leaves out", () => {
+  const numbers = Array.from({ length: 21 }, (_, index) => index + 2);
+  expect(RUNS.exec("/runs/3/abc,4")?.groups).toMatchObject({ id: "3", others: "abc,4" });
+  expect(RUNS.exec(addressOf(1, numbers))?.groups).toMatchObject({ id: "1", others: numbers.join(",") });
+  expect(othersIn("abc,4,-1,1e3,0", 3)).toEqual({
+    numbers: [4],
+    problem: "the address has abc, -1, 1e3, 0, which is no number of a run",
+  });
+  const found = othersIn(numbers.join(","), 1);
+  expect(found.numbers).toEqual(numbers.slice(0, MOST_COMPARED - 1));
+  expect(found.problem).toBe("at most 20 runs are compared, and the address names 22: left out are 21, 22");
+});
