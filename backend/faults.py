@@ -87,7 +87,7 @@ EXPLAINED: dict[Fault, Explanation] = {
         "Close other programs on this machine and look at the loop timing; then reset.",
     ),
     Fault.SERVICE_LOST: Explanation(
-        "The loop no longer heard from the service and stopped by itself.", "See the service's log, then reset."
+        "The loop lost the service and stopped softly.", "See the service's log, then reset."
     ),
     Fault.OPERATOR_LOST: Explanation(
         "The browser that held control was lost.", "Open the dashboard again, take control, then reset."
@@ -108,7 +108,7 @@ EXPLAINED: dict[Fault, Explanation] = {
         "Reset: it starts a new loop with a new watchdog, which is tried first. If this comes back, do not go on.",
     ),
     Fault.SERVICE_ENDED: Explanation(
-        "The service was told to end and stopped the loop.", "Start the service again; it comes up without the fault."
+        "The service shut down and stopped the loop.", "Start the service again; it comes up without the fault."
     ),
     Fault.SENSOR_SATURATED: Explanation(
         "A load cell is beyond what its input can read.",

@@ -34,7 +34,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "mode",
     "term": "mode",
-    "meaning": "what the loop does: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped",
+    "meaning": "mode of the loop: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped",
     "source": "docs/reference/notation.md"
   },
   "signal:run": {
@@ -106,7 +106,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "S_true",
     "term": "S_true",
-    "meaning": "joint stiffness of the simulator, nan on the rig",
+    "meaning": "joint stiffness of the simulator, NaN on the rig",
     "unit": "N·m/rad",
     "equation": "S = r_j² (F'(x_A) + F'(x_B))",
     "source": "paper, equation (14)"
@@ -196,16 +196,16 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "F_ext_hat",
     "term": "F_ext",
-    "meaning": "outside force at r_j as encoders and springs tell it, its learned bias taken off",
+    "meaning": "external force at r_j, estimated from encoders and springs, bias subtracted",
     "unit": "N",
-    "equation": "observer of (5): F_push behind three lags of 3.3 ms, where it is the only one",
+    "equation": "observer of (5): F_push after three lags of 3.3 ms, if F_push is the only external force",
     "source": "docs/reference/notation.md"
   },
   "signal:F_wall": {
     "kind": "signal",
     "name": "F_wall",
     "term": "F_wall",
-    "meaning": "force of a simulated obstacle on the joint at r_j, nan on the rig",
+    "meaning": "force of a simulated obstacle on the joint at r_j, NaN on the rig",
     "unit": "N",
     "equation": "positive towards +q; k_wall δ (1 + c_wall δ') while the wall is δ = ±r_j (q − q_wall) deep, never pulling",
     "source": "docs/reference/notation.md"
@@ -214,7 +214,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "V_A",
     "term": "V_A",
-    "meaning": "load cell A as the card read it, nan where there is no card",
+    "meaning": "load cell A as read by the card, NaN without a card",
     "unit": "V",
     "equation": "F_A follows by the wiring's calibration",
     "source": "docs/reference/notation.md"
@@ -223,7 +223,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "V_B",
     "term": "V_B",
-    "meaning": "load cell B as the card read it, nan where there is no card",
+    "meaning": "load cell B as read by the card, NaN without a card",
     "unit": "V",
     "equation": "F_B follows by the wiring's calibration",
     "source": "docs/reference/notation.md"
@@ -232,7 +232,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "n_q",
     "term": "n_q",
-    "meaning": "counts of the joint's encoder since the start, nan where there is no card",
+    "meaning": "counts of the joint's encoder since the start, NaN without a card",
     "equation": "all four edges",
     "source": "docs/reference/notation.md"
   },
@@ -240,7 +240,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "n_A",
     "term": "n_A",
-    "meaning": "counts of motor A's encoder since the start, nan where there is no card",
+    "meaning": "counts of motor A's encoder since the start, NaN without a card",
     "equation": "all four edges",
     "source": "docs/reference/notation.md"
   },
@@ -248,7 +248,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "n_B",
     "term": "n_B",
-    "meaning": "counts of motor B's encoder since the start, nan where there is no card",
+    "meaning": "counts of motor B's encoder since the start, NaN without a card",
     "equation": "all four edges",
     "source": "docs/reference/notation.md"
   },
@@ -256,7 +256,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "lam_q",
     "term": "λ_q",
-    "meaning": "tuning parameter of the position loop in use",
+    "meaning": "active tuning parameter of the position loop",
     "unit": "s",
     "equation": "q/q_ref = 1/(λ_q s + 1)²",
     "source": "paper, table 2"
@@ -265,7 +265,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "lam_S",
     "term": "λ_S",
-    "meaning": "tuning parameter of the stiffness loop in use",
+    "meaning": "active tuning parameter of the stiffness loop",
     "unit": "s",
     "equation": "S/S_ref = 1/(λ_S s + 1)²",
     "source": "paper, table 2"
@@ -281,7 +281,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "limits",
     "term": "limits",
-    "meaning": "limits that acted in this tick, a bit each; docs/reference/faults.md lists them",
+    "meaning": "limits that acted in this tick, one bit each; docs/reference/faults.md lists them",
     "source": "docs/reference/notation.md"
   },
   "signal:fault": {
@@ -295,7 +295,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "signal",
     "name": "lateness_s",
     "term": "late",
-    "meaning": "how late the tick began against its deadline",
+    "meaning": "delay of the start of the tick against its deadline",
     "unit": "s",
     "source": "docs/reference/notation.md"
   },
@@ -364,7 +364,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "spring.points",
     "term": "spring.points",
-    "meaning": "or rows of elongation and force, from zero force up, joined by a rising curve",
+    "meaning": "alternative: pairs of elongation and force, from zero force up, interpolated by a monotone curve",
     "unit": "m, N",
     "source": "docs/reference/notation.md"
   },
@@ -459,7 +459,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "motor.sigma_0",
     "term": "σ_0",
-    "meaning": "stiffness of the bristles of friction that sticks (LuGre); 0 or left out: Coulomb friction is smoothed",
+    "meaning": "bristle stiffness of static friction (LuGre model); 0 or omitted: Coulomb friction is smoothed",
     "unit": "N·m/rad",
     "equation": "z' = θ' − σ_0 abs(θ') z/g, friction σ_0 z + σ_1 z'",
     "source": "docs/reference/notation.md"
@@ -468,7 +468,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "motor.sigma_1",
     "term": "σ_1",
-    "meaning": "their damping",
+    "meaning": "bristle damping of the LuGre model",
     "unit": "N·m·s/rad",
     "source": "docs/reference/notation.md"
   },
@@ -484,7 +484,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "motor.omega_s",
     "term": "ω_s",
-    "meaning": "Stribeck speed, above which friction has come down to F_c",
+    "meaning": "Stribeck speed, above which friction has decreased to F_c",
     "unit": "rad/s",
     "source": "docs/reference/notation.md"
   },
@@ -492,7 +492,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "identified.K_m",
     "term": "K_m",
-    "meaning": "gain of the motor as the controller knows it",
+    "meaning": "gain of the motor that the controller uses",
     "unit": "rad/(V·s)",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "paper, equation (17)"
@@ -501,7 +501,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "identified.T_m",
     "term": "T_m",
-    "meaning": "time constant of the motor as the controller knows it",
+    "meaning": "time constant of the motor that the controller uses",
     "unit": "s",
     "equation": "θ/U = K_m/(s (T_m s + 1))",
     "source": "paper, equation (17)"
@@ -510,7 +510,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "identified.k",
     "term": "k0, k1, k2 ...",
-    "meaning": "spring as the controller knows it",
+    "meaning": "coefficients of the spring that the controller uses",
     "unit": "N/m^i",
     "equation": "F(x) = k0 + k1 x + k2 x² + …; 0 when slack",
     "source": "paper, equations (3), (4)"
@@ -519,7 +519,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "parameter",
     "name": "identified.points",
     "term": "identified.points",
-    "meaning": "or its measured points",
+    "meaning": "alternative: measured points of that spring",
     "unit": "m, N",
     "source": "docs/reference/notation.md"
   },
@@ -603,7 +603,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "T_s",
     "term": "T_s",
-    "meaning": "sampling period of everything, 1 ms",
+    "meaning": "sampling period of loop, recording and simulation, 1 ms",
     "unit": "s",
     "source": "docs/reference/notation.md"
   },
@@ -691,14 +691,14 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "motion",
     "term": "motion",
-    "meaning": "how references are followed: lambda, by the paper's law with the governor; time-optimal, by a trajectory with feed-forward",
+    "meaning": "method of following references: lambda, with the law of the paper and the governor; time-optimal, with a trajectory and feed-forward",
     "source": "docs/decisions, decision 0052"
   },
   "quantity:u_plan": {
     "kind": "quantity",
     "name": "u_plan",
     "term": "U_plan",
-    "meaning": "voltage limit of time-optimal motion; without an effect in lambda motion",
+    "meaning": "voltage limit of time-optimal motion; no effect in lambda motion",
     "unit": "V",
     "source": "docs/decisions, decision 0046"
   },
@@ -706,7 +706,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "k_ext",
     "term": "k_ext",
-    "meaning": "share of the estimated outside force that is fed forward against it, 0 for none",
+    "meaning": "gain of disturbance rejection: compensated share of the estimated external force, 0 for none",
     "source": "docs/decisions, decision 0048"
   },
   "quantity:q_c": {
@@ -731,7 +731,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "M_s",
     "term": "M_s",
-    "meaning": "maximum sensitivity of a loop, how near it comes to instability; λ is offered from where it is 1.7",
+    "meaning": "sensitivity peak of a loop, the inverse of its distance from instability; the smallest λ offered has 1.7",
     "equation": "max over ω of 1/abs(1 + L(jω))",
     "source": "docs/explanation/tuning.md"
   },
@@ -739,7 +739,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "gain_margin",
     "term": "GM",
-    "meaning": "gain margin: factor by which the gain may grow before the loop is unstable",
+    "meaning": "gain margin: factor by which the gain may rise before the loop is unstable",
     "equation": "1/abs(L(jω)) where L has a phase of −180°",
     "source": "docs/reference/notation.md"
   },
@@ -747,7 +747,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "phase_margin_deg",
     "term": "PM",
-    "meaning": "phase margin: phase left before the loop is unstable",
+    "meaning": "phase margin: phase that the loop may lose before it is unstable",
     "unit": "°",
     "equation": "180° + phase of L(jω) where abs(L) = 1",
     "source": "docs/reference/notation.md"
@@ -756,7 +756,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "rise_s",
     "term": "t_90",
-    "meaning": "time from a step of the reference to 90 % of it, as predicted for the active motion",
+    "meaning": "time from a step of the reference to 90 % of it, predicted for the active motion",
     "unit": "s",
     "equation": "3.89 λ where y/r = 1/(λ s + 1)², small steps in lambda motion",
     "source": "docs/explanation/tuning.md"
@@ -765,7 +765,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "u_peak_V",
     "term": "u_peak",
-    "meaning": "largest motor voltage of a step of a reference, as predicted",
+    "meaning": "predicted largest motor voltage of a step of a reference",
     "unit": "V",
     "source": "docs/reference/notation.md"
   },
@@ -773,7 +773,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "F_min_N",
     "term": "F_min",
-    "meaning": "least tendon tension of that step, as predicted",
+    "meaning": "predicted smallest tendon tension of that step",
     "unit": "N",
     "source": "docs/reference/notation.md"
   },
@@ -857,7 +857,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "u_c",
     "term": "u_c",
-    "meaning": "part of a motor's voltage that only overcomes dry friction",
+    "meaning": "part of a motor's voltage that overcomes Coulomb friction",
     "unit": "V",
     "equation": "T_m ω' + ω = K_m (u − u_c sgn ω)",
     "source": "docs/reference/notation.md"
@@ -866,7 +866,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "fit_percent",
     "term": "fit",
-    "meaning": "share of the motion that a model explains, on data it was not fitted to",
+    "meaning": "share of the variation of the validation data that a model explains",
     "unit": "%",
     "equation": "100 (1 − rms(y − y_hat)/rms(y − mean y))",
     "source": "docs/reference/notation.md"
@@ -2517,7 +2517,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "service_lost",
     "term": "service lost",
-    "meaning": "The loop no longer heard from the service and stopped by itself.",
+    "meaning": "The loop lost the service and stopped softly.",
     "source": "docs/reference/faults.md",
     "more": [
       [
@@ -2667,7 +2667,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "fault",
     "name": "service_ended",
     "term": "service ended",
-    "meaning": "The service was told to end and stopped the loop.",
+    "meaning": "The service shut down and stopped the loop.",
     "source": "docs/reference/faults.md",
     "more": [
       [

@@ -5,7 +5,7 @@ export const FIELDS = [
     "name": "mode",
     "symbol": "mode",
     "unit": "1",
-    "meaning": "what the loop does: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped"
+    "meaning": "mode of the loop: 0 off, 1 pretension, 2 run, 3 compliance, 4 identify, 5 experiment, 6 stopping, 7 tripped"
   },
   {
     "name": "run",
@@ -59,7 +59,7 @@ export const FIELDS = [
     "name": "S_true",
     "symbol": "S_true",
     "unit": "N·m/rad",
-    "meaning": "joint stiffness of the simulator, nan on the rig"
+    "meaning": "joint stiffness of the simulator, NaN on the rig"
   },
   {
     "name": "theta_A",
@@ -119,55 +119,55 @@ export const FIELDS = [
     "name": "F_ext_hat",
     "symbol": "F_ext",
     "unit": "N",
-    "meaning": "outside force at r_j as encoders and springs tell it, its learned bias taken off"
+    "meaning": "external force at r_j, estimated from encoders and springs, bias subtracted"
   },
   {
     "name": "F_wall",
     "symbol": "F_wall",
     "unit": "N",
-    "meaning": "force of a simulated obstacle on the joint at r_j, nan on the rig"
+    "meaning": "force of a simulated obstacle on the joint at r_j, NaN on the rig"
   },
   {
     "name": "V_A",
     "symbol": "V_A",
     "unit": "V",
-    "meaning": "load cell A as the card read it, nan where there is no card"
+    "meaning": "load cell A as read by the card, NaN without a card"
   },
   {
     "name": "V_B",
     "symbol": "V_B",
     "unit": "V",
-    "meaning": "load cell B as the card read it, nan where there is no card"
+    "meaning": "load cell B as read by the card, NaN without a card"
   },
   {
     "name": "n_q",
     "symbol": "n_q",
     "unit": "1",
-    "meaning": "counts of the joint's encoder since the start, nan where there is no card"
+    "meaning": "counts of the joint's encoder since the start, NaN without a card"
   },
   {
     "name": "n_A",
     "symbol": "n_A",
     "unit": "1",
-    "meaning": "counts of motor A's encoder since the start, nan where there is no card"
+    "meaning": "counts of motor A's encoder since the start, NaN without a card"
   },
   {
     "name": "n_B",
     "symbol": "n_B",
     "unit": "1",
-    "meaning": "counts of motor B's encoder since the start, nan where there is no card"
+    "meaning": "counts of motor B's encoder since the start, NaN without a card"
   },
   {
     "name": "lam_q",
     "symbol": "λ_q",
     "unit": "s",
-    "meaning": "tuning parameter of the position loop in use"
+    "meaning": "active tuning parameter of the position loop"
   },
   {
     "name": "lam_S",
     "symbol": "λ_S",
     "unit": "s",
-    "meaning": "tuning parameter of the stiffness loop in use"
+    "meaning": "active tuning parameter of the stiffness loop"
   },
   {
     "name": "bank_entry",
@@ -179,7 +179,7 @@ export const FIELDS = [
     "name": "limits",
     "symbol": "limits",
     "unit": "1",
-    "meaning": "limits that acted in this tick, a bit each; docs/reference/faults.md lists them"
+    "meaning": "limits that acted in this tick, one bit each; docs/reference/faults.md lists them"
   },
   {
     "name": "fault",
@@ -191,7 +191,7 @@ export const FIELDS = [
     "name": "lateness_s",
     "symbol": "late",
     "unit": "s",
-    "meaning": "how late the tick began against its deadline"
+    "meaning": "delay of the start of the tick against its deadline"
   },
   {
     "name": "overruns",
