@@ -41,7 +41,7 @@ PUSHED = Table(
 GIVES = Prose(
     PAGE,
     "give under a push",
-    "the joint gives way by {give:.1f} mrad in each of these ({per_N:.1f} mrad per N; {lab:.1f} on `lab`)",
+    "the deflection is {give:.1f} mrad in each row ({per_N:.1f} mrad per N; {lab:.1f} on `lab`)",
 )
 LEANING = Prose(
     PAGE,
