@@ -9,9 +9,6 @@ ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 LONGEST = 100
 
-NOT_YET = {"errata.md", "fidelity.md"}
-"""Documents below ``docs`` that are still to be rewritten. Take a name out when its document is done."""
-
 RETIRED = {
     r"\bin force\b": "active",
     r"\bbeside\b": "with, next to, compared with",

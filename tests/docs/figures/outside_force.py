@@ -27,7 +27,7 @@ STIFFNESSES = np.linspace(8.1, 14.9, 20)
 
 OUTSIDE = Table(
     PAGE,
-    "outside force",
+    "external force",
     ("", "learned, at S = 8 and 15", "bias, rms and largest", "shown, rms and largest"),
 )
 UNLIKE = "`lab` with a cubic and a tabulated spring, zeros found from load cells ten times as noisy"

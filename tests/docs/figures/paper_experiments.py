@@ -22,7 +22,7 @@ DELAY_S = 0.012
 _SMOOTHED = 20
 """Ticks over which the expected force is averaged before its rate is taken: encoder counts are no pushes."""
 
-FIGURE_7 = Table(PAGE, "figure 7", ("what the paper's text says", "here"))
+FIGURE_7 = Table(PAGE, "figure 7", ("statement of the paper", "here"))
 FIGURE_8 = Table(PAGE, "figure 8", ("pushes", "raw [N]", "aligned [N]", "offset at rest [N]", "rms of dF/dt [N/s]"))
 ROBUSTNESS = Table(
     PAGE,

@@ -24,8 +24,8 @@ REACTION = Table(
     PAGE,
     "reaction",
     (
-        *("S, approach", "felt after", "gives way after", "force falls after"),
-        *("peak", "with over without", "impulse", "with over without"),
+        *("S, approach", "detected after", "reacts after", "force falls after"),
+        *("peak", "ratio with / without", "impulse", "ratio with / without"),
     ),
 )
 CONTACT = Prose(
