@@ -21,12 +21,12 @@ import { LiveProvider } from "./live/react";
 import { OperatePage } from "./pages/operate/OperatePage";
 import { EXPERIMENTS, RUNS } from "./pages/runs/runAddress";
 import { CookiesBlockedPage, SignInPage } from "./pages/SignInPage";
-import type { ControlForm } from "./service/control";
-import { AnglesContext, usePreferences } from "./service/preferences";
-import { sessionQuery } from "./service/queries";
-import { useFreshness } from "./service/references";
-import { useLiveFormulas } from "./service/signals";
-import { useNotifications } from "./service/useNotifications";
+import { useLiveFormulas } from "./service/api/formulas";
+import { AnglesContext, usePreferences } from "./service/api/preferences";
+import { sessionQuery } from "./service/api/session";
+import { useFreshness } from "./service/api/useRefetchOnChanges";
+import type { ControlForm } from "./service/control/handover";
+import { useNotifications } from "./service/notifications/useNotifications";
 import { keepsCookies } from "./wire/browserStorage";
 import { RequestError } from "./wire/client";
 

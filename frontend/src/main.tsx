@@ -9,7 +9,7 @@ import { Router } from "wouter";
 import { useHashLocation } from "wouter/use-hash-location";
 import { App } from "./App";
 import { Boundary } from "./components/ErrorBoundary";
-import { sessionQuery } from "./service/queries";
+import { sessionQuery } from "./service/api/session";
 import { theme } from "./theme/theme";
 import { RequestError } from "./wire/client";
 

@@ -5,7 +5,7 @@ import { useDisclosure, useElementSize, useHotkeys } from "@mantine/hooks";
 import { type CSSProperties, type ReactNode, useCallback, useEffect, useMemo, useRef, useState } from "react";
 import { TbCameraDown, TbChartHistogram, TbFileTypeCsv, TbRulerMeasure, TbSum } from "react-icons/tb";
 import { Terms } from "../components/Explained";
-import { usePreferences } from "../service/preferences";
+import { usePreferences } from "../service/api/preferences";
 import type { Panel } from "../theme/signals";
 import { timeText } from "./axes";
 import styles from "./Charts.module.css";

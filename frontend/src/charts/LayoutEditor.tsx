@@ -7,10 +7,10 @@ import { TbClock, TbLayoutRows, TbPencil, TbTrash } from "react-icons/tb";
 import { OperatorsOnly } from "../components/ControlMenu";
 import { EditedText, TextField } from "../components/fields";
 import { Refusal } from "../components/Refusal";
-import { isPlainRecord, isText, useDraft } from "../service/drafts";
-import { usePreferences } from "../service/preferences";
-import { RefusedFields } from "../service/refusals";
-import { useFormulas, usePutFormula, useRemoveFormula } from "../service/signals";
+import { useFormulas, usePutFormula, useRemoveFormula } from "../service/api/formulas";
+import { usePreferences } from "../service/api/preferences";
+import { isPlainRecord, isText, useDraft } from "../service/forms/drafts";
+import { RefusedFields } from "../service/forms/refusals";
 import {
   allowedShare,
   type Edited,

@@ -4,7 +4,7 @@ import { TbArrowDown, TbArrowUp, TbMinus, TbPlus, TbTrash, TbX } from "react-ico
 import { EditedText } from "../components/fields";
 import { Written } from "../components/values";
 import { fixed } from "../samples/format";
-import { useDerived } from "../service/signals";
+import { useDerived } from "../service/api/formulas";
 import {
   type Edited,
   LEAST_SHARE,

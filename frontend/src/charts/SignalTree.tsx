@@ -3,7 +3,7 @@ import { useState } from "react";
 import { TbPlus } from "react-icons/tb";
 import { Written } from "../components/values";
 import type { DerivedSignal } from "../samples/formula";
-import { useDerived } from "../service/signals";
+import { useDerived } from "../service/api/formulas";
 import { DRAWN, meaningOf } from "../theme/signals";
 import { DRAGGED } from "./gestures";
 import styles from "./LayoutEditor.module.css";

@@ -1,72 +1,110 @@
 import { act, renderHook } from "@testing-library/react";
-import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import type { Figures } from "../samples/analysis";
+import { clockTime } from "../samples/format";
 import type { Stretch } from "../samples/timeSeries";
-import type { Waiting } from "../service/signals";
-import { useStatistics } from "./StatisticsTable";
+import type { Waiting } from "../service/api/recordings";
+import { basisWords, grouped, useStatistics } from "./StatisticsTable";
 import type { StoredData } from "./storedRuns";
 
-const NAMES = ["q"];
-const FIGURES: Figures = { basis: [], signals: new Map() };
+describe("useStatistics", () => {
+  const NAMES = ["q"];
+  const FIGURES: Figures = { basis: [], signals: new Map() };
 
-interface Asked extends Waiting {
-  readonly range: Stretch;
-  answer(figures: Figures): void;
-  refuse(error: Error): void;
-}
-
-let asked: Asked[] = [];
-const stored = {
-  statistics: (_names: readonly string[], range: Stretch, waiting: Waiting) =>
-    new Promise<Figures>((answer, refuse) => asked.push({ ...waiting, range, answer, refuse })),
-} as StoredData;
-
-beforeEach(() => {
-  asked = [];
-  vi.useFakeTimers();
-});
-
-afterEach(() => void vi.useRealTimers());
-
-function watched() {
-  const seen = { range: { from_s: 0, to_s: 600 } };
-  const table = () => ({ raw: true, width_s: 0.001, t: new Float64Array(0), columns: [] });
-  const hook = renderHook(() => useStatistics({ names: NAMES, range: () => seen.range, table }, stored));
-  return { seen, ...hook };
-}
-
-const pass = (ms: number) => act(() => vi.advanceTimersByTimeAsync(ms));
-
-it("tells how far the figures are, and keeps those of the range before until they are there", async () => {
-  const { seen, result } = watched();
-  act(() => asked[0]?.onShare(0.4));
-  expect(result.current).toMatchObject({ figures: null, share: 0.4 });
-  await act(async () => asked[0]?.answer(FIGURES));
-  expect(result.current).toMatchObject({ figures: FIGURES, share: null });
-  seen.range = { from_s: 1, to_s: 2 };
-  await pass(1000);
-  expect(asked.map(({ range }) => range.from_s)).toEqual([0, 1]);
-  expect(result.current).toMatchObject({ figures: FIGURES, share: 0 });
-});
-
-it("waits until the range has come to rest, and leaves what it asked for before", async () => {
-  const { seen, unmount } = watched();
-  for (let n = 1; n < 20; n++) {
-    seen.range = { from_s: n, to_s: n + 10 };
-    await pass(200);
+  interface Asked extends Waiting {
+    readonly range: Stretch;
+    answer(figures: Figures): void;
+    refuse(error: Error): void;
   }
-  expect(asked).toHaveLength(1);
-  await pass(400);
-  expect(asked.map(({ range, signal }) => [range.from_s, signal.aborted])).toEqual([
-    [0, true],
-    [19, false],
-  ]);
-  unmount();
-  expect(asked[1]?.signal.aborted).toBe(true);
+
+  let asked: Asked[] = [];
+  const stored = {
+    statistics: (_names: readonly string[], range: Stretch, waiting: Waiting) =>
+      new Promise<Figures>((answer, refuse) => asked.push({ ...waiting, range, answer, refuse })),
+  } as StoredData;
+
+  beforeEach(() => {
+    asked = [];
+    vi.useFakeTimers();
+  });
+
+  afterEach(() => void vi.useRealTimers());
+
+  function watched() {
+    const seen = { range: { from_s: 0, to_s: 600 } };
+    const table = () => ({ raw: true, width_s: 0.001, t: new Float64Array(0), columns: [] });
+    const hook = renderHook(() => useStatistics({ names: NAMES, range: () => seen.range, table }, stored));
+    return { seen, ...hook };
+  }
+
+  const pass = (ms: number) => act(() => vi.advanceTimersByTimeAsync(ms));
+
+  it("tells how far the figures are, and keeps those of the range before until they are there", async () => {
+    const { seen, result } = watched();
+    act(() => asked[0]?.onShare(0.4));
+    expect(result.current).toMatchObject({ figures: null, share: 0.4 });
+    await act(async () => asked[0]?.answer(FIGURES));
+    expect(result.current).toMatchObject({ figures: FIGURES, share: null });
+    seen.range = { from_s: 1, to_s: 2 };
+    await pass(1000);
+    expect(asked.map(({ range }) => range.from_s)).toEqual([0, 1]);
+    expect(result.current).toMatchObject({ figures: FIGURES, share: 0 });
+  });
+
+  it("waits until the range has come to rest, and leaves what it asked for before", async () => {
+    const { seen, unmount } = watched();
+    for (let n = 1; n < 20; n++) {
+      seen.range = { from_s: n, to_s: n + 10 };
+      await pass(200);
+    }
+    expect(asked).toHaveLength(1);
+    await pass(400);
+    expect(asked.map(({ range, signal }) => [range.from_s, signal.aborted])).toEqual([
+      [0, true],
+      [19, false],
+    ]);
+    unmount();
+    expect(asked[1]?.signal.aborted).toBe(true);
+  });
+
+  it("says why there are none", async () => {
+    const { result } = watched();
+    await act(async () => asked[0]?.refuse(new Error("out of reach")));
+    expect(result.current).toEqual({ figures: null, share: null, problem: "out of reach" });
+  });
 });
 
-it("says why there are none", async () => {
-  const { result } = watched();
-  await act(async () => asked[0]?.refuse(new Error("out of reach")));
-  expect(result.current).toEqual({ figures: null, share: null, problem: "out of reach" });
+describe("basis", () => {
+  const told = (time_s: number) => clockTime(time_s, 0.001);
+  const WHOLE = {
+    of: "",
+    range: { from_s: 0, to_s: 599.999 },
+    samples: 599_300,
+    missing: 700,
+    bucket_s: null,
+  };
+
+  it("says which samples figures come from, and how many are missing", () => {
+    expect(basisWords([WHOLE], told)).toBe(
+      "every sample between 0:00.000 and 9:59.999: 599\u202f300 samples, 700 missing",
+    );
+  });
+
+  it("says so of each of several recordings, and of what has no sample", () => {
+    const none = { ...WHOLE, of: "run 3", range: null, samples: 0 };
+    const words = basisWords([{ ...WHOLE, of: "run 2", missing: 0 }, none], told);
+    expect(words).toBe(
+      "run 2: every sample between 0:00.000 and 9:59.999: 599\u202f300 samples; run 3: no sample in this range",
+    );
+    expect(basisWords([], told)).toBe("no sample in this range");
+  });
+
+  it("calls no envelope every sample", () => {
+    const words = basisWords([{ ...WHOLE, bucket_s: 0.3, samples: 2000 }], told);
+    expect(words).toBe("min and max per 0.300 s between 0:00.000 and 9:59.999: 2\u202f000 pairs");
+  });
+
+  it("groups digits in threes", () => {
+    expect([0, 999, 1000, 1_234_567].map(grouped)).toEqual(["0", "999", "1\u202f000", "1\u202f234\u202f567"]);
+  });
 });

@@ -9,7 +9,7 @@ const ranges = vi.hoisted(() => ({
       [run, from_s, to_s, ...names].join(" "),
   ),
 }));
-vi.mock("../service/signals", () => ranges);
+vi.mock("../service/api/recordings", () => ranges);
 
 // Tests that only compute share their modules: another one may have loaded this one without the stand-in.
 vi.resetModules();

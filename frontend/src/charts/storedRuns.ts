@@ -8,7 +8,7 @@ import {
   rangeStatistics,
   valuesAt,
   type Waiting,
-} from "../service/signals";
+} from "../service/api/recordings";
 import { PERIOD_S } from "../wire/sample.gen";
 import { parted } from "./sources";
 

@@ -1,35 +1,70 @@
 /** One panel is shown alone and all come back. */
 
 import { act, cleanup, fireEvent, renderHook } from "@testing-library/react";
-import { afterEach, expect, it } from "vitest";
+import { afterEach, describe, expect, it } from "vitest";
 import { panelsOf, STANDARD } from "../theme/layouts";
-import { useEnlarged } from "./viewport";
+import { following, held, LIVE, panned, stretch, useEnlarged, withSpan, zoomed } from "./viewport";
 
-afterEach(cleanup);
+describe("useEnlarged", () => {
+  afterEach(cleanup);
 
-const ALL = panelsOf(STANDARD);
-const [FIRST, SECOND] = ALL.map(({ title }) => title) as [string, string];
+  const ALL = panelsOf(STANDARD);
+  const [FIRST, SECOND] = ALL.map(({ title }) => title) as [string, string];
 
-it("shows one panel alone, another one in its place, and all after Escape", () => {
-  const { result } = renderHook(() => useEnlarged(ALL));
-  const shown = () => result.current.panels.map(({ title }) => title);
-  expect(shown()).toEqual(ALL.map(({ title }) => title));
-  act(() => result.current.enlarge(FIRST));
-  expect([shown(), result.current.enlarged]).toEqual([[FIRST], FIRST]);
-  act(() => result.current.enlarge(SECOND));
-  expect(shown()).toEqual([SECOND]);
-  fireEvent.keyDown(document.documentElement, { key: "Escape", code: "Escape" });
-  expect([shown().length, result.current.enlarged]).toEqual([ALL.length, null]);
+  it("shows one panel alone, another one in its place, and all after Escape", () => {
+    const { result } = renderHook(() => useEnlarged(ALL));
+    const shown = () => result.current.panels.map(({ title }) => title);
+    expect(shown()).toEqual(ALL.map(({ title }) => title));
+    act(() => result.current.enlarge(FIRST));
+    expect([shown(), result.current.enlarged]).toEqual([[FIRST], FIRST]);
+    act(() => result.current.enlarge(SECOND));
+    expect(shown()).toEqual([SECOND]);
+    fireEvent.keyDown(document.documentElement, { key: "Escape", code: "Escape" });
+    expect([shown().length, result.current.enlarged]).toEqual([ALL.length, null]);
+  });
+
+  it("shows all again when the layout has lost the panel, or its button is pressed twice", () => {
+    const { result, rerender } = renderHook(({ panels }) => useEnlarged(panels), {
+      initialProps: { panels: ALL },
+    });
+    act(() => result.current.enlarge(FIRST));
+    rerender({ panels: ALL.slice(1) });
+    expect([result.current.panels.length, result.current.enlarged]).toEqual([ALL.length - 1, null]);
+    act(() => result.current.enlarge(SECOND));
+    act(() => result.current.enlarge(SECOND));
+    expect(result.current.enlarged).toBeNull();
+  });
 });
 
-it("shows all again when the layout has lost the panel, or its button is pressed twice", () => {
-  const { result, rerender } = renderHook(({ panels }) => useEnlarged(panels), {
-    initialProps: { panels: ALL },
+describe("viewport", () => {
+  it("follows the newest sample until it is held", () => {
+    expect(stretch(LIVE, 100)).toEqual({ from_s: 80, to_s: 100 });
+    const still = held(LIVE, 100);
+    expect(stretch(still, 130)).toEqual({ from_s: 80, to_s: 100 });
+    expect(stretch(following(still), 130).to_s).toBe(130);
   });
-  act(() => result.current.enlarge(FIRST));
-  rerender({ panels: ALL.slice(1) });
-  expect([result.current.panels.length, result.current.enlarged]).toEqual([ALL.length - 1, null]);
-  act(() => result.current.enlarge(SECOND));
-  act(() => result.current.enlarge(SECOND));
-  expect(result.current.enlarged).toBeNull();
+
+  it("zooms a held view about the pointer, and survives streaming", () => {
+    const view = zoomed(held(LIVE, 100), 0.5, 85, 120);
+    expect(stretch(view, 500)).toEqual({ from_s: 82.5, to_s: 92.5 });
+  });
+
+  it("keeps following while it zooms", () => {
+    expect(stretch(zoomed(LIVE, 0.25, 90, 120), 100)).toEqual({ from_s: 95, to_s: 100 });
+  });
+
+  it("keeps spans between 20 ms and the longest", () => {
+    expect(zoomed(LIVE, 1e-9, 0, 120).span_s).toBe(0.02);
+    expect(zoomed(LIVE, 1e9, 0, 120).span_s).toBe(120);
+  });
+
+  it("pans where data may be", () => {
+    expect(panned(LIVE, -5, 0, 100).end_s).toBe(95);
+    expect(panned(LIVE, -500, 0, 100).end_s).toBe(2);
+    expect(panned(LIVE, 500, 0, 100).end_s).toBe(110);
+  });
+
+  it("changes the span of a held view at its left", () => {
+    expect(stretch(withSpan(held(LIVE, 100), 5), 900)).toEqual({ from_s: 95, to_s: 100 });
+  });
 });

@@ -3,7 +3,7 @@
 import { useQuery } from "@tanstack/react-query";
 import { useLive } from "../live/react";
 import { capital } from "../samples/format";
-import { NO_STREAM, wayQuery } from "../service/system";
+import { NO_STREAM, wayQuery } from "../service/api/system";
 import styles from "./AddressProblems.module.css";
 
 /** The first connection is given up for lost after so many attempts, about two seconds. */

@@ -4,30 +4,25 @@ import { type FormEvent, type ReactNode, useEffect, useRef, useState, useSyncExt
 import { TbAlertTriangle, TbDeviceGamepad2, TbHandStop } from "react-icons/tb";
 import { useLive } from "../live/react";
 import { counted, timeOfDay } from "../samples/format";
-import { useSignOut } from "../service/commands";
+import { sessionQuery, useSignOut } from "../service/api/session";
+import { afterTold, lossSentence, NO_CONTROL, useMayCommand } from "../service/control/control";
 import {
-  afterTold,
   askedHere,
   type ControlForm,
   type Deed,
   isAsked,
   isOpen,
-  lossSentence,
   MOST_LETTERS,
-  NO_CONTROL,
   type Notice,
   noticeOf,
   othersToGetControl,
   useAnswer,
   useAsk,
-  useErrorLifetime,
-  useMayCommand,
   useOffer,
   useTakeHanded,
-} from "../service/control";
-import { isText, useDraft } from "../service/drafts";
-import { sessionQuery } from "../service/queries";
-import { RefusedFields } from "../service/refusals";
+} from "../service/control/handover";
+import { isText, useDraft } from "../service/forms/drafts";
+import { RefusedFields, useErrorLifetime } from "../service/forms/refusals";
 import { answeredBy } from "../wire/client";
 import { givenUpEpoch, giveUpControl, heldEpoch, takeControl, watchHeld } from "../wire/control";
 import type { State } from "../wire/types";

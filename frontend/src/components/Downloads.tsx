@@ -1,7 +1,7 @@
 import { Button, Checkbox } from "@mantine/core";
 import { useState } from "react";
 import { TbDownload, TbExternalLink } from "react-icons/tb";
-import { useFormulas } from "../service/signals";
+import { useFormulas } from "../service/api/formulas";
 
 /** What can be taken home from a run. */
 

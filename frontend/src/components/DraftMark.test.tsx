@@ -4,8 +4,8 @@ import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { isText, useDraft } from "../service/drafts";
-import { sessionQuery } from "../service/queries";
+import { sessionQuery } from "../service/api/session";
+import { isText, useDraft } from "../service/forms/drafts";
 import { DraftMark, useReplaceDraft } from "./DraftMark";
 
 beforeEach(() => {

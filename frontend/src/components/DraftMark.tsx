@@ -1,7 +1,7 @@
 import { Button } from "@mantine/core";
 import { type ReactNode, useState } from "react";
 import { dateTime } from "../samples/format";
-import type { FormDraft } from "../service/drafts";
+import type { FormDraft } from "../service/forms/drafts";
 import draftMarkStyles from "./DraftMark.module.css";
 
 /** Says that a form holds a draft, since when, and offers to discard it. Discarding asks first. */

@@ -3,6 +3,8 @@
 import { useEffect, useId, useLayoutEffect, useMemo, useRef } from "react";
 import { createPortal } from "react-dom";
 import { inWords, readingOf } from "../samples/quantity";
+import { useAngles } from "../service/api/preferences";
+import { useDescribedBy } from "../service/forms/refusals";
 import {
   close,
   type Entry,
@@ -12,8 +14,6 @@ import {
   stay,
   useExplained,
 } from "../service/glossary";
-import { useAngles } from "../service/preferences";
-import { useDescribedBy } from "../service/refusals";
 import styles from "./Explained.module.css";
 import { Written } from "./values";
 

@@ -2,8 +2,8 @@ import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { act, cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, expect, it, vi } from "vitest";
-import { look, shown, tones, useBrowser } from "../service/browser.fixture";
-import { preferencesQuery } from "../service/preferences";
+import { preferencesQuery } from "../service/api/preferences";
+import { look, shown, tones, useBrowser } from "../service/notifications/browser.fixture";
 import type { Preferences } from "../wire/types";
 import { NotificationMenu } from "./Header";
 

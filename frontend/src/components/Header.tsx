@@ -11,10 +11,10 @@ import { TbBell, TbBellOff, TbDeviceDesktop, TbKeyboard, TbMoon, TbSun } from "r
 import { age_ms, health, type Link } from "../live/link";
 import { useLive, useNow, useSampleAge } from "../live/react";
 import { age, capital, fixed, kilohertz } from "../samples/format";
-import { type ControlForm, useMayCommand } from "../service/control";
-import { whyNotTold } from "../service/log";
-import { allowed, askForPermission, playTone } from "../service/notifications";
-import { usePreferences } from "../service/preferences";
+import { usePreferences } from "../service/api/preferences";
+import { useMayCommand } from "../service/control/control";
+import type { ControlForm } from "../service/control/handover";
+import { allowed, askForPermission, playTone, whyNotTold } from "../service/notifications/notifications";
 import type { PlantView } from "../wire/types";
 import badgeStyles from "./Badge.module.css";
 import { ControlMenu } from "./ControlMenu";

@@ -3,10 +3,9 @@
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { type FormEvent, useState } from "react";
-import { useSetName } from "../service/commands";
-import { usePreferences } from "../service/preferences";
-import { sessionQuery } from "../service/queries";
-import { RefusedFields } from "../service/refusals";
+import { usePreferences } from "../service/api/preferences";
+import { sessionQuery, useSetName } from "../service/api/session";
+import { RefusedFields } from "../service/forms/refusals";
 import { keepText, readKept } from "../wire/browserStorage";
 import { TextField } from "./fields";
 import styles from "./NameQuestion.module.css";

@@ -21,7 +21,7 @@ import {
 } from "react-icons/tb";
 import { Link, useLocation } from "wouter";
 import { useLive } from "../live/react";
-import { usePreferences } from "../service/preferences";
+import { usePreferences } from "../service/api/preferences";
 import type { PlantView } from "../wire/types";
 import styles from "./Navigation.module.css";
 

@@ -11,8 +11,8 @@ import {
 } from "react-icons/tb";
 import { heading } from "../samples/format";
 import { inWords } from "../samples/quantity";
+import { useAngles } from "../service/api/preferences";
 import { entryOf } from "../service/glossary";
-import { useAngles } from "../service/preferences";
 import type { Experiment, Run } from "../wire/types";
 import { Explained, type Meaning } from "./Explained";
 import runStateStyles from "./RunState.module.css";

@@ -1,8 +1,8 @@
 import { Button, Kbd, Modal, Table } from "@mantine/core";
 import type { FormEvent } from "react";
 import { Link } from "wouter";
+import { usePreferences } from "../service/api/preferences";
 import { close, type Entry } from "../service/glossary";
-import { usePreferences } from "../service/preferences";
 import { explaining, type Handlers } from "./Explained";
 import { usePages } from "./Navigation";
 

@@ -1,10 +1,18 @@
 import { act, cleanup, render, screen, waitFor } from "@testing-library/react";
-import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
-import { pressStop } from "../stop/stop";
+import { pressStop, stopWords } from "../stop/stop";
 import type { State, StopProof } from "../wire/types";
-import { StopResult } from "./StatusStrip";
+import {
+  currentStatus,
+  partOf,
+  StopResult,
+  stopSentence,
+  taskProgress,
+  taskTitle,
+  timeLeft,
+} from "./StatusStrip";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -91,4 +99,255 @@ it("says that a stop was not confirmed until the loop says that the motors rest"
   expect(result()).toBe("");
   told("tripped", 2000, LOST);
   expect(result()).toContain("(tick 9420)");
+});
+
+describe("status", () => {
+  const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 0.83, paused_recording: false };
+
+  function state(part: Partial<State>): State {
+    return {
+      mode: "run",
+      link: { alive: true, silent_s: 0, starts: 1, restarting: "" },
+      fault: null,
+      task: null,
+      problems: [],
+      unready: "",
+      pretension_done: true,
+      recording_run: null,
+      holder: null,
+      touch: { felt: null },
+      ...part,
+    } as State;
+  }
+
+  const FAULT = {
+    code: "force_limit",
+    message: "F_A = 51 N",
+    remedy: "Unload the joint.",
+    tick: 9,
+    expected: false,
+  } as const;
+  const TASK = {
+    kind: "tracking",
+    title: "",
+    run: 12,
+    elapsed_s: 6,
+    duration_s: 24,
+    phase: "program",
+    part: null,
+    number: 1,
+    following: 0,
+    pause_wanted: false,
+  } as const;
+
+  describe("currentStatus", () => {
+    it("puts a lost link before everything: what is shown is old", () => {
+      const status = currentStatus(state({ fault: FAULT }), "down", 4200);
+      expect(status.tone).toBe("warn");
+      expect(status.text).toContain("4.2 s");
+      expect(status.resettable).toBe(false);
+    });
+
+    it("shows nothing of the state before a reconnection", () => {
+      const before = currentStatus(state({ recording_run: 22 }), "live", 10, true, false);
+      expect(before.text).toBe("Connected. Waiting for the state of the loop.");
+      expect(currentStatus(state({ recording_run: 22 }), "live", 10).text).toBe(
+        "Loops closed. Recording run 22.",
+      );
+    });
+
+    it("says what follows while the page in control is not heard, where something moves", () => {
+      const holder = {
+        name: "Mara Stein",
+        epoch: 3,
+        page: true,
+        silent_s: 2.5,
+        lost: true,
+      } as State["holder"];
+      for (const mode of ["pretension", "run", "compliance"] as const) {
+        const status = currentStatus(state({ mode, holder }), "live", 10);
+        expect(status.tone).toBe("warn");
+        expect(status.text).toContain("Mara Stein");
+        expect(status.remedy).toContain("soft stop");
+      }
+      expect(currentStatus(state({ mode: "off", holder }), "live", 10).text).toBe("Motors off.");
+    });
+
+    it("calls what identifies without a task a step of the bring-up", () => {
+      expect(currentStatus(state({ mode: "identify" }), "live", 10).text).toBe(
+        "A step of the bring-up is running.",
+      );
+    });
+
+    it("names the force of a contact that the joint gives way to", () => {
+      const touch = { felt: { F_ext_hat: -6.24 } } as State["touch"];
+      const status = currentStatus(state({ mode: "compliance", touch }), "live", 10);
+      expect(status).toMatchObject({ tone: "warn", text: "Contact of 6.2 N: the joint gives way." });
+      expect(currentStatus(state({ mode: "compliance" }), "live", 10).text).toMatch(
+        /^Compliance: joint loop open/,
+      );
+    });
+
+    it("puts a fault before a task, with its remedy", () => {
+      const status = currentStatus(state({ fault: FAULT, task: TASK }), "live", 10);
+      expect(status).toMatchObject({
+        tone: "fault",
+        text: "F_A = 51 N",
+        remedy: "Unload the joint.",
+        resettable: true,
+      });
+    });
+
+    it("shows a planned trip calmly, with a reset where there is one", () => {
+      const played = { ...FAULT, expected: true };
+      expect(currentStatus(state({ fault: played }), "live", 10)).toEqual({
+        tone: "calm",
+        text: "F_A = 51 N",
+        remedy: "Unload the joint.",
+        task: null,
+        resettable: true,
+      });
+      const provoked = { ...played, remedy: "" };
+      expect(currentStatus(state({ fault: provoked }), "live", 10)).toMatchObject({
+        tone: "calm",
+        resettable: false,
+      });
+    });
+
+    it("tells a dead loop from a fault", () => {
+      const dead = state({ link: { alive: false, silent_s: 2, starts: 1, restarting: "" } });
+      expect(currentStatus(dead, "live", 10)).toMatchObject({ tone: "fault", resettable: true });
+    });
+
+    it("shows a planned restart of the loop as work under way, with its purpose and its time", () => {
+      const fault = { code: "watchdog_dead", message: "", remedy: "", tick: 1, expected: false } as const;
+      const link = {
+        alive: false,
+        silent_s: 2,
+        starts: 1,
+        restarting: "with the parameters of run 3",
+        restarting_s: 4.04,
+      };
+      for (const state_ of [state({ link }), state({ link, fault })]) {
+        const told = currentStatus(state_, "live", 10);
+        expect(told).toMatchObject({ tone: "busy", remedy: "", resettable: false });
+        expect(told.text).toContain("with the parameters of run 3, 4.0 s");
+      }
+    });
+
+    it("names the task and how far it is", () => {
+      expect(currentStatus(state({ task: TASK }), "live", 10).text).toBe("Tracking, run 12: program");
+      expect(taskProgress(TASK)).toBe(0.25);
+    });
+
+    it("says which part is played, and which of several runs", () => {
+      const part = { title: "Breaths", number: 2, of: 3, doing: null, left_s: 12.04, t: 20 };
+      expect(partOf({ ...TASK, part })).toBe("part 2 of 3, Breaths, 12.0 s left");
+      expect(partOf({ ...TASK, part: { ...part, number: 1, of: 1 } })).toBe("Breaths");
+      expect(partOf({ ...TASK, phase: "pretension" })).toBe("pretension");
+      expect(taskTitle({ ...TASK, number: 2, following: 2 })).toBe("Tracking, run 12, 2 of 4");
+      expect(taskTitle({ ...TASK, number: 4, following: 0 })).toBe("Tracking, run 12, 4 of 4");
+      // ended early, in the pause behind the second of four: it is not the last of two
+      expect(taskTitle({ ...TASK, phase: "evaluation", number: 2, following: 0 })).toBe("Tracking, run 12");
+    });
+
+    it("says which set point an identification is at, what is done there, and counts over all runs of the order", () => {
+      const part = { title: "20 N", number: 2, of: 4, doing: "exciting", left_s: 12.04, t: 20 } as const;
+      expect(taskTitle({ ...TASK, kind: "experiment", title: "Hold at rest" })).toBe("Hold at rest, run 12");
+      const task = { ...TASK, kind: "actuator_identification", number: 2, following: 2 };
+      expect(taskTitle(task)).toBe("Actuator identification, run 12, 2 of 4");
+      expect(taskTitle({ ...task, part })).toBe("Actuator identification, run 12");
+      expect(partOf({ ...task, part })).toBe("2 of 4: 20 N, exciting, 12.0 s left");
+      expect(timeLeft({ ...task, part })).toBe("18.0 s left of 24.0 s, then 2 more runs");
+      expect(timeLeft({ ...task, part, following: 1 })).toBe("18.0 s left of 24.0 s, then 1 more run");
+    });
+
+    it("never says that less than nothing is left", () => {
+      expect(timeLeft(TASK)).toBe("18.0 s left of 24.0 s");
+      expect(timeLeft({ ...TASK, elapsed_s: 25.5 })).toBe("1.5 s longer than expected");
+      expect(timeLeft({ ...TASK, phase: "evaluation", elapsed_s: 24 })).toBe("computing the result");
+    });
+
+    it("does not hide problems of the service behind a task", () => {
+      const status = currentStatus(state({ task: TASK, problems: ["Disk full."] }), "live", 10);
+      expect(status).toMatchObject({ tone: "warn", text: "Disk full.", task: TASK });
+    });
+
+    it("tells what to do next only to who may do it", () => {
+      const off = state({ mode: "off" });
+      expect(currentStatus(off, "live", 10)).toMatchObject({
+        text: "Motors off.",
+        remedy: "Start Pretension to wind the tendons up.",
+      });
+      expect(currentStatus(off, "live", 10, false)).toMatchObject({ text: "Motors off.", remedy: "" });
+    });
+
+    it("does not send to Pretension where something has to come before it", () => {
+      const off = state({ mode: "off", unready: "set the zero in the bring-up" });
+      expect(currentStatus(off, "live", 10).remedy).toBe("Set the zero in the bring-up.");
+    });
+
+    it("says what comes next, and what is recorded", () => {
+      expect(currentStatus(state({ mode: "pretension" }), "live", 10).text).toContain("Ready to run");
+      expect(currentStatus(state({ recording_run: 7 }), "live", 10).text).toContain("Recording run 7");
+    });
+  });
+
+  describe("a recording that is played", () => {
+    const player = {
+      title: "run 12",
+      t: 12,
+      tick: 12_000,
+      duration_s: 102,
+      playing: true,
+      ended: false,
+      speed: 1,
+      speed_min: 0.25,
+      speed_max: 4,
+    };
+
+    it("is told with its name, how far it is, and whether it goes on", () => {
+      const told = (part: object) =>
+        currentStatus(
+          state({ mode: "off", unready: "nothing starts", player: { ...player, ...part } }),
+          "live",
+          10,
+        );
+      expect(told({})).toMatchObject({
+        tone: "busy",
+        text: "Replay of run 12, 0:12 of 1:42, playing.",
+        remedy: "",
+      });
+      expect(told({ speed: 0.25 }).text).toContain("playing at 0.25×");
+      expect(told({ playing: false })).toMatchObject({
+        tone: "calm",
+        text: "Replay of run 12, 0:12 of 1:42, paused.",
+      });
+      expect(told({ playing: false, t: 102, ended: true }).text).toBe(
+        "Replay of run 12, 1:42 of 1:42, ended.",
+      );
+    });
+
+    it("is paused by STOP: no volts are claimed, and nothing is latched", () => {
+      const proof = { ...PROOF, paused_recording: true };
+      for (const stop of [{ kind: "idle" }, { kind: "confirmed", proof }] as const) {
+        const told = stopSentence(stop, { mode: "off", stop_proof: proof });
+        expect(told).toContain("Recording paused");
+        expect(told).not.toMatch(/volts|ms/);
+      }
+    });
+  });
+
+  describe("stopSentence", () => {
+    it("shows the proof of a stop from elsewhere, while the motors are latched", () => {
+      expect(stopSentence({ kind: "idle" }, { mode: "tripped", stop_proof: PROOF })).toContain("0.83 ms");
+      expect(stopSentence({ kind: "idle" }, { mode: "run", stop_proof: PROOF })).toBe("");
+    });
+
+    it("leaves to STOP itself that a stop is not confirmed", () => {
+      const stop = { kind: "unconfirmed", reason: "No answer." } as const;
+      expect(stopSentence(stop, { mode: "tripped", stop_proof: PROOF })).toBe("");
+      expect(stopWords(stop)).toBe("STOP NOT CONFIRMED: use the stop at the machine. No answer.");
+    });
+  });
 });

@@ -1,29 +1,40 @@
 import { Button, Progress } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useEffect } from "react";
+import { useEffect, useSyncExternalStore } from "react";
 import { TbAlertTriangle, TbCircleX, TbInfoCircle, TbPlayerPlay } from "react-icons/tb";
 import { Link } from "wouter";
 import { age_ms, type Health, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { age, capital, clockTime, counted, duration, fixed, inWordsOf } from "../samples/format";
 import { inWords } from "../samples/quantity";
-import { useReset } from "../service/commands";
+import { useReset } from "../service/api/actuator";
+import { useAngles } from "../service/api/preferences";
+import { flightOf, flightsQuery } from "../service/api/recordings";
+import { useMayCommand, useNoControl } from "../service/control/control";
+import type { ControlForm } from "../service/control/handover";
+import { isAboutControl, useErrorLifetime } from "../service/forms/refusals";
 import {
-  type ControlForm,
-  isAboutControl,
-  useErrorLifetime,
-  useMayCommand,
-  useNoControl,
-} from "../service/control";
-import { useAngles } from "../service/preferences";
-import { useStop } from "../service/references";
-import { flightOf, flightsQuery } from "../service/system";
-import { hearState, proofWords, type StopState, showElsewhere, stopWords } from "../stop/stop";
+  hearState,
+  listenToStop,
+  proofWords,
+  type StopState,
+  showElsewhere,
+  stopState,
+  stopWords,
+} from "../stop/stop";
 import type { PlayerPosition, State, Task } from "../wire/types";
 import { HandOver } from "./ControlMenu";
 import { Explained } from "./Explained";
 import { TakeControl } from "./Refusal";
 import statusStripStyles from "./StatusStrip.module.css";
+
+/** Commands to the actuator: mode, references, pushes, contact, wall; and what became of STOP. */
+
+/** What became of the last press of STOP, which works without the application. */
+
+export function useStop(): StopState {
+  return useSyncExternalStore(listenToStop, stopState);
+}
 
 /** The one sentence that matters most right now. Pure. */
 

@@ -4,10 +4,9 @@ import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useLive } from "../live/react";
 import { fixed } from "../samples/format";
-import type { useTuningStep } from "../service/commands";
-import { useNoControl } from "../service/control";
-import { banksQuery, motorMarginsQuery } from "../service/queries";
-import { tuningInWords, whyNoStep } from "../service/tuning";
+import { banksQuery } from "../service/api/banks";
+import { motorMarginsQuery, tuningInWords, type useTuningStep, whyNoStep } from "../service/api/tuning";
+import { useNoControl } from "../service/control/control";
 import type { MotorMargins as Margins } from "../wire/types";
 import { Explained } from "./Explained";
 

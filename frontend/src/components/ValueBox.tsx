@@ -8,8 +8,8 @@ import { TextInput } from "@mantine/core";
 import { type KeyboardEvent, useEffect, useEffectEvent, useRef, useState } from "react";
 import { notANumber, numberIn } from "../samples/format";
 import { withUnit } from "../samples/quantity";
+import { useDescribedBy, useRefusedInput } from "../service/forms/refusals";
 import { close, type Entry } from "../service/glossary";
-import { useDescribedBy, useRefusedInput } from "../service/refusals";
 import { help } from "./Shortcuts";
 
 /** So long the page says that a value that was left was not sent [ms]. */

@@ -7,7 +7,7 @@ import { SegmentsEditor } from "../pages/experiments/SequenceEditor";
 import { limitLines } from "../pages/operate/LiveCharts";
 import { SettingsCard } from "../pages/runs/RunDetail";
 import type { Angles } from "../samples/quantity";
-import { AnglesContext } from "../service/preferences";
+import { AnglesContext } from "../service/api/preferences";
 import { PANELS, POSITION, readIn } from "../theme/layouts";
 import type { Criterion, Limits, Metric, Run, Setting } from "../wire/types";
 import { NumberField, SettingField } from "./fields";

@@ -12,9 +12,9 @@ import { useDebouncedCallback } from "@mantine/hooks";
 import { useEffect, useRef, useState } from "react";
 import { capital, notANumber } from "../samples/format";
 import { boxText, inSI, labelWith, rangeText, readingOf } from "../samples/quantity";
+import { useAngles } from "../service/api/preferences";
+import { useDescribedBy, useRefusedInput } from "../service/forms/refusals";
 import { type Entry, settingEntry } from "../service/glossary";
-import { useAngles } from "../service/preferences";
-import { useDescribedBy, useRefusedInput } from "../service/refusals";
 import type { Setting } from "../wire/types";
 import { help } from "./Shortcuts";
 

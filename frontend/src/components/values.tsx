@@ -1,8 +1,8 @@
 import type { ReactNode } from "react";
 import { MINUS } from "../samples/format";
 import { inWords, readingNear } from "../samples/quantity";
+import { useAngles } from "../service/api/preferences";
 import { entryOf, symbolEntries } from "../service/glossary";
-import { useAngles } from "../service/preferences";
 import { Explained } from "./Explained";
 import styles from "./Metric.module.css";
 

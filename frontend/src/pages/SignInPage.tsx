@@ -2,7 +2,7 @@
 
 import { Alert, Box, Button, Paper, PasswordInput, Stack, Text, TextInput, Title } from "@mantine/core";
 import { type FormEvent, useState } from "react";
-import { useSignIn } from "../service/commands";
+import { useSignIn } from "../service/api/session";
 
 /** Shown in place of everything else where the browser keeps no cookies: nobody can be signed in there. */
 

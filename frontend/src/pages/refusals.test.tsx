@@ -24,7 +24,7 @@ const fetched = vi.hoisted(() => {
 import { NameQuestion } from "../components/NameQuestion";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
-import { useDryRun } from "../service/experiments";
+import { useDryRun } from "../service/api/experiments";
 import type { Run, Tuning } from "../wire/types";
 import { BankImport } from "./banks/BanksPage";
 import { ExperimentForm } from "./experiments/ExperimentForm";

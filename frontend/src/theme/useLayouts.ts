@@ -1,8 +1,8 @@
 /** Hooks for the layouts of the charts: the one in use, its panels, and changes, which are stored at once. */
 
 import { useMemo } from "react";
-import { useAngles, usePreferences } from "../service/preferences";
-import { useDerived } from "../service/signals";
+import { useDerived } from "../service/api/formulas";
+import { useAngles, usePreferences } from "../service/api/preferences";
 import type { ChartLayout, Preferences } from "../wire/types";
 import { type Edited, MOST, panelsOf, READY, readIn, STANDARD, unused } from "./layouts";
 import { type Panel, signalOf } from "./signals";

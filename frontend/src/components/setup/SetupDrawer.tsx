@@ -6,7 +6,7 @@ import type { IconType } from "react-icons";
 import { TbAlertTriangle, TbCircle, TbCircleCheck, TbCircleX } from "react-icons/tb";
 import { Link } from "wouter";
 import { dateTime } from "../../samples/format";
-import { checklistQuery } from "../../service/queries";
+import { checklistQuery } from "../../service/api/system";
 import type { ChecklistStep } from "../../wire/types";
 import styles from "./SetupDrawer.module.css";
 

@@ -12,8 +12,8 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { preferencesQuery } from "../../service/preferences";
-import { sessionQuery } from "../../service/queries";
+import { preferencesQuery } from "../../service/api/preferences";
+import { sessionQuery } from "../../service/api/session";
 import { NameQuestion } from "../NameQuestion";
 import { Tour } from "./Tour";
 

@@ -4,8 +4,8 @@ import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
 import { useLocation } from "wouter";
-import { usePreferences } from "../../service/preferences";
-import { sessionQuery } from "../../service/queries";
+import { usePreferences } from "../../service/api/preferences";
+import { sessionQuery } from "../../service/api/session";
 import styles from "./Tour.module.css";
 
 const STEPS = [

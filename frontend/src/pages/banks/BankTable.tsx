@@ -5,8 +5,8 @@ import { Link } from "wouter";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { dateTime, fixed, NOT_MEASURED, short, significant } from "../../samples/format";
-import { useActivateBank } from "../../service/commands";
-import { useNoRetuning } from "../../service/control";
+import { useActivateBank } from "../../service/api/banks";
+import { useNoRetuning } from "../../service/control/control";
 import type { Bank } from "../../wire/types";
 import page from "../Page.module.css";
 

@@ -10,11 +10,16 @@ import { UndoTuning } from "../../components/TuningParts";
 import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { useGeometry, useImportBank, useTuningStep } from "../../service/commands";
-import { useNoControl } from "../../service/control";
-import { banksQuery } from "../../service/queries";
-import { RefusedFields, useDescribedBy, useRefusedInput } from "../../service/refusals";
-import { tuningInWords, usePreview, usePreviewedStiffness, whyNoRetuning } from "../../service/tuning";
+import { banksQuery, useGeometry, useImportBank } from "../../service/api/banks";
+import {
+  tuningInWords,
+  usePreview,
+  usePreviewedStiffness,
+  useTuningStep,
+  whyNoRetuning,
+} from "../../service/api/tuning";
+import { useNoControl } from "../../service/control/control";
+import { RefusedFields, useDescribedBy, useRefusedInput } from "../../service/forms/refusals";
 import { HUES } from "../../theme/signals";
 import type { Bank, BankFile, Tuning } from "../../wire/types";
 import { tuningOf } from "../experiments/ExperimentForm";

@@ -13,7 +13,7 @@ const fetched = vi.hoisted(() => {
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { Angles } from "../../samples/quantity";
-import { AnglesContext } from "../../service/preferences";
+import { AnglesContext } from "../../service/api/preferences";
 import type { BringUp, BringUpStep, State } from "../../wire/types";
 import BringUpPage from "./BringUpPage";
 

@@ -29,10 +29,10 @@ import {
   withUnit,
 } from "../../samples/quantity";
 import type { SampleWindow } from "../../samples/window";
-import { isPlainRecord, useDraft } from "../../service/drafts";
-import { useAngles } from "../../service/preferences";
-import { RefusedFields } from "../../service/refusals";
-import { useStepCommand } from "../../service/system";
+import { useAngles } from "../../service/api/preferences";
+import { useStepCommand } from "../../service/api/system";
+import { isPlainRecord, useDraft } from "../../service/forms/drafts";
+import { RefusedFields } from "../../service/forms/refusals";
 import { unitOf } from "../../theme/signals";
 import { FIELDS, type SignalName as Signal } from "../../wire/sample.gen";
 import type { BringUpResult, BringUpRunning, BringUpStep } from "../../wire/types";

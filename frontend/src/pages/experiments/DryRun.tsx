@@ -8,7 +8,7 @@ import { plantWord } from "../../components/Header";
 import { Outcome, RunState } from "../../components/RunState";
 import { LocalizedText } from "../../components/values";
 import { duration } from "../../samples/format";
-import type { useDryRun } from "../../service/experiments";
+import type { useDryRun } from "../../service/api/experiments";
 import { useStandardPanels } from "../../theme/useLayouts";
 import { excerptOf } from "../../wire/curves";
 import type { DryRun, ExperimentKind } from "../../wire/types";

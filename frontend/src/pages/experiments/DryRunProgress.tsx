@@ -3,7 +3,7 @@
 import { Button, Progress } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
 import { duration } from "../../samples/format";
-import { dryRunProgressQuery } from "../../service/experiments";
+import { dryRunProgressQuery } from "../../service/api/experiments";
 import type { DryRunProgress as DryRunNews } from "../../wire/types";
 import page from "../Page.module.css";
 

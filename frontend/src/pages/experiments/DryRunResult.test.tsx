@@ -11,7 +11,7 @@ const fetched = vi.hoisted(() => {
   return replacement;
 });
 
-import { useDryRun } from "../../service/experiments";
+import { useDryRun } from "../../service/api/experiments";
 import type { ExperimentKind } from "../../wire/types";
 import { DryRunResult } from "./DryRun";
 

@@ -9,15 +9,19 @@ import { MotorMargins } from "../../components/TuningParts";
 import { useLive } from "../../live/react";
 import { capital, counted, notANumber } from "../../samples/format";
 import { type Angles, boxText, offered, told } from "../../samples/quantity";
-import { useQueueCommand, useStartExperiment } from "../../service/commands";
-import { useMayCommand, useNoControl } from "../../service/control";
-import { isPlainRecord, useDraft } from "../../service/drafts";
-import type { useDryRun } from "../../service/experiments";
+import { banksQuery } from "../../service/api/banks";
+import {
+  experimentKindsQuery,
+  type useDryRun,
+  useQueueCommand,
+  useStartExperiment,
+} from "../../service/api/experiments";
+import { useAngles } from "../../service/api/preferences";
+import { bankInWords, tuningInWords } from "../../service/api/tuning";
+import { useMayCommand, useNoControl } from "../../service/control/control";
+import { isPlainRecord, useDraft } from "../../service/forms/drafts";
+import { lastRefusal, RefusedFields } from "../../service/forms/refusals";
 import { settingEntry } from "../../service/glossary";
-import { useAngles } from "../../service/preferences";
-import { banksQuery, experimentKindsQuery } from "../../service/queries";
-import { lastRefusal, RefusedFields } from "../../service/refusals";
-import { bankInWords, tuningInWords } from "../../service/tuning";
 import type { Bank, ExperimentKind, Setting, State } from "../../wire/types";
 import { NextMode } from "../operate/ModeCard";
 import { whyNoStart } from "../operate/ReferencesCard";

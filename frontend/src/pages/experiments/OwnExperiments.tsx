@@ -7,15 +7,16 @@ import { DraftMark, useReplaceDraft } from "../../components/DraftMark";
 import { Refusal } from "../../components/Refusal";
 import { dateTime } from "../../samples/format";
 import type { Angles } from "../../samples/quantity";
-import { useCheckExperiment, useKeepExperiment } from "../../service/commands";
-import { isText, useDraft } from "../../service/drafts";
 import {
   experimentAsRunQuery,
   experimentTextQuery,
   experimentVersionsQuery,
-} from "../../service/experiments";
-import { useAngles } from "../../service/preferences";
-import { lastRefusal, RefusedFields } from "../../service/refusals";
+  useCheckExperiment,
+  useKeepExperiment,
+} from "../../service/api/experiments";
+import { useAngles } from "../../service/api/preferences";
+import { isText, useDraft } from "../../service/forms/drafts";
+import { lastRefusal, RefusedFields } from "../../service/forms/refusals";
 import { RequestError } from "../../wire/client";
 import type { ExperimentKind, OwnExperiment } from "../../wire/types";
 import pageStyles from "../Page.module.css";

@@ -4,7 +4,7 @@ import { Outcome } from "../../components/RunState";
 import { LocalizedText } from "../../components/values";
 import { useLive } from "../../live/react";
 import { counted, duration } from "../../samples/format";
-import { composedPreviewQuery, lookedOverQuery } from "../../service/experiments";
+import { composedPreviewQuery, lookedOverQuery } from "../../service/api/experiments";
 import type { CheckedExperiment } from "../../wire/types";
 import page from "../Page.module.css";
 import { DryRunCurves } from "./DryRun";

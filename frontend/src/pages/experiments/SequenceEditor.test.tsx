@@ -1,73 +1,117 @@
 // @vitest-environment jsdom
+
 import { MantineProvider } from "@mantine/core";
 import { cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { useState } from "react";
-import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { RefusedFields } from "../../service/refusals";
+import { RefusedFields } from "../../service/forms/refusals";
 import { type Document, SAMPLE } from "./document";
-import { SequenceEditor } from "./SequenceEditor";
+import {
+  further,
+  parseSegments,
+  SequenceEditor,
+  segmentsProblem,
+  totalOf,
+  writeSegments,
+} from "./SequenceEditor";
 
-let document: Document = SAMPLE;
+describe("SequenceEditor", () => {
+  let document: Document = SAMPLE;
 
-function Composer() {
-  const [shown, show] = useState(SAMPLE);
-  document = shown;
-  return (
-    <RefusedFields error={null} foreseen={null}>
-      <SequenceEditor document={shown} played={[]} onChange={show} />
-    </RefusedFields>
-  );
-}
+  function Composer() {
+    const [shown, show] = useState(SAMPLE);
+    document = shown;
+    return (
+      <RefusedFields error={null} foreseen={null}>
+        <SequenceEditor document={shown} played={[]} onChange={show} />
+      </RefusedFields>
+    );
+  }
 
-function opened() {
-  render(
-    <MantineProvider env="test">
-      <LiveProvider store={new LiveStore(0)}>
-        <Composer />
-      </LiveProvider>
-    </MantineProvider>,
-  );
-}
+  function opened() {
+    render(
+      <MantineProvider env="test">
+        <LiveProvider store={new LiveStore(0)}>
+          <Composer />
+        </LiveProvider>
+      </MantineProvider>,
+    );
+  }
 
-const button = (name: string) => screen.getByRole("button", { name });
-const kinds = () => document.phases[0]?.parts.map((part) => part.do);
+  const button = (name: string) => screen.getByRole("button", { name });
+  const kinds = () => document.phases[0]?.parts.map((part) => part.do);
 
-beforeEach(() => {
-  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
-});
-afterEach(cleanup);
+  beforeEach(() => {
+    vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  });
+  afterEach(cleanup);
 
-it("moves a part by its button, which keeps the focus where the part is then", () => {
-  opened();
-  fireEvent.click(button("Move down part 1.1"));
-  expect(kinds()).toEqual(["ramp", "step", "hold"]);
-  expect(globalThis.document.activeElement).toBe(button("Move down part 1.2"));
-  expect(screen.getByRole("status", { name: "Moved" }).textContent).toBe("Part 1.1 is part 1.2 now.");
-});
+  it("moves a part by its button, which keeps the focus where the part is then", () => {
+    opened();
+    fireEvent.click(button("Move down part 1.1"));
+    expect(kinds()).toEqual(["ramp", "step", "hold"]);
+    expect(globalThis.document.activeElement).toBe(button("Move down part 1.2"));
+    expect(screen.getByRole("status", { name: "Moved" }).textContent).toBe("Part 1.1 is part 1.2 now.");
+  });
 
-it("takes a part that is dropped into a loop", () => {
-  opened();
-  fireEvent.click(button("Repeat part 1.2"));
-  const row = screen.getByRole("listitem", { name: "Part 1.3" });
-  const dataTransfer = { setData() {}, effectAllowed: "" };
-  fireEvent.dragStart(row.querySelector("[draggable]") as Element, { dataTransfer });
-  fireEvent.drop(button("Add part 1.2.2").closest("li") as Element, { dataTransfer });
-  expect(document.phases[0]?.parts[1]).toEqual({
-    do: "repeat",
-    times: 2,
-    parts: SAMPLE.phases[0]?.parts.slice(1),
+  it("takes a part that is dropped into a loop", () => {
+    opened();
+    fireEvent.click(button("Repeat part 1.2"));
+    const row = screen.getByRole("listitem", { name: "Part 1.3" });
+    const dataTransfer = { setData() {}, effectAllowed: "" };
+    fireEvent.dragStart(row.querySelector("[draggable]") as Element, { dataTransfer });
+    fireEvent.drop(button("Add part 1.2.2").closest("li") as Element, { dataTransfer });
+    expect(document.phases[0]?.parts[1]).toEqual({
+      do: "repeat",
+      times: 2,
+      parts: SAMPLE.phases[0]?.parts.slice(1),
+    });
+  });
+
+  it("keeps a number as it is read in SI, an expression as it is, and leaves out what is empty", () => {
+    opened();
+    const box = () => screen.getByRole("textbox", { name: "q_ref [°] of part 1.2" });
+    fireEvent.change(box(), { target: { value: "60" } });
+    expect(document.phases[0]?.parts[1]?.q_ref).toBeCloseTo(Math.PI / 3, 12);
+    fireEvent.change(box(), { target: { value: "2 * pi / 9" } });
+    expect(document.phases[0]?.parts[1]?.q_ref).toBe("2 * pi / 9");
+    fireEvent.change(box(), { target: { value: "" } });
+    expect(document.phases[0]?.parts[1]).toEqual({ do: "ramp", duration_s: 2 });
   });
 });
 
-it("keeps a number as it is read in SI, an expression as it is, and leaves out what is empty", () => {
-  opened();
-  const box = () => screen.getByRole("textbox", { name: "q_ref [°] of part 1.2" });
-  fireEvent.change(box(), { target: { value: "60" } });
-  expect(document.phases[0]?.parts[1]?.q_ref).toBeCloseTo(Math.PI / 3, 12);
-  fireEvent.change(box(), { target: { value: "2 * pi / 9" } });
-  expect(document.phases[0]?.parts[1]?.q_ref).toBe("2 * pi / 9");
-  fireEvent.change(box(), { target: { value: "" } });
-  expect(document.phases[0]?.parts[1]).toEqual({ do: "ramp", duration_s: 2 });
+describe("segments", () => {
+  it("holds SI, and sends what it was given to the last digit", () => {
+    const rows = parseSegments('[{"duration_s": 3, "q_ref": 0.5235987755982988, "S_ref": 11}]') ?? [];
+    expect(rows[0]).toMatchObject({ shape: "step", duration_s: 3, q_ref: 0.5235987755982988, S_ref: 11 });
+    expect(JSON.parse(writeSegments(rows))).toEqual([
+      { duration_s: 3, q_ref: 0.5235987755982988, S_ref: 11 },
+    ]);
+  });
+
+  it("sends the period of a sine only, and a push that is there", () => {
+    const json = '[{"duration_s":8,"q_ref":0,"S_ref":10,"F_push":5,"shape":"sine","period_s":4}]';
+    expect(JSON.parse(writeSegments(parseSegments(json) ?? []))).toEqual(JSON.parse(json));
+    expect(writeSegments([{ ...further([]), shape: "ramp" }])).not.toContain("period_s");
+  });
+
+  it.each([
+    ["q_ref", "5-3", "Segment 2, q_ref: “5-3” is not a number."],
+    ["duration_s", "", "Segment 2, time: needs a number."],
+    ["F_push", "1e", "Segment 2, push: “1e” is not a number."],
+  ] as const)("keeps %s = %j as it is and says that it cannot be sent", (name, text, problem) => {
+    const json = writeSegments([further([]), { ...further([]), [name]: text }]);
+    const rows = parseSegments(json) ?? [];
+    expect(rows[1]?.[name]).toBe(text);
+    expect(segmentsProblem(json)).toBe(problem);
+    expect(totalOf(rows)).toBeLessThanOrEqual(8);
+    expect(segmentsProblem(writeSegments([further([])]))).toBeNull();
+  });
+
+  it("says when something is no list", () => {
+    expect(parseSegments("{}")).toBeNull();
+    expect(parseSegments("[{")).toBeNull();
+  });
 });

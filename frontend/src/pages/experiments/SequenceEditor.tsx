@@ -4,9 +4,9 @@ import { TbPlus, TbX } from "react-icons/tb";
 import { ChoiceField, NumberField } from "../../components/fields";
 import { duration, notANumber } from "../../samples/format";
 import { labelWith } from "../../samples/quantity";
+import { useAngles } from "../../service/api/preferences";
+import { useRefusedInput, useRefusedWithin } from "../../service/forms/refusals";
 import { symbolEntry } from "../../service/glossary";
-import { useAngles } from "../../service/preferences";
-import { useRefusedInput, useRefusedWithin } from "../../service/refusals";
 import type { PartPlayed } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import {

@@ -1,9 +1,17 @@
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, render, screen, within } from "@testing-library/react";
-import { afterEach, expect, it, vi } from "vitest";
+import { afterEach, describe, expect, it, test, vi } from "vitest";
 import type { Identification, Model } from "../../wire/types";
-import { ActuatorResult } from "./ActuatorResult";
+import {
+  ActuatorResult,
+  candidateOf,
+  change,
+  comparable,
+  recordInWords,
+  residualOutcome,
+  sessionOf,
+} from "./ActuatorResult";
 
 // the REST client takes hold of fetch when it is made, the charts of the screen
 vi.hoisted(() => {
@@ -53,4 +61,111 @@ it.each([
     ["Model G_S", ofG_S],
   ] as const)
     expect(within(screen.getByRole("region", { name })).getByText(words)).toBeTruthy();
+});
+
+describe("candidates", () => {
+  const MOTOR = {
+    side: "A",
+    fitted: { K_m: 2.9, T_m: 0.22 },
+    std_errors: { K_m: 0.001, T_m: 0.002 },
+    u_c: 0.07,
+    u_c_std: 0.003,
+    grade: "usable",
+  };
+  const MODEL = { K: 0.05, T: 0.342, K_std: null, T_std: 0.001, grade: "usable with caution" };
+
+  function identification(run: number, parts: object): Identification {
+    const nothing = {
+      run,
+      id: run,
+      kind: "motor",
+      estimate: run,
+      G_q: null,
+      G_S: null,
+      motors: [],
+      springs: [],
+    };
+    return { ...nothing, ...parts } as unknown as Identification;
+  }
+
+  test("a motor is told with its estimates and their standard errors", () => {
+    const one = identification(3, { motors: [MOTOR] });
+    expect(candidateOf(one, "A")).toEqual({
+      run: 3,
+      grade: "usable",
+      estimates: [
+        { name: "K_m", unit: "rad/(V·s)", value: 2.9, std: 0.001 },
+        { name: "T_m", unit: "s", value: 0.22, std: 0.002 },
+        { name: "u_c", unit: "V", value: 0.07, std: 0.003 },
+      ],
+    });
+    expect(candidateOf(one, "B")).toBeNull();
+    expect(candidateOf(one, "G_q")).toBeNull();
+  });
+
+  test("a channel of the actuator has gain and sum of lags, an error that could not be had stays away", () => {
+    const one = identification(4, { kind: "actuator", G_S: MODEL });
+    expect(candidateOf(one, "G_S")?.estimates).toEqual([
+      { name: "K", unit: "N·m/rad²", value: 0.05, std: null },
+      { name: "T", unit: "s", value: 0.342, std: 0.001 },
+    ]);
+  });
+
+  test("compared is what is of the same kind and has a model", () => {
+    const [motor, other, empty] = [
+      identification(1, {}),
+      identification(2, {}),
+      identification(3, { estimate: null }),
+    ];
+    const actuator = identification(4, { kind: "actuator" });
+    expect(comparable(motor, [actuator, empty, other, motor])).toEqual([other]);
+  });
+
+  test("a session is the day of the newest model, oldest first", () => {
+    const at = (run: number, created: string, estimate: number | null = run) =>
+      identification(run, { created, estimate });
+    const all = [
+      at(5, "2026-11-25T12:00:00", null),
+      at(4, "2026-11-25T11:00:00"),
+      at(3, "2026-11-25T10:00:00"),
+      at(2, "2026-11-24T10:00:00"),
+    ];
+    expect(sessionOf(all)).toEqual([3, 4]);
+    expect(sessionOf([])).toEqual([]);
+  });
+
+  test("a change is told in per cent with its sign, and not where there is nothing to divide by", () => {
+    expect(change(2.2, 2)).toBe("+10.0 %");
+    expect(change(1.9, 2)).toBe("−5.0 %");
+    expect(change(2, 2)).toBe("0.0 %");
+    expect(change(1, 0)).toBeNull();
+  });
+
+  test("where the predicted samples come from is said for each kind", () => {
+    expect(recordInWords("actuator", 7, true)).toBe(
+      "The last third of run 7, by a model fitted to its first two thirds.",
+    );
+    expect(recordInWords("motor", 7, false)).toBe(
+      "Each step of run 7, by a model that has not seen that run.",
+    );
+  });
+});
+
+describe("residuals", () => {
+  const TEST = {
+    lags_s: [0.1, 0.2],
+    correlation: [0.01, 0.3],
+    bound: [0.28, 0.28],
+    statistic: 3.01,
+    critical: 2.81,
+    level: 0.01,
+    passed: false,
+  };
+
+  test("a residual test says which test, its statistic and its level", () => {
+    expect(residualOutcome(TEST, "white", "coloured")).toBe(
+      "coloured: largest of 2 correlations 3.0 standard deviations, bound 2.8 at the 1 % level for all lags together",
+    );
+    expect(residualOutcome({ ...TEST, passed: true }, "white", "coloured")).toMatch(/^white: /);
+  });
 });

@@ -21,14 +21,18 @@ import {
   rangeText,
   readingOf,
 } from "../../samples/quantity";
-import { useStartIdentification } from "../../service/commands";
-import { useNoControl } from "../../service/control";
-import { isPlainRecord, useDraft } from "../../service/drafts";
+import { banksQuery } from "../../service/api/banks";
+import {
+  identificationKindsQuery,
+  predictionQuery,
+  useStartIdentification,
+} from "../../service/api/identifications";
+import { useAngles } from "../../service/api/preferences";
+import { tuningInWords } from "../../service/api/tuning";
+import { useNoControl } from "../../service/control/control";
+import { isPlainRecord, useDraft } from "../../service/forms/drafts";
+import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry, settingEntry } from "../../service/glossary";
-import { useAngles } from "../../service/preferences";
-import { banksQuery, identificationKindsQuery, predictionQuery } from "../../service/queries";
-import { RefusedFields } from "../../service/refusals";
-import { tuningInWords } from "../../service/tuning";
 import { DEGREES } from "../../theme/signals";
 import type { IdentificationKind, IdentificationRequest, Prediction, Setting } from "../../wire/types";
 import { tuningOf } from "../experiments/ExperimentForm";

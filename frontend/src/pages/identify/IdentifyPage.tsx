@@ -4,7 +4,7 @@ import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { useLocation, useParams } from "wouter";
 import { OperatorsOnly } from "../../components/ControlMenu";
-import { identificationsQuery, springTablesQuery } from "../../service/queries";
+import { identificationsQuery, springTablesQuery } from "../../service/api/identifications";
 import { RunningCard } from "../operate/RunningCard";
 import styles from "../Page.module.css";
 import { IdentificationForm, type LocalizedText, PredictionView } from "./IdentificationForm";

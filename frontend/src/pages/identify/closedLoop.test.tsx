@@ -14,7 +14,7 @@ vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { parametersQuery, unseenQuery } from "../../service/comparedModels";
+import { parametersQuery, unseenQuery } from "../../service/api/identifications";
 import type { Identification, Parameters, Unseen } from "../../wire/types";
 import { ApplyParameters, ParametersCard } from "./ParametersCard";
 import { UnseenCard } from "./UnseenCard";

@@ -3,7 +3,7 @@ import { type Surface, useCanvas } from "../../charts/canvas";
 import { useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
 import { type Angles, angleWithUnit } from "../../samples/quantity";
-import { useAngles } from "../../service/preferences";
+import { useAngles } from "../../service/api/preferences";
 import { DEGREES, HUES } from "../../theme/signals";
 import styles from "./ActuatorDrawing.module.css";
 

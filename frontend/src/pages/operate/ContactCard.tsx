@@ -8,12 +8,12 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { rangeOf } from "../../samples/quantity";
-import { useTouch } from "../../service/commands";
-import { useNoControl } from "../../service/control";
-import { useDraft } from "../../service/drafts";
+import { useTouch } from "../../service/api/actuator";
+import { useAngles } from "../../service/api/preferences";
+import { useNoControl } from "../../service/control/control";
+import { useDraft } from "../../service/forms/drafts";
+import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
-import { useAngles } from "../../service/preferences";
-import { RefusedFields } from "../../service/refusals";
 import type { State, TouchView } from "../../wire/types";
 import styles from "./Operate.module.css";
 

@@ -11,7 +11,7 @@ import { plantWord } from "../../components/Header";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed, short } from "../../samples/format";
 import { type Angles, inWords, readingOf } from "../../samples/quantity";
-import { useAngles, usePreferences } from "../../service/preferences";
+import { useAngles, usePreferences } from "../../service/api/preferences";
 import { usePanels } from "../../theme/useLayouts";
 import { PERIOD_S } from "../../wire/sample.gen";
 import type { Limits, Mark } from "../../wire/types";

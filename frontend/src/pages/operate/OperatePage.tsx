@@ -5,7 +5,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { CameraChoice, SceneFrame, sceneAddress } from "../../components/SceneFrame";
 import { paintsInSoftware } from "../../drawing/canvas";
 import { useLive } from "../../live/react";
-import { useSceneView } from "../../service/runs";
+import { useSceneView } from "../../service/api/preferences";
 import { HUES, paintOf } from "../../theme/signals";
 import { TriggerCard } from "../system/TriggerCard";
 import { ActuatorDrawing } from "./ActuatorDrawing";

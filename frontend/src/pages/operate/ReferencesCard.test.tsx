@@ -1,11 +1,11 @@
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
-import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import type { Tuning } from "../../wire/types";
-import { MotionControl } from "./ReferencesCard";
+import type { State, Tuning } from "../../wire/types";
+import { MotionControl, whyNoReferences, whyNoStart } from "./ReferencesCard";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -82,4 +82,35 @@ it("changes nothing while the tuning cannot be changed", () => {
   open("time-optimal", true);
   expect(radio("lambda").disabled).toBe(true);
   expect(screen.getByRole<HTMLInputElement>("textbox", { name: LIMIT }).disabled).toBe(true);
+});
+
+describe("what is allowed", () => {
+  const FREE = {
+    mode: "run",
+    legal_modes: ["experiment"],
+    task: null,
+    trial: null,
+    unready: "",
+    touch: { felt: null },
+  } as unknown as State;
+  const changed = (part: object) => ({ ...FREE, ...part }) as State;
+
+  it("starts nothing beside a run or a tuning on trial, which the service refuses", () => {
+    expect(whyNoStart(FREE, "experiment", null)).toBeNull();
+    expect(whyNoStart(changed({ task: { run: 3 } }), "experiment", null)).toBe("Another task is running.");
+    expect(whyNoStart(changed({ trial: { remaining_s: 4 } }), "experiment", null)).toContain("on trial");
+    expect(whyNoStart(changed({ mode: "off", legal_modes: ["pretension"] }), "experiment", null)).toContain(
+      "slack",
+    );
+  });
+
+  it("takes references in run and compliance only, and none while the joint gives way", () => {
+    expect(whyNoReferences(null, null)).toBe("not known yet");
+    for (const mode of ["run", "compliance"]) expect(whyNoReferences(changed({ mode }), null)).toBeNull();
+    for (const mode of ["off", "pretension", "experiment", "tripped"]) {
+      expect(whyNoReferences(changed({ mode }), null)).toBe("set in run and compliance");
+    }
+    expect(whyNoReferences(changed({ mode: "off", player: { t: 1 } }), null)).toBe("a recording is played");
+    expect(whyNoReferences(changed({ touch: { felt: { F: 6 } } }), null)).toContain("gives way");
+  });
 });

@@ -10,29 +10,28 @@ import { Shown, SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, notANumber } from "../../samples/format";
 import { type Angles, told } from "../../samples/quantity";
-import {
-  useEndTrial,
-  useSaveTuning,
-  useSetTuning,
-  useTryTuning,
-  useTuningStep,
-} from "../../service/commands";
-import { useNoControl, useNoRetuning } from "../../service/control";
-import { isNumberOrText, useDraft } from "../../service/drafts";
-import { fieldEntry } from "../../service/glossary";
-import { useAngles } from "../../service/preferences";
-import { banksQuery, savedTuningQuery } from "../../service/queries";
-import { lastRefusal, RefusedFields } from "../../service/refusals";
+import { banksQuery } from "../../service/api/banks";
+import { useAngles } from "../../service/api/preferences";
 import {
   type LambdaName,
   ON_TRIAL,
   type Previewed,
   type Staging,
+  savedTuningQuery,
+  useEndTrial,
   usePreview,
   usePreviewedStiffness,
+  useSaveTuning,
+  useSetTuning,
   useStagedTuning,
+  useTryTuning,
+  useTuningStep,
   whyNoRejection,
-} from "../../service/tuning";
+} from "../../service/api/tuning";
+import { useNoControl, useNoRetuning } from "../../service/control/control";
+import { isNumberOrText, useDraft } from "../../service/forms/drafts";
+import { lastRefusal, RefusedFields } from "../../service/forms/refusals";
+import { fieldEntry } from "../../service/glossary";
 import { HUES } from "../../theme/signals";
 import type { PreviewedStep, SavedTuning, Trial, Tuning, TuningPreview } from "../../wire/types";
 import { DisturbanceFeedforwardControl, LambdaControl } from "./LambdaControl";

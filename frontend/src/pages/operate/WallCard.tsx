@@ -7,12 +7,12 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { angleWithUnit, FINER, rangeOf, readingOf, toSI } from "../../samples/quantity";
-import { useSetWall } from "../../service/commands";
-import { useNoControl } from "../../service/control";
-import { isPlainRecord, useDraft } from "../../service/drafts";
+import { useSetWall } from "../../service/api/actuator";
+import { useAngles } from "../../service/api/preferences";
+import { useNoControl } from "../../service/control/control";
+import { isPlainRecord, useDraft } from "../../service/forms/drafts";
+import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
-import { useAngles } from "../../service/preferences";
-import { RefusedFields } from "../../service/refusals";
 import type { Limits, Wall } from "../../wire/types";
 import styles from "./Operate.module.css";
 

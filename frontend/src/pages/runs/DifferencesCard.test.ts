@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { comparedPanels } from "../../charts/sources";
-import { curvesOf } from "../../service/runs";
+import { curvesOf } from "../../service/api/runs";
 import { panelsOf, STANDARD } from "../../theme/layouts";
 import { unitOf } from "../../theme/signals";
 import type { Differences } from "../../wire/types";

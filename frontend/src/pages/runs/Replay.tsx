@@ -8,9 +8,8 @@ import { type PlotSource, RecordedSource } from "../../charts/sources";
 import { type Playhead, usePlayhead } from "../../charts/viewport";
 import { CameraChoice, SceneFrame, sceneAddress } from "../../components/SceneFrame";
 import { clockTime } from "../../samples/format";
-import { showMoment } from "../../service/commands";
-import { recordingQuery } from "../../service/queries";
-import { useSceneView } from "../../service/runs";
+import { useSceneView } from "../../service/api/preferences";
+import { recordingQuery, showMoment } from "../../service/api/recordings";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
 

@@ -5,7 +5,8 @@ import { cleanup, render, screen, within } from "@testing-library/react";
 import { expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { experimentQuery, lineageQuery, runQuery } from "../../service/queries";
+import { experimentQuery } from "../../service/api/experiments";
+import { lineageQuery, runQuery } from "../../service/api/runs";
 import type { Experiment, Lineage, Run } from "../../wire/types";
 import { RunDetail } from "./RunDetail";
 

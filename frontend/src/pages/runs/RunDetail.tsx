@@ -22,13 +22,14 @@ import {
   short,
 } from "../../samples/format";
 import { angleText, labelWith, readingOf, told, withUnit } from "../../samples/quantity";
-import { useEvaluate, useSetNote, useTag } from "../../service/commands";
-import { useMayCommand } from "../../service/control";
-import { isText, useDraft } from "../../service/drafts";
+import { experimentQuery } from "../../service/api/experiments";
+import { identificationQuery } from "../../service/api/identifications";
+import { useAngles } from "../../service/api/preferences";
+import { runQuery, searchWordsQuery, useEvaluate, useSetNote, useTag } from "../../service/api/runs";
+import { useMayCommand } from "../../service/control/control";
+import { isText, useDraft } from "../../service/forms/drafts";
+import { RefusedFields, useRefusedInput } from "../../service/forms/refusals";
 import { entryOf, symbolEntry } from "../../service/glossary";
-import { useAngles } from "../../service/preferences";
-import { experimentQuery, identificationQuery, runQuery, searchWordsQuery } from "../../service/queries";
-import { RefusedFields, useRefusedInput } from "../../service/refusals";
 import type { Run } from "../../wire/types";
 import { Figures } from "../experiments/ExperimentRuns";
 import { parseSegments, type Segment } from "../experiments/SequenceEditor";

@@ -5,8 +5,7 @@ import { TbSearch } from "react-icons/tb";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { inWordsOf } from "../../samples/format";
-import { useForgetSearch, useSaveSearch } from "../../service/commands";
-import { savedSearchesQuery, searchWordsQuery } from "../../service/queries";
+import { savedSearchesQuery, searchWordsQuery, useForgetSearch, useSaveSearch } from "../../service/api/runs";
 import pageStyles from "../Page.module.css";
 import runsStyles from "./Runs.module.css";
 

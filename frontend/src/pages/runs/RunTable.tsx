@@ -7,7 +7,7 @@ import { Card } from "../../components/Card";
 import { RunState, unevaluated } from "../../components/RunState";
 import { Shown } from "../../components/values";
 import { dateTime, duration, fixed } from "../../samples/format";
-import { runsQuery } from "../../service/queries";
+import { runsQuery } from "../../service/api/runs";
 import type { Run } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import { KeyFigure, RunVerdict } from "./RunDetail";

@@ -1,6 +1,6 @@
 /** Addresses of runs and experiments on the page, and how runs are compared in them. Pure. */
 
-import type { ComparisonAsked } from "../../service/runs";
+import type { ComparisonAsked } from "../../service/api/runs";
 
 /** Addresses of runs on the page. Pure. */
 

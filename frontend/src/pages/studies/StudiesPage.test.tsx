@@ -7,7 +7,7 @@ import type { ReactNode } from "react";
 import { afterEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import type { MapPick } from "../../service/studies";
+import type { MapPick } from "../../service/api/studies";
 import type { StudyDetail, StudyMap } from "../../wire/types";
 import { MapsCard } from "./MapsCard";
 import StudiesPage from "./StudiesPage";

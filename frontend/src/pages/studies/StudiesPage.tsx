@@ -3,7 +3,7 @@
 import { useQuery } from "@tanstack/react-query";
 import { useParams } from "wouter";
 import { Card } from "../../components/Card";
-import { studiesQuery } from "../../service/studies";
+import { studiesQuery } from "../../service/api/studies";
 import page from "../Page.module.css";
 import { NewStudy } from "./NewStudy";
 import { StudyPage, StudyRows } from "./StudyPage";

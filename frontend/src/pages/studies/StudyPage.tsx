@@ -9,9 +9,15 @@ import { Refusal } from "../../components/Refusal";
 import { Shown, Unit } from "../../components/values";
 import { capital, counted, dateTime, duration, fixed, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/preferences";
-import { lastRefusal } from "../../service/refusals";
-import { isUnderWay, type MapPick, studyQuery, useResumeStudy, useStopStudy } from "../../service/studies";
+import { useAngles } from "../../service/api/preferences";
+import {
+  isUnderWay,
+  type MapPick,
+  studyQuery,
+  useResumeStudy,
+  useStopStudy,
+} from "../../service/api/studies";
+import { lastRefusal } from "../../service/forms/refusals";
 import type { Study, StudyDetail, StudyFigure, StudyShare } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import { MapsCard } from "./MapsCard";

@@ -5,7 +5,7 @@ import { useQuery } from "@tanstack/react-query";
 import { Card } from "../../components/Card";
 import { LocalizedText } from "../../components/values";
 import { dateTime, fixed } from "../../samples/format";
-import { flightsQuery } from "../../service/system";
+import { flightsQuery } from "../../service/api/recordings";
 import page from "../Page.module.css";
 import styles from "./System.module.css";
 

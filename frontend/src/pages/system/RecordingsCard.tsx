@@ -7,7 +7,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
 import { bytes, counted, dateTime, inWordsOf } from "../../samples/format";
-import { recordingsQuery, useRemoveRecordings } from "../../service/system";
+import { recordingsQuery, useRemoveRecordings } from "../../service/api/recordings";
 import type { Recordings } from "../../wire/types";
 import { Facts } from "./Facts";
 import styles from "./System.module.css";

@@ -11,12 +11,19 @@ import { ChoiceField, NumberField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { inWords, readingOf } from "../../samples/quantity";
-import { isNumberOrText, isPlainRecord, isText, useDraft } from "../../service/drafts";
+import { useDerived } from "../../service/api/formulas";
+import { useAngles } from "../../service/api/preferences";
+import {
+  CONDITIONS,
+  flightsQuery,
+  isWindow,
+  triggerWords,
+  useArm,
+  useDisarm,
+} from "../../service/api/recordings";
+import { isNumberOrText, isPlainRecord, isText, useDraft } from "../../service/forms/drafts";
+import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
-import { useAngles } from "../../service/preferences";
-import { RefusedFields } from "../../service/refusals";
-import { CONDITIONS, isWindow, triggerWords, useArm, useDerived, useDisarm } from "../../service/signals";
-import { flightsQuery } from "../../service/system";
 import { unitOf } from "../../theme/signals";
 import type { TriggerOrder } from "../../wire/types";
 import styles from "./Trigger.module.css";

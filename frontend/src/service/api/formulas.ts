@@ -1,0 +1,68 @@
+/** Derived signals of the station: read, written and removed. */
+
+import { queryOptions, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
+import { useEffect } from "react";
+import { useLiveStore } from "../../live/react";
+import { type DerivedSignal, setDerived } from "../../samples/formula";
+import { answered, api } from "../../wire/client";
+import type { Formula, FormulaText } from "../../wire/types";
+
+/** Derived signals of the station: read, written and removed. */
+
+/** So often [ms] it is asked what others have written. */
+const AGAIN_MS = 30_000;
+const NONE: readonly Formula[] = [];
+
+export const formulasQuery = queryOptions({
+  queryKey: ["formulas"],
+  queryFn: async () => {
+    const { formulas } = await answered(api.GET("/api/formulas"));
+    setDerived(formulas); // before whoever waits for them is rendered
+    return formulas;
+  },
+  refetchInterval: AGAIN_MS,
+});
+
+export function useDerived(): readonly DerivedSignal[] {
+  return useQuery(formulasQuery).data ?? NONE;
+}
+
+/** Have the live window hold them too. */
+export function useLiveFormulas(): void {
+  const store = useLiveStore();
+  const derived = useDerived();
+  useEffect(() => store.setFormulas(derived), [store, derived]);
+}
+
+export function useFormulas(): readonly Formula[] {
+  return useQuery(formulasQuery).data ?? NONE;
+}
+
+export function usePutFormula() {
+  const renew = useRenew();
+  return useMutation({
+    mutationFn: ({ name, ...body }: FormulaText & { name: string }) =>
+      answered(api.PUT("/api/formulas/{name}", { params: { path: { name } }, body })),
+    onSuccess: renew,
+  });
+}
+
+export function useRemoveFormula() {
+  const renew = useRenew();
+  return useMutation({
+    mutationFn: (name: string) =>
+      answered(api.DELETE("/api/formulas/{name}", { params: { path: { name } } })),
+    onSuccess: renew,
+  });
+}
+
+/** What was read of recordings under the name of a formula is what it was before. */
+function useRenew(): () => Promise<void> {
+  const queries = useQueryClient();
+  return async () => {
+    await queries.invalidateQueries({ queryKey: formulasQuery.queryKey });
+    await queries.invalidateQueries({
+      predicate: ({ queryKey }) => queryKey[0] === "runs" && queryKey[2] === "samples",
+    });
+  };
+}

@@ -1,0 +1,192 @@
+/** Recorded samples: of runs, ranges of them, flight records, the trigger, and a recording that is played. */
+
+import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
+import { fixed } from "../../samples/format";
+import type { Stretch } from "../../samples/timeSeries";
+import type { components } from "../../wire/api.gen";
+import { answered, api, resultIn } from "../../wire/client";
+import { decodeCurves, fromCsv } from "../../wire/curves";
+import type { Fault, Flight, PlayerOrder, Trigger, TriggerOrder } from "../../wire/types";
+
+export const flightsQuery = queryOptions({
+  queryKey: ["flights"],
+  queryFn: async () => (await answered(api.GET("/api/flights"))).flights,
+  refetchInterval: 5000,
+});
+
+/** Its samples as they are exported, t counted from the trip or trigger. They never change. */
+export function flightSamplesQuery(id: number) {
+  return queryOptions({
+    queryKey: ["flights", id, "samples"],
+    queryFn: async () => {
+      const params = { path: { id, format: "csv" as const } };
+      return fromCsv(await answered(api.GET("/api/flights/{id}/data.{format}", { params, parseAs: "text" })));
+    },
+    staleTime: Number.POSITIVE_INFINITY,
+  });
+}
+
+/** Let the 3D view of the replay show a moment of it; `t` counts from the trip or trigger. */
+export function showFlightMoment(id: number, t: number) {
+  return answered(api.POST("/api/flights/{id}/replay", { params: { path: { id } }, body: { t } }));
+}
+
+/** The flight record that a fault is in: trips that follow each other share one. */
+export function flightOf(flights: readonly Flight[], fault: Pick<Fault, "tick"> | null): Flight | undefined {
+  const newest = flights.find(({ kind }) => kind === "trip"); // ticks begin anew with each loop process: older records may be of another one
+  if (newest === undefined || fault === null) return undefined;
+  const after_s = (fault.tick - newest.tick) / 1000;
+  return after_s >= 0 && after_s <= newest.after_s ? newest : undefined;
+}
+
+export const recordingsQuery = queryOptions({
+  queryKey: ["recordings"],
+  queryFn: () => answered(api.GET("/api/system/recordings")),
+  refetchInterval: 60_000,
+});
+
+export function useRemoveRecordings() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (runs: number[]) => answered(api.POST("/api/system/recordings/removal", { body: { runs } })),
+    onSuccess: (left) => queries.setQueryData(recordingsQuery.queryKey, left),
+  });
+}
+
+export function recordingQuery(id: number, stretch: Stretch, points: number, signals: readonly string[]) {
+  const query = { from: stretch.from_s, to: stretch.to_s, points, signals: signals.join(",") };
+  return queryOptions({
+    queryKey: ["runs", id, "samples", query],
+    queryFn: async () => {
+      const params = { path: { id }, query };
+      const message = await answered(
+        api.GET("/api/runs/{id}/samples.bin", { params, parseAs: "arrayBuffer" }),
+      );
+      return decodeCurves(message, signals);
+    },
+    staleTime: Number.POSITIVE_INFINITY,
+    gcTime: 60_000,
+  });
+}
+
+/** Let the 3D view of the replay show a moment of a run. */
+export function showMoment(run: number, t: number) {
+  return answered(api.POST("/api/runs/{id}/replay", { params: { path: { id: run } }, body: { t } }));
+}
+
+/** The recording that is played in place of a plant: what is in it, and what its player is told. */
+
+/** What is played does not change as long as the service runs. */
+export const playedQuery = queryOptions({
+  queryKey: ["player"],
+  queryFn: () => answered(api.GET("/api/player")),
+  staleTime: Number.POSITIVE_INFINITY,
+  retry: false,
+});
+
+/** Plays, pauses, sets the speed or goes to a time; what is left out stays as it is. */
+export function usePlayer() {
+  return useMutation({
+    mutationFn: (body: Partial<PlayerOrder>) => answered(api.PUT("/api/player", { body })),
+  });
+}
+
+/** The trigger: what is armed, in words, and the orders that arm and disarm it. */
+
+export const CONDITIONS: readonly { readonly value: TriggerOrder["condition"]; readonly label: string }[] = [
+  { value: "above", label: "above (level)" },
+  { value: "below", label: "below (level)" },
+  { value: "rising", label: "rising through (edge)" },
+  { value: "falling", label: "falling through (edge)" },
+  { value: "inside", label: "inside (window)" },
+  { value: "outside", label: "outside (window)" },
+];
+
+export function isWindow(condition: TriggerOrder["condition"]): boolean {
+  return condition === "inside" || condition === "outside";
+}
+
+/** What it does at present; quantities in SI, as the log has them. */
+export function triggerWords(trigger: Trigger | null): string {
+  if (trigger === null) return "Not armed";
+  const made = `${trigger.captured} of ${trigger.captures} captured`;
+  if (trigger.phase === "armed") return `Armed: ${trigger.says}; ${made}`;
+  if (trigger.phase === "capturing") return `Recording: ${trigger.says}; ${fixed(trigger.left_s, 1)} s left`;
+  return `Not armed: ${trigger.ended}; ${made}`;
+}
+
+export function useArm() {
+  return useMutation({
+    mutationFn: (body: TriggerOrder) => answered(api.PUT("/api/trigger", { body })),
+  });
+}
+
+export function useDisarm() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: () => answered(api.DELETE("/api/trigger")),
+    onSuccess: () => queries.invalidateQueries({ queryKey: flightsQuery.queryKey }),
+  });
+}
+
+/** Figures that the service computes from every sample of a range of a recorded run. */
+
+export type RecordedStatistics = components["schemas"]["RecordedStatistics"];
+export type RecordedSpectra = components["schemas"]["RecordedSpectra"];
+export type RecordedValues = components["schemas"]["RecordedValues"];
+
+/** Whoever waits: may leave, and hears how far it is, 0 to 1. */
+export interface Waiting {
+  readonly signal: AbortSignal;
+  onShare(share: number): void;
+}
+
+/** Statistics of every sample of a range. Throws RequestError for refusals, Error for an answer that broke off. */
+export async function rangeStatistics(
+  run: number,
+  range: Stretch,
+  signals: readonly string[],
+  { signal, onShare }: Waiting,
+): Promise<RecordedStatistics> {
+  const params = asked(run, range, signals);
+  const body = await answered(api.GET("/api/runs/{id}/statistics", { params, parseAs: "stream", signal }));
+  return await resultIn(streamOf(body), onShare);
+}
+
+/** Spectra of every sample of a range. Throws like `rangeStatistics`. */
+export async function rangeSpectra(
+  run: number,
+  range: Stretch,
+  signals: readonly string[],
+  { signal, onShare }: Waiting,
+): Promise<RecordedSpectra> {
+  const params = asked(run, range, signals);
+  const body = await answered(api.GET("/api/runs/{id}/spectra", { params, parseAs: "stream", signal }));
+  return await resultIn(streamOf(body), onShare);
+}
+
+/** The values at the samples at or before some times. Throws RequestError. */
+export function valuesAt(
+  run: number,
+  times_s: readonly number[],
+  signals: readonly string[],
+  signal: AbortSignal,
+): Promise<RecordedValues> {
+  const query = { at: [...times_s], signals: signals.join(",") };
+  return answered(api.GET("/api/runs/{id}/values", { params: { path: { id: run }, query }, signal }));
+}
+
+/** Where the file of every sample of a range is downloaded from. */
+export function rangeFile(run: number, { from_s, to_s }: Stretch, signals: readonly string[]): string {
+  const query = new URLSearchParams({ from: String(from_s), to: String(to_s), signals: signals.join(",") });
+  return `./api/runs/${run}/range.csv?${query}`;
+}
+
+function asked(run: number, { from_s, to_s }: Stretch, signals: readonly string[]) {
+  return { path: { id: run }, query: { from: from_s, to: to_s, signals: signals.join(",") } };
+}
+
+function streamOf(body: unknown): ReadableStream<Uint8Array> {
+  if (body instanceof ReadableStream) return body;
+  throw new Error("The service gave an answer without content. Try again.");
+}

@@ -1,0 +1,51 @@
+/** Who is signed in: session, name, sign-in and sign-out; and whether the service is there. */
+
+import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
+import { answered, api } from "../../wire/client";
+import { giveUpControl, heldEpoch } from "../../wire/control";
+import { renameDrafts } from "../forms/draftStorage";
+
+export const sessionQuery = queryOptions({
+  queryKey: ["session"],
+  queryFn: () => answered(api.GET("/api/session")),
+  retry: false,
+});
+
+export const healthQuery = queryOptions({
+  queryKey: ["health"],
+  queryFn: () => answered(api.GET("/api/health")),
+});
+
+export function useSignIn() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (body: { token: string; name: string }) => answered(api.POST("/api/session", { body })),
+    onSuccess: () => queries.invalidateQueries(),
+  });
+}
+
+/** Says by what name this browser's person goes. */
+export function useSetName() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: (name: string) => answered(api.PUT("/api/session/name", { body: { name } })),
+    onSuccess: (session) => {
+      const before = queries.getQueryData(sessionQuery.queryKey);
+      if (before !== undefined) renameDrafts(before.name, session.name);
+      queries.setQueryData(sessionQuery.queryKey, session);
+      void queries.invalidateQueries({ queryKey: ["preferences"] });
+    },
+  });
+}
+
+/** Ends this browser's session for good. Control goes first: a page that is only missed would be taken for lost. */
+export function useSignOut() {
+  const queries = useQueryClient();
+  return useMutation({
+    mutationFn: async () => {
+      if (heldEpoch() !== null) await giveUpControl();
+      return answered(api.DELETE("/api/session"));
+    },
+    onSuccess: () => queries.resetQueries(),
+  });
+}

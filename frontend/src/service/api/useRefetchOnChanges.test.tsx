@@ -1,0 +1,44 @@
+/** What one person changes is asked for again by the page of another one, which only hears the state. */
+
+import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
+import { act, cleanup, renderHook } from "@testing-library/react";
+import type { ReactNode } from "react";
+import { afterEach, expect, it, vi } from "vitest";
+import { LiveProvider } from "../../live/react";
+import { LiveStore } from "../../live/store";
+import type { State } from "../../wire/types";
+import { useFreshness } from "./useRefetchOnChanges";
+
+afterEach(cleanup);
+
+function told(starts: number, bank: number | null): State {
+  return {
+    link: { starts },
+    tuning: { bank: bank === null ? null : { id: bank } },
+    task: null,
+    recording_run: null,
+  } as unknown as State;
+}
+
+it("asks again for forecasts once parameters or a bank come into force, and for neither before", () => {
+  const store = new LiveStore(0);
+  const queries = new QueryClient();
+  const asked = vi.spyOn(queries, "invalidateQueries");
+  store.setState(told(1, null));
+  renderHook(() => useFreshness(), {
+    wrapper: ({ children }: { children: ReactNode }) => (
+      <QueryClientProvider client={queries}>
+        <LiveProvider store={store}>{children}</LiveProvider>
+      </QueryClientProvider>
+    ),
+  });
+  const keys = () => asked.mock.calls.map(([filter]) => filter?.queryKey?.[0]);
+  asked.mockClear();
+  act(() => store.setState(told(1, null)));
+  expect(keys()).toEqual([]);
+  act(() => store.setState(told(2, null)));
+  expect(keys()).toEqual(expect.arrayContaining(["tuning", "parameters", "banks", "experiment-kinds"]));
+  asked.mockClear();
+  act(() => store.setState(told(2, 7)));
+  expect(keys()).toEqual(["banks", "tuning"]);
+});

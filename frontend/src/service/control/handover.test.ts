@@ -1,0 +1,57 @@
+import { expect, it } from "vitest";
+import type { Wish } from "../../wire/types";
+import { noticeOf, othersToGetControl } from "./handover";
+
+const WISH: Wish = {
+  number: 7,
+  name: "Vera",
+  by: "Ana",
+  reason: "my sweep",
+  standing: "asked",
+  answer: "",
+  offered: false,
+  epoch: null,
+};
+
+function read(part: Partial<Wish>, me: string, holds = false): string {
+  const notice = noticeOf({ ...WISH, ...part }, me, holds);
+  return notice === null ? "nothing" : `${notice.text} [${notice.deeds.join()}]`;
+}
+
+it("tells the holder who asks and why, at the page in control whatever its person is called", () => {
+  expect(read({}, "Ana", true)).toBe("Vera asks for control: “my sweep” [answer]");
+  expect(read({ by: "another" }, "Ana", true)).toBe("Vera asks for control: “my sweep” [answer]");
+  expect(read({}, "Oda")).toBe("nothing");
+});
+
+it("tells who asked what came of it", () => {
+  expect(read({}, "Vera")).toBe("You have asked Ana for control. [withdraw]");
+  expect(read({ standing: "declined", answer: "ten minutes" }, "Vera")).toBe(
+    "Ana keeps control: “ten minutes” [read]",
+  );
+  expect(read({ standing: "lapsed" }, "Vera")).toBe("Ana has not answered: ask again, or take over. [read]");
+  expect(read({ standing: "freed" }, "Vera")).toBe("Ana does not hold control any more. [read]");
+  expect(read({ standing: "taken" }, "Vera")).toBe("Ana has handed control over to you. [read]");
+  expect(read({ standing: "withdrawn" }, "Vera")).toBe("nothing");
+});
+
+it("lets an offer be taken or declined by one, and taken back by the other", () => {
+  const offered = { standing: "offered", offered: true } as const;
+  expect(read(offered, "Vera")).toBe("Ana offers you control: “my sweep” [take,decline]");
+  expect(read(offered, "Ana", true)).toBe(
+    "You have offered control to Vera, and hold it until it is taken. [withdraw]",
+  );
+  expect(read({ ...offered, standing: "declined", answer: "" }, "Ana", true)).toBe(
+    "Vera did not take control. [read]",
+  );
+});
+
+it("hands control over to other operators alone", () => {
+  const people = (["Ana", "Vera", "Vic (viewer)"] as const).map((name) => ({
+    name,
+    role: name.includes("viewer") ? ("viewer" as const) : ("operator" as const),
+    pages: 1,
+    since: "2026-01-09T07:05:03Z",
+  }));
+  expect(othersToGetControl(people, "Ana")).toEqual(["Vera"]);
+});

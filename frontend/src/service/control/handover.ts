@@ -1,0 +1,136 @@
+/** Control that is asked for, offered and handed over between people. */
+
+import { useMutation } from "@tanstack/react-query";
+import { answeredBy } from "../../wire/client";
+import { sayOfControl, takeHanded } from "../../wire/control";
+import type { State, Wish } from "../../wire/types";
+
+/** Control that is asked for and handed over: what is said of it, and what stands on this page of it. */
+
+/** What a person is about to say of control: asking the holder, offering it to somebody, answering who asks. */
+export type ControlForm =
+  | { readonly kind: "ask" }
+  | { readonly kind: "offer" }
+  | { readonly kind: "answer"; readonly number: number };
+
+/** What a notice lets its reader do. */
+export type Deed = "answer" | "withdraw" | "take" | "decline" | "read";
+
+export interface Notice {
+  readonly wish: Wish;
+  readonly text: string;
+  readonly deeds: readonly Deed[];
+  /** Whether it wants something of its reader. */
+  readonly urgent: boolean;
+}
+
+export const MOST_LETTERS = 200;
+
+export function isAsked({ standing }: Wish): boolean {
+  return standing === "asked";
+}
+
+/** Whether it waits for somebody. */
+export function isOpen({ standing }: Wish): boolean {
+  return standing === "asked" || standing === "offered" || standing === "handed";
+}
+
+/** The operators to whom control can be handed over. */
+export function othersToGetControl(people: State["people"], me: string | undefined): string[] {
+  return people.filter(({ name, role }) => role === "operator" && name !== me).map(({ name }) => name);
+}
+
+/** What somebody reads of a request or an offer; null where it is none of theirs. `holds`: at the page in control. */
+export function noticeOf(wish: Wish, me: string, holds: boolean): Notice | null {
+  const [text, deeds] = wish.name === me ? forWho(wish) : holds || wish.by === me ? forBy(wish) : [null, []];
+  if (text === null) return null;
+  return { wish, text, deeds, urgent: deeds.includes("answer") || deeds.includes("take") };
+}
+
+type Said = readonly [string | null, readonly Deed[]];
+
+function forWho({ standing, by, reason, answer, offered }: Wish): Said {
+  switch (standing) {
+    case "asked":
+      return [`You have asked ${by} for control.`, ["withdraw"]];
+    case "offered":
+      return [`${by} offers you control: “${reason}”`, ["take", "decline"]];
+    case "handed":
+      return [`${by} hands control over to you${answer ? `: “${answer}”` : "."}`, ["take"]];
+    case "taken":
+      return [`${by} has handed control over to you${answer ? `: “${answer}”` : "."}`, ["read"]];
+    case "declined":
+      return offered ? [null, []] : [`${by} keeps control: “${answer}”`, ["read"]];
+    case "withdrawn":
+      return offered ? [`${by} has taken the offer of control back.`, ["read"]] : [null, []];
+    case "lapsed":
+      return [offered ? `The control that ${by} offered was not taken in time.` : NOT_ANSWERED(by), ["read"]];
+    case "freed":
+      return [`${by} does not hold control any more.`, ["read"]];
+    case "left":
+      return [null, []];
+  }
+}
+
+function forBy({ standing, name, reason, answer, offered }: Wish): Said {
+  switch (standing) {
+    case "asked":
+      return [`${name} asks for control: “${reason}”`, ["answer"]];
+    case "offered":
+      return [`You have offered control to ${name}, and hold it until it is taken.`, ["withdraw"]];
+    case "handed":
+      return [`Handing control over to ${name}: you hold it until it is taken.`, ["withdraw"]];
+    case "taken":
+      return [`You have handed control over to ${name}.`, ["read"]];
+    case "declined":
+      if (!offered) return [null, []];
+      return [`${name} did not take control${answer ? `: “${answer}”` : "."}`, ["read"]];
+    case "lapsed":
+      return [offered ? `${name} did not take the control offered.` : null, ["read"]];
+    case "left":
+      return [`${name} has left; you hold control.`, ["read"]];
+    case "withdrawn":
+    case "freed":
+      return [null, []];
+  }
+}
+
+const NOT_ANSWERED = (by: string) => `${by} has not answered: ask again, or take over.`;
+
+/** Requests of this page itself: what is handed over to them is taken at once. */
+const asked = new Set<number>();
+
+export function askedHere({ number, offered }: Wish): boolean {
+  return !offered && asked.has(number);
+}
+
+export function useAsk() {
+  return useMutation({
+    mutationFn: async (reason: string) => {
+      const wish = (await answeredBy(sayOfControl("wishes", { reason }))) as Wish;
+      asked.add(wish.number);
+    },
+  });
+}
+
+export function useOffer() {
+  return useMutation({
+    mutationFn: (offer: { to: string; reason: string }) => answeredBy(sayOfControl("wishes", offer)),
+  });
+}
+
+interface WishAnswer {
+  readonly number: number;
+  readonly answer: "hand_over" | "decline";
+  readonly reason?: string;
+}
+
+export function useAnswer() {
+  return useMutation({
+    mutationFn: ({ number, ...said }: WishAnswer) => answeredBy(sayOfControl(`wishes/${number}`, said)),
+  });
+}
+
+export function useTakeHanded() {
+  return useMutation({ mutationFn: (number: number) => answeredBy(takeHanded(number)) });
+}

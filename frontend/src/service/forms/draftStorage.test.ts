@@ -1,0 +1,121 @@
+// @vitest-environment jsdom
+
+import { afterEach, expect, it, vi } from "vitest";
+import {
+  claimDraft,
+  type DraftOf,
+  draftIn,
+  isStored,
+  keepDraft,
+  renameDrafts,
+  storedDraft,
+  watchDrafts,
+} from "./draftStorage";
+
+const KEY: DraftOf = { person: "Mara Stein", form: "study" };
+const other = (part: Partial<DraftOf>): DraftOf => ({ ...KEY, ...part });
+
+afterEach(() => {
+  vi.restoreAllMocks();
+  vi.useRealTimers();
+  keepDraft(KEY, null);
+  localStorage.clear();
+});
+
+const read = (key: DraftOf) => draftIn(storedDraft(key))?.value;
+
+it("stores a draft of one person and one form apart from all others", () => {
+  keepDraft(KEY, { text: "a" });
+  keepDraft(other({ person: "Vera" }), { text: "b" });
+  keepDraft(other({ form: "experiment" }), { text: "c" });
+  expect(read(KEY)).toEqual({ text: "a" });
+  keepDraft(KEY, null);
+  expect(read(KEY)).toBeUndefined();
+  expect(read(other({ person: "Vera" }))).toEqual({ text: "b" });
+  expect(localStorage).toHaveLength(2);
+});
+
+it("keeps the time of the first change", () => {
+  vi.useFakeTimers({ now: new Date("2031-05-01T08:00:00Z") });
+  keepDraft(KEY, "a");
+  vi.setSystemTime(new Date("2031-05-01T09:00:00Z"));
+  keepDraft(KEY, "ab");
+  expect(draftIn(storedDraft(KEY))).toEqual({ value: "ab", since: "2031-05-01T08:00:00.000Z" });
+  keepDraft(KEY, null);
+  keepDraft(KEY, "c");
+  expect(draftIn(storedDraft(KEY))?.since).toBe("2031-05-01T09:00:00.000Z");
+});
+
+it.each([
+  "",
+  "no JSON",
+  "null",
+  '{"format":2,"since":"2031-05-01T08:00:00Z","value":1}',
+  '{"format":1,"since":"yesterday","value":1}',
+])("does not read what is no draft of this version: %s", (text) => {
+  keepDraft(KEY, "a");
+  localStorage.setItem(localStorage.key(0) ?? "", text);
+  expect(draftIn(storedDraft(KEY))).toBeNull();
+});
+
+it("holds a draft in memory where the browser stores nothing, and says so", () => {
+  const refused = vi.spyOn(Storage.prototype, "setItem").mockImplementation(() => {
+    throw new DOMException("The quota has been exceeded.", "QuotaExceededError");
+  });
+  keepDraft(KEY, "a");
+  expect(read(KEY)).toBe("a");
+  expect(isStored(KEY)).toBe(false);
+  expect(localStorage).toHaveLength(0);
+  refused.mockRestore();
+  keepDraft(KEY, "ab"); // stored again as soon as that works
+  expect(isStored(KEY)).toBe(true);
+  expect(localStorage).toHaveLength(1);
+});
+
+it("prefers the newer draft in memory to the one that was stored before", () => {
+  keepDraft(KEY, "old");
+  vi.spyOn(Storage.prototype, "setItem").mockImplementation(() => {
+    throw new DOMException("The quota has been exceeded.", "QuotaExceededError");
+  });
+  keepDraft(KEY, "new");
+  expect(read(KEY)).toBe("new");
+});
+
+it("claims for the person what was typed before the person was known", () => {
+  const unknown = other({ person: undefined });
+  keepDraft(unknown, "a");
+  expect(read(unknown)).toBe("a");
+  expect(localStorage).toHaveLength(0);
+  expect(read(KEY)).toBe("a");
+  claimDraft(KEY);
+  expect(localStorage).toHaveLength(1);
+  expect(read(unknown)).toBeUndefined();
+  expect(read(other({ person: "Vera" }))).toBeUndefined();
+  keepDraft(unknown, "b");
+  claimDraft(KEY);
+  expect(read(KEY)).toBe("a"); // a draft of the person's own stays
+});
+
+it("goes with a person who takes another name, with its time, and replaces none", () => {
+  keepDraft(KEY, "a");
+  const since = draftIn(storedDraft(KEY))?.since;
+  keepDraft(other({ form: "experiment" }), "b");
+  keepDraft(other({ person: "Vera", form: "experiment" }), "c");
+  renameDrafts("Mara Stein", "Vera");
+  expect(draftIn(storedDraft(other({ person: "Vera" })))).toEqual({ value: "a", since });
+  expect(read(other({ person: "Vera", form: "experiment" }))).toBe("c");
+  expect(read(other({ person: "Vera (2)" }))).toBe("a"); // the same name at another page
+});
+
+it("tells changes of this page and of another tab until it is stopped", () => {
+  const told = vi.fn();
+  const stop = watchDrafts(told);
+  keepDraft(KEY, "a");
+  expect(told).toHaveBeenCalledTimes(1);
+  window.dispatchEvent(new StorageEvent("storage"));
+  expect(told).toHaveBeenCalledTimes(2);
+  stop();
+  keepDraft(KEY, "b");
+  window.dispatchEvent(new StorageEvent("storage"));
+  expect(told).toHaveBeenCalledTimes(2);
+});

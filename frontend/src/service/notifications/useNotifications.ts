@@ -1,0 +1,207 @@
+/** Tells the person what has happened while the page was not looked at, as they have chosen. */
+
+import { useEffect, useEffectEvent } from "react";
+import { useLocation } from "wouter";
+import { useLiveStore } from "../../live/react";
+import { heading, inWordsOf } from "../../samples/format";
+import { type Angles, inWords } from "../../samples/quantity";
+import { answered, api, RequestError } from "../../wire/client";
+import { PERIOD_S } from "../../wire/sample.gen";
+import type { Fault, Flight, Run, State, Task } from "../../wire/types";
+import { usePreferences } from "../api/preferences";
+import { keepLookedAt, type LocalizedText, tell } from "./notifications";
+
+/** What has happened since the page was opened, by what the service tells of its state. Pure. */
+
+export interface Trip {
+  readonly kind: "trip";
+  readonly fault: Fault;
+  /** Which start of the loop the fault's tick counts from. */
+  readonly starts: number;
+}
+
+export type Happening = Trip | { readonly kind: "over"; readonly run: Task["run"] };
+
+export class Happenings {
+  private before: State | null = null;
+  /** The run whose end was told last: in the pause behind it it is over, and stays what the state names. */
+  private over: Task["run"] | null = null;
+
+  /** What is new in a state; nothing in the first one, which is of before, and nothing of what a recording plays. */
+  heard(state: State): Happening[] {
+    const { before } = this;
+    this.before = state;
+    if (before === null) this.over = isPaused(state.task) ? state.task.run : null;
+    if (before === null || state.plant.kind === "replay") return [];
+    const found: Happening[] = [];
+    if (state.fault !== null && !state.fault.expected && !isSame(before, state)) {
+      found.push({ kind: "trip", fault: state.fault, starts: state.link.starts });
+    }
+    const run = before.task?.run ?? null;
+    if (run !== null && run !== this.over && (run !== state.task?.run || isPaused(state.task))) {
+      found.push({ kind: "over", run });
+      this.over = run;
+    }
+    return found;
+  }
+}
+
+function isPaused(task: Task | null): task is Task {
+  return task?.phase === "paused";
+}
+
+function isSame(before: State, state: State): boolean {
+  return before.link.starts === state.link.starts && before.fault?.tick === state.fault?.tick;
+}
+
+/** Which flight record a trip is in, told by its tick and its time: ticks begin anew with each loop process. Pure. */
+
+/** Clocks that were compared by a header of whole seconds, and the way of that answer, agree within this [ms]. */
+const NEAR_MS = 3000;
+const PERIOD_MS = 1000 * PERIOD_S;
+
+/** How long ago a trip was [ms], by a state told since; null where the loop was started anew meanwhile. */
+export function ageOf({ fault, starts }: Trip, state: State | null): number | null {
+  if (state === null || state.link.starts !== starts || state.tick < fault.tick) return null;
+  return (state.tick - fault.tick) * PERIOD_MS;
+}
+
+/**
+ * The record of a trip at `at_ms` by the service's clock. Trips that follow each other share the record of the first;
+ * of another loop's trip at such a tick, which was at another time, it is not.
+ */
+export function recordOf(flights: readonly Flight[], { fault }: Trip, at_ms: number): Flight | undefined {
+  const apart = flights.flatMap((flight) => {
+    if (flight.kind !== "trip") return [];
+    const after_ms = (fault.tick - flight.tick) * PERIOD_MS;
+    if (after_ms < 0 || after_ms > 1000 * flight.after_s) return [];
+    return [{ flight, ms: Math.abs(Date.parse(flight.at) + after_ms - at_ms) }];
+  });
+  return apart.filter(({ ms }) => ms <= NEAR_MS).sort((a, b) => a.ms - b.ms)[0]?.flight;
+}
+
+/** The words of notifications, from what the service says by type. Pure. */
+
+type Words = Omit<LocalizedText, "open">;
+
+/** A run that is over: its kind, its number, how it ended; what it was, and why it ended so. */
+export function wordsOfRun({ id, kind, title, end_state, end_reason }: Run, angles: Angles): Words {
+  const more = end_state === "completed" ? [title] : [title, end_reason];
+  return {
+    tag: `sinew-run-${id}`,
+    title: `${heading(kind)}, run ${id}: ${inWordsOf(end_state)}`,
+    body: inWords(more.filter((part) => part !== "").join(" · "), angles),
+  };
+}
+
+const STOP: Fault["code"] = "stop_pressed";
+
+/** A trip, with its cause and what to do. Somebody who presses STOP makes no trip of it in words. */
+export function wordsOfTrip({ fault, starts }: Trip, angles: Angles): Words {
+  return {
+    tag: `sinew-trip-${starts}-${fault.tick}`,
+    title: fault.code === STOP ? "Stopped" : `Tripped: ${inWordsOf(fault.code)}`,
+    body: inWords(`${fault.message} ${fault.remedy}`, angles),
+  };
+}
+
+/** A flight record is there once the seconds after its trip are over. */
+const LOOKS = 20;
+const LOOK_MS = 500;
+/** A run whose last samples are being stored is asked for again after so long [ms], one that could not be had later. */
+const AGAIN_MS = 500;
+const AFTER_FAILURE_MS = 5000;
+
+export function useNotifications(): void {
+  const store = useLiveStore();
+  const { preferences } = usePreferences();
+  const { notify, sound, angles } = preferences;
+  const [, go] = useLocation();
+  const ways = { notification: notify, sound };
+  const wanted = notify || sound;
+
+  const tellTrip = useEffectEvent((trip: Trip) => {
+    if (!wanted) return;
+    const heard_ms = Date.now() - (ageOf(trip, store.snapshot().state) ?? 0);
+    const open = () => {
+      const age_ms = ageOf(trip, store.snapshot().state); // of now: a tab that slept has heard of it late
+      void openFlight(trip, age_ms === null ? heard_ms : Date.now() - age_ms, go);
+    };
+    void tell({ ...wordsOfTrip(trip, angles), open }, ways);
+  });
+  /** Whether there is nothing more to be told of a run. */
+  const tellRun = useEffectEvent(async (id: number): Promise<boolean> => {
+    if (!wanted) return true;
+    const run = await answered(api.GET("/api/runs/{id}", { params: { path: { id } } }));
+    if (run.end_state === "running") return false; // its last samples are being stored
+    await tell({ ...wordsOfRun(run, angles), open: () => go(`/runs/${id}`) }, ways);
+    return true;
+  });
+
+  useEffect(keepLookedAt, []);
+  useEffect(() => {
+    const happenings = new Happenings();
+    const over = new Set<number>();
+    const notBefore = new Map<number, number>();
+    let heard: State | null = null;
+
+    function look(id: number): void {
+      if (performance.now() < (notBefore.get(id) ?? 0)) return;
+      notBefore.set(id, Number.POSITIVE_INFINITY); // while it is asked for
+      const again = (in_ms: number) => notBefore.set(id, performance.now() + in_ms);
+      tellRun(id)
+        .then((done) => (done ? over.delete(id) : again(AGAIN_MS)))
+        .catch((error) => (isFinal(error) ? over.delete(id) : again(AFTER_FAILURE_MS)));
+    }
+
+    function hear(): void {
+      const { state } = store.snapshot();
+      if (state === null || state === heard) return;
+      heard = state;
+      for (const happening of happenings.heard(state)) take(happening);
+      for (const id of over) look(id);
+    }
+
+    function take(happening: Happening): void {
+      if (happening.kind === "trip") tellTrip(happening);
+      else over.add(happening.run);
+    }
+
+    hear();
+    return store.subscribe(hear);
+  }, [store]);
+}
+
+/** Whether asking again would be answered the same: it is not there, or not for this person. */
+function isFinal(error: unknown): boolean {
+  return error instanceof RequestError && error.status >= 400 && error.status < 500 && error.status !== 429;
+}
+
+/** Flight records, and by how much the service's clock is ahead of this page's [ms]. */
+async function flightsNow(): Promise<{ flights: readonly Flight[]; ahead_ms: number }> {
+  const from_ms = Date.now();
+  const request = api.GET("/api/flights");
+  const { flights } = await answered(request);
+  const date = Date.parse((await request).response.headers.get("Date") ?? "");
+  // of a header in whole seconds, and at some time of the way there and back
+  const ahead_ms = Number.isNaN(date) ? 0 : date + 500 - (from_ms + Date.now()) / 2;
+  return { flights, ahead_ms };
+}
+
+/** Leads to the record of a trip at `at_ms` by the page's clock; to the log where there is none. */
+async function openFlight(trip: Trip, at_ms: number, go: (path: string) => void): Promise<void> {
+  for (let look = 0; look < LOOKS; look++) {
+    try {
+      const { flights, ahead_ms } = await flightsNow();
+      const flight = recordOf(flights, trip, at_ms + ahead_ms);
+      if (flight !== undefined) {
+        go(`/flights/${flight.id}`);
+        return;
+      }
+    } catch (error) {
+      if (isFinal(error)) break;
+    }
+    await new Promise((later) => setTimeout(later, LOOK_MS));
+  }
+  go("/log");
+}
