@@ -37,7 +37,7 @@ def test_what_is_written_is_read_and_found_in_the_dashboard(same_operator: Opera
         shown = page.get_by_role("article").get_by_role("heading")
         expect(shown).to_have_text(headings(name))
 
-    page.get_by_role("textbox", name="Search in all of them", exact=True).fill("hands module cut")
+    page.get_by_role("textbox", name="Search in all of them", exact=True).fill("safety module trip")
     count = page.get_by_role("status", name="Found", exact=True)
     expect(count).to_have_text(re.compile(r"^\d+ places?"))
     first = page.get_by_role("main").get_by_role("listitem").get_by_role("link").first
