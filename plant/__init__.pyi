@@ -15,7 +15,7 @@ from .compilation import (
     cache_compiled,
     compiled,
     compiled_run,
-    keep_compiled,
+    store_compiled,
 )
 from .conformance import CheckFinding, CheckOutcome, Subject, run_contract
 from .daq import Daq, Raw, read_driver_version
@@ -98,8 +98,8 @@ from .simulator import (
     Simulator,
     actuate_plant,
     is_limit_exceeded,
+    make_sensor_model,
     sense_state,
-    sensor_model,
     simulate_period,
 )
 from .terminals import SATURATED_V
@@ -194,7 +194,6 @@ __all__ = [
     "friction_torque",
     "is_limit_exceeded",
     "joint_acceleration",
-    "keep_compiled",
     "largest_wall_damping",
     "largest_wall_stiffness",
     "load_cell_line",
@@ -203,6 +202,7 @@ __all__ = [
     "load_wiring",
     "load_wiring_choice",
     "make_plant",
+    "make_sensor_model",
     "parse_parameters",
     "read_driver_version",
     "require_available",
@@ -210,7 +210,6 @@ __all__ = [
     "run_contract",
     "select_calibration",
     "sense_state",
-    "sensor_model",
     "simulate_period",
     "smooth_friction",
     "spring_curvature",
@@ -218,6 +217,7 @@ __all__ = [
     "spring_polynomial",
     "spring_slope",
     "state_derivative",
+    "store_compiled",
     "tendon_tension",
     "tendon_tension_slope",
     "wiring_fingerprint",

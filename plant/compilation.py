@@ -71,15 +71,15 @@ _log = logging.getLogger(__name__)
 def _cache_folder() -> Path | None:
     """Return the folder that machine code is kept in, None where it has to stay in memory; say where it is unusual."""
     name = f"compiled-{_digest_of_sources()}"
-    usual, further = list(_usual_places()), list(_further_places())
-    named = ", ".join(map(str, usual)) or "a cache folder of an account without a home"
-    for place in (*usual, *further):
-        folder = place / name
-        if _can_be_used(folder):
-            _copy_what_is_prepared(folder)
-            if place != next(iter(usual), None):
-                os.environ["NUMBA_CACHE_DIR"] = str(place)  # further processes look there first, and say nothing
-                _log.warning("%s cannot be used. Compiled code goes to %s.", named, folder)
+    preferred, fallback = list(_list_preferred_folders()), list(_list_fallback_folders())
+    names = ", ".join(map(str, preferred)) or "a cache folder of an account without a home"
+    for parent in (*preferred, *fallback):
+        folder = parent / name
+        if _prepare_folder(folder):
+            _copy_prepared_cache(folder)
+            if parent != next(iter(preferred), None):
+                os.environ["NUMBA_CACHE_DIR"] = str(parent)  # further processes look there first, and say nothing
+                _log.warning("%s cannot be used. Compiled code goes to %s.", names, folder)
             return folder
     if _IN_MEMORY not in os.environ:
         os.environ[_IN_MEMORY] = "1"
@@ -89,7 +89,7 @@ def _cache_folder() -> Path | None:
     return None
 
 
-def _copy_what_is_prepared(folder: Path) -> None:
+def _copy_prepared_cache(folder: Path) -> None:
     """Copy what an image has compiled into a folder without machine code, and the figures that go with it.
 
     What cannot be read is compiled anew, as is what was compiled for another processor.
@@ -106,31 +106,31 @@ def _copy_what_is_prepared(folder: Path) -> None:
                 shutil.copyfile(figures, folder.parent / figures.name)
 
 
-def _usual_places() -> Iterator[Path]:
-    """Yield where machine code is kept: where numba is told to, else in the cache folder of the account."""
+def _list_preferred_folders() -> Iterator[Path]:
+    """Yield the preferred cache folders: NUMBA_CACHE_DIR, else the account's cache folder."""
     if named := os.environ.get("NUMBA_CACHE_DIR"):
         yield Path(named)
     with suppress(RuntimeError):  # an account without a home
         yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sinew"
 
 
-def _further_places() -> Iterator[Path]:
-    """Yield where else machine code may lie: in the data folder, or in a folder of the account among temporary ones."""
+def _list_fallback_folders() -> Iterator[Path]:
+    """Yield the fallback cache folders: in the data folder, then the account's temporary folder."""
     if (data := os.environ.get(FALLBACK)) and Path(data).is_dir():  # to make a data folder is not for us
         yield Path(data) / "cache"
     with suppress(OSError):
         yield Path(tempfile.gettempdir()) / f"sinew-{os.geteuid()}"
 
 
-def _can_be_used(folder: Path) -> bool:
+def _prepare_folder(folder: Path) -> bool:
     """Make a folder; return whether files can be made in it, and by no other account: what it holds is executed."""
-    place = folder.parent
+    parent = folder.parent
     try:
-        for made in (place, folder):
-            made.mkdir(mode=0o700, parents=True, exist_ok=True)
+        for created in (parent, folder):
+            created.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-        return _is_safe(place) and _is_safe(folder)
+        return _is_safe(parent) and _is_safe(folder)
     except OSError:
         return False
 
@@ -139,8 +139,8 @@ def _is_safe(folder: Path) -> bool:
     """Return whether a folder is this account's own, where everybody could have made it."""
     if not folder.parent.stat().st_mode & stat.S_IWOTH:
         return True
-    found = folder.stat()
-    return found.st_uid == os.geteuid() and not found.st_mode & (stat.S_IWOTH | stat.S_IWGRP)
+    status = folder.stat()
+    return status.st_uid == os.geteuid() and not status.st_mode & (stat.S_IWOTH | stat.S_IWGRP)
 
 
 def _digest_of_sources() -> str:
@@ -161,7 +161,7 @@ if numba.config.DISABLE_JIT:
 STRICT: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 
 
-class _InTurns(FunctionCache):
+class _LockedCache(FunctionCache):
     """Machine code on disk, written by one process at a time.
 
     Two that compile a function for different arguments at the same time would be given one and the same file by numba,
@@ -181,7 +181,7 @@ def cache_compiled(function: _F) -> _F:
     """Return what numba has decorated so that its machine code is kept on disk, by many processes at a time."""
     dispatcher: Any = function
     if CACHE is not None:
-        dispatcher._cache = cast(Any, _InTurns)(dispatcher.py_func)
+        dispatcher._cache = cast(Any, _LockedCache)(dispatcher.py_func)
     return function
 
 
@@ -223,20 +223,20 @@ class PrecompiledCall(Generic[_R, *_Arguments]):
     """
 
     def __init__(self, function: Callable[[*_Arguments], _R], *like: *_Arguments) -> None:
-        self._made_from = function, like
+        self._origin = function, like
         like = cast(Any, _as_declared(like, tuple(get_type_hints(cast(Any, function).py_func).values())))
-        self._whole = tuple(_whole_numbers(like))
-        kind = function, kind_of(like)
-        if kind not in _KNOWN:
+        self._integer_paths = tuple(_find_integers(like))
+        kind = function, get_compiled_kind(like)
+        if kind not in _OVERLOADS:
             types = tuple(map(cast(Any, numba.typeof), like))
             dispatcher: Any = function
             dispatcher.compile(types)
-            _KNOWN[kind] = dispatcher.get_overload(types)
-        self._code: Callable[..., _R] = _KNOWN[kind]
+            _OVERLOADS[kind] = dispatcher.get_overload(types)
+        self._code: Callable[..., _R] = _OVERLOADS[kind]
 
     def __call__(self, *arguments: *_Arguments) -> _R:
         """Call it."""
-        for path in self._whole:  # machine code would cut off the rest
+        for path in self._integer_paths:  # machine code would cut off the rest
             value: Any = arguments
             for at in path:
                 value = value[at]
@@ -245,10 +245,10 @@ class PrecompiledCall(Generic[_R, *_Arguments]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what it was made from: machine code stays in its process."""
-        return PrecompiledCall, (self._made_from[0], *self._made_from[1])
+        return PrecompiledCall, (self._origin[0], *self._origin[1])
 
 
-_KNOWN: dict[object, Callable[..., Any]] = {}
+_OVERLOADS: dict[object, Callable[..., Any]] = {}
 """Machine code by function and kind of arguments: asking numba for the types takes half a tick."""
 
 
@@ -267,19 +267,19 @@ def _as_declared(value: Any, hint: Any) -> Any:
     return tuple(map(_as_declared, value, hints)) if len(hints) >= len(value) else value
 
 
-def _whole_numbers(value: object) -> Iterator[tuple[int, ...]]:
+def _find_integers(value: object) -> Iterator[tuple[int, ...]]:
     """Yield the way to each whole number of nested tuples."""
     if isinstance(value, tuple):
         for at, part in enumerate(value):
-            yield from ((at, *path) for path in _whole_numbers(part))
+            yield from ((at, *path) for path in _find_integers(part))
     elif type(value) is int:
         yield ()
 
 
-def kind_of(value: object) -> object:
+def get_compiled_kind(value: object) -> object:
     """Return what is equal for values that are the same to the compiler: types, and of arrays how they lie."""
     if isinstance(value, tuple):
-        return type(value), *map(kind_of, value)
+        return type(value), *map(get_compiled_kind, value)
     if isinstance(value, np.ndarray):
         return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.writeable
     return getattr(value, "numba_type", type(value))  # cells are alike where what they hold is
@@ -301,7 +301,7 @@ def compiled_run(function: _F) -> _F:
 # A call hands over the address of a cell where it would hand over hundreds of numbers, one by one.
 # Compiled functions say ``cell.value`` for all that a cell holds, ``cell.field`` for the cell of a
 # field, and ``keep(cell, value)``; a function may be compiled for cells before any is there. From
-# the interpreter a cell is read by ``get`` and filled by ``put``.
+# the interpreter a cell is read by ``get`` and filled by ``set``.
 
 
 _T = TypeVar("_T")
@@ -309,11 +309,11 @@ _Arrays = dict[int, NDArray[Any]]
 
 
 class CellType(types.Type):
-    """numba's type of a cell that holds ``holds``."""
+    """numba's type of a cell that holds ``content``."""
 
-    def __init__(self, holds: Any) -> None:
-        self.holds = holds
-        super().__init__(name=f"Cell({holds})")
+    def __init__(self, content: Any) -> None:
+        self.content = content
+        super().__init__(name=f"Cell({content})")
 
 
 class StateBlock(Generic[_T]):
@@ -326,11 +326,11 @@ class StateBlock(Generic[_T]):
         layout = _layout_for(first)
         self._memory = np.zeros(layout.size // 8 + 1)  # of doubles: numbers stand at multiples of their size
         self._arrays: _Arrays = {}
-        self._whole: tuple[StateBlock[Any], str] | None = None
-        self._lie(layout, self._memory.ctypes.data)
-        self.put(first)
+        self._parent: tuple[StateBlock[Any], str] | None = None
+        self._bind(layout, self._memory.ctypes.data)
+        self.set(first)
 
-    def _lie(self, layout: _Layout, address: int) -> None:
+    def _bind(self, layout: _Layout, address: int) -> None:
         self.numba_type = layout.numba_type
         self.address = address
         self._offset = address - self._memory.ctypes.data
@@ -340,22 +340,22 @@ class StateBlock(Generic[_T]):
     def field(self, name: str) -> StateBlock[Any]:
         """Return the cell of a field."""
         offset, layout = self._layout.field(name)
-        part: StateBlock[Any] = object.__new__(StateBlock)
-        part._memory, part._arrays, part._whole = self._memory, self._arrays, (self, name)
-        part._lie(layout, self.address + offset)
-        return part
+        block: StateBlock[Any] = object.__new__(StateBlock)
+        block._memory, block._arrays, block._parent = self._memory, self._arrays, (self, name)
+        block._bind(layout, self.address + offset)
+        return block
 
-    def put(self, value: _T) -> None:
+    def set(self, value: _T) -> None:
         """Fill it. Raises struct.error for what is not like the first."""
         arrays: _Arrays = {}
-        packed = self._layout.packed.pack(*self._layout.taken_apart(value, arrays, self._offset))
+        packed = self._layout.packed.pack(*self._layout.flatten(value, arrays, self._offset))
         self._bytes[self._offset : self._offset + len(packed)] = packed  # whole or not at all
         self._arrays.update(arrays)
 
     def get(self) -> _T:
         """Return what it holds now; arrays are those that were put."""
         numbers = iter(self._layout.packed.unpack_from(self._bytes, self._offset))
-        return cast(_T, self._layout.made(numbers, self._arrays, self._offset))
+        return cast(_T, self._layout.build(numbers, self._arrays, self._offset))
 
     if TYPE_CHECKING:  # what compiled functions say
         value: _T
@@ -364,11 +364,11 @@ class StateBlock(Generic[_T]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle what it holds, the cell of a field as that of the whole."""
-        return (StateBlock, (self.get(),)) if self._whole is None else (StateBlock.field, self._whole)
+        return (StateBlock, (self.get(),)) if self._parent is None else (StateBlock.field, self._parent)
 
 
 _Flat = Callable[[Any, list[object], _Arrays, int], None]
-_Made = Callable[[Iterator[Any], _Arrays, int], Any]
+_Build = Callable[[Iterator[Any], _Arrays, int], Any]
 
 
 class _Layout:
@@ -379,26 +379,26 @@ class _Layout:
         self.size = _size(kind)
         self._fields: dict[str, tuple[int, _Layout]] = {}
         leaves: list[tuple[int, str]] = []
-        self._flat, self.made = _described(kind, 0, leaves)
-        words, end = [], 0
+        self._flatten, self.build = _describe_type(kind, 0, leaves)
+        formats, end = [], 0
         for at, letters in leaves:
-            words.append(f"{at - end}x{letters}")
+            formats.append(f"{at - end}x{letters}")
             end = at + struct.calcsize(f"={letters}")
-        self.packed = struct.Struct("=" + "".join(words))
+        self.packed = struct.Struct("=" + "".join(formats))
 
     def field(self, name: str) -> tuple[int, _Layout]:
         """Return where a field begins, and how it lies there."""
         if name not in self._fields:
-            kind = self.numba_type.holds
+            kind = self.numba_type.content
             index = kind.fields.index(name)
             self._fields[name] = _offset(kind, index), _Layout(kind.types[index])
         return self._fields[name]
 
-    def taken_apart(self, value: object, arrays: _Arrays, offset: int) -> list[object]:
-        """Return the numbers of a value in the order in which they stand; its arrays go to ``arrays``."""
-        found: list[object] = []
-        self._flat(value, found, arrays, offset)
-        return found
+    def flatten(self, value: object, arrays: _Arrays, offset: int) -> list[object]:
+        """Return the numbers of a value in their order in memory; its arrays go to ``arrays``."""
+        numbers: list[object] = []
+        self._flatten(value, numbers, arrays, offset)
+        return numbers
 
 
 _SCALARS = {types.float64: "d", types.int64: "q", types.boolean: "?"}
@@ -407,14 +407,14 @@ _LAYOUTS: dict[object, _Layout] = {}
 
 
 def _layout_for(value: object) -> _Layout:
-    kind = kind_of(value)
+    kind = get_compiled_kind(value)
     if kind not in _LAYOUTS:
         _LAYOUTS[kind] = _Layout(typeof(value))
     return _LAYOUTS[kind]
 
 
-def _described(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat, _Made]:
-    """Add the leaves of a type that begins at ``at``; return how to take it apart and to put it together."""
+def _describe_type(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat, _Build]:
+    """Add the leaves of a type that begins at ``at``; return the functions that flatten and build its values."""
     if kind in _SCALARS:
         leaves.append((at, _SCALARS[kind]))
         return lambda value, found, _arrays, _offset: found.append(value), lambda numbers, _arrays, _offset: next(
@@ -423,44 +423,44 @@ def _described(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat
     if isinstance(kind, types.NoneType):
         return lambda _value, _found, _arrays, _offset: None, lambda _numbers, _arrays, _offset: None
     if isinstance(kind, types.Array):
-        return _described_array(kind, at, leaves)
+        return _describe_array(kind, at, leaves)
     if isinstance(kind, types.BaseTuple):
-        return _described_tuple(kind, at, leaves)
+        return _describe_tuple(kind, at, leaves)
     raise TypeError(f"a cell has no place for {kind}")
 
 
-def _described_array(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat, _Made]:
+def _describe_array(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat, _Build]:
     count = 5 + 2 * kind.ndim  # owner, parent, items, size of one, address, shape, strides
     leaves.append((at, f"{count}q"))
 
-    def flat(value: Any, found: list[object], arrays: _Arrays, offset: int) -> None:
+    def flatten(value: Any, found: list[object], arrays: _Arrays, offset: int) -> None:
         if typeof(value) != kind:
             raise struct.error(f"an array of {typeof(value)} where {kind} has a place")
         arrays[offset + at] = value
         found += [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
 
-    def made(numbers: Iterator[Any], arrays: _Arrays, offset: int) -> Any:
+    def make(numbers: Iterator[Any], arrays: _Arrays, offset: int) -> Any:
         for _ in range(count):
             next(numbers)
         return arrays[offset + at]
 
-    return flat, made
+    return flatten, make
 
 
-def _described_tuple(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat, _Made]:
-    parts = [_described(part, at + _offset(kind, index), leaves) for index, part in enumerate(kind.types)]
+def _describe_tuple(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat, _Build]:
+    parts = [_describe_type(part, at + _offset(kind, index), leaves) for index, part in enumerate(kind.types)]
     build = kind.instance_class if isinstance(kind, types.BaseNamedTuple) else lambda *values: values
 
-    def flat(value: Any, found: list[object], arrays: _Arrays, offset: int) -> None:
+    def flatten(value: Any, found: list[object], arrays: _Arrays, offset: int) -> None:
         if len(value) != len(parts):
             raise struct.error(f"{value} is not like what the cell was made for")
         for (part, _), inner in zip(parts, value, strict=True):
             part(inner, found, arrays, offset)
 
-    def made(numbers: Iterator[Any], arrays: _Arrays, offset: int) -> Any:
+    def make(numbers: Iterator[Any], arrays: _Arrays, offset: int) -> Any:
         return build(*(part(numbers, arrays, offset) for _, part in parts))
 
-    return flat, made
+    return flatten, make
 
 
 def _data_type(kind: Any) -> Any:
@@ -491,7 +491,7 @@ def _typeof(cell: StateBlock[Any], _context: Any) -> CellType:
 
 
 @unbox(CellType)
-def _unboxed(_kind: CellType, cell: Any, c: Any) -> Any:
+def _unbox(_kind: CellType, cell: Any, c: Any) -> Any:
     address = c.pyapi.object_getattr_string(cell, "address")
     value = c.pyapi.long_as_longlong(address)
     c.pyapi.decref(address)
@@ -505,30 +505,30 @@ class _Attributes(AttributeTemplate):
     def generic_resolve(self, cell: CellType, name: str) -> Any:
         """Return the type of what a cell holds, or of the cell of a field."""
         if name == "value":
-            return cell.holds
-        holds = cell.holds
-        if isinstance(holds, types.BaseNamedTuple) and name in holds.fields:
-            return CellType(holds.types[holds.fields.index(name)])
+            return cell.content
+        content = cell.content
+        if isinstance(content, types.BaseNamedTuple) and name in content.fields:
+            return CellType(content.types[content.fields.index(name)])
         return None
 
 
 @lower_getattr_generic(CellType)
 def _attribute(context: Any, builder: Any, cell: CellType, address: Any, name: str) -> Any:
-    place = builder.inttoptr(address, context.get_data_type(cell.holds).as_pointer())
+    pointer = builder.inttoptr(address, context.get_data_type(cell.content).as_pointer())
     if name == "value":
-        return context.unpack_value(builder, cell.holds, place)
-    part = cgutils.gep_inbounds(builder, place, 0, cell.holds.fields.index(name))
+        return context.unpack_value(builder, cell.content, pointer)
+    part = cgutils.gep_inbounds(builder, pointer, 0, cell.content.fields.index(name))
     return builder.ptrtoint(part, cgutils.intp_t)
 
 
-def _keep(_context: Any, cell: Any, value: Any) -> Any:
+def _store_value(_context: Any, cell: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        place = builder.inttoptr(arguments[0], context.get_data_type(cell.holds).as_pointer())
-        context.pack_value(builder, cell.holds, arguments[1], place)
+        pointer = builder.inttoptr(arguments[0], context.get_data_type(cell.content).as_pointer())
+        context.pack_value(builder, cell.content, arguments[1], pointer)
         return context.get_dummy_value()
 
-    return types.void(cell, cell.holds), generate
+    return types.void(cell, cell.content), generate
 
 
-keep_compiled: Callable[[StateBlock[_T], _T], None] = cast(Any, intrinsic)(_keep)
-"""Let a cell hold a value of its type; for compiled functions."""
+store_compiled: Callable[[StateBlock[_T], _T], None] = cast(Any, intrinsic)(_store_value)
+"""Store a value in a block of its type; for compiled functions."""

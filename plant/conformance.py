@@ -14,7 +14,7 @@ from enum import StrEnum
 from statistics import median
 
 from plant.errors import SinewError
-from plant.factory import lacks
+from plant.factory import find_missing_parts
 from plant.interface import (
     NO_LOAD,
     ZERO_VOLTS,
@@ -99,18 +99,18 @@ class Check:
 
 def promise(sentence: str) -> Callable[[Callable[[Subject], str | None]], Check]:
     """Make a check of a function that returns what was seen."""
-    return lambda made: Check(made.__name__.strip("_"), sentence, made)
+    return lambda function: Check(function.__name__.strip("_"), sentence, function)
 
 
-def require(kept: bool, seen: str) -> None:
-    """Raise BrokenPromiseError with what was ``seen`` unless the promise is ``kept``."""
-    if not kept:
-        raise BrokenPromiseError(seen)
+def require(holds: bool, message: str) -> None:
+    """Raise BrokenPromiseError with what was ``seen`` unless the promise is ``holds``."""
+    if not holds:
+        raise BrokenPromiseError(message)
 
 
 @contextmanager
-def opened(subject: Subject) -> Iterator[Plant]:
-    """Give a plant that is open; close it at the end, whatever happens."""
+def open_subject(subject: Subject) -> Iterator[Plant]:
+    """Open a plant for the block and close it at the end."""
     plant = subject.make()
     plant.open()
     try:
@@ -120,8 +120,8 @@ def opened(subject: Subject) -> Iterator[Plant]:
 
 
 @contextmanager
-def others_garbage_stays() -> Iterator[None]:
-    """Keep the collector's hands off all that is there already, until the end: memory can be counted meanwhile.
+def freeze_garbage() -> Iterator[None]:
+    """Exclude existing objects from garbage collection for the block, so that memory can be counted.
 
     Garbage in cycles that others have left would be freed between two counts and hide what is kept. To collect it
     at a count would keep the plant waiting for longer than a watchdog does, and empty lists that fill again.
@@ -133,7 +133,7 @@ def others_garbage_stays() -> Iterator[None]:
         gc.unfreeze()
 
 
-def driving_voltage(subject: Subject) -> float:
+def require_driving_voltage(subject: Subject) -> float:
     """Return the voltage that may be used [V]. Raises NotTriedError where there is none."""
     if not subject.answers:
         raise NotTriedError("what is written to it has no effect, as it says")
@@ -142,14 +142,14 @@ def driving_voltage(subject: Subject) -> float:
     return subject.voltage
 
 
-def look(plant: Plant, m: Measurement, parameters: PlantParameters) -> None:
+def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> None:
     """Raise BrokenPromiseError for a reading that no rig of these parameters gives."""
     require(isinstance(m, Measurement), f"read gave a {type(m).__name__}, it has to be a Measurement")
     wrong = [name for name, value in zip(m._fields, m, strict=True) if not isinstance(value, float)]
     require(not wrong, f"no floats: {', '.join(wrong)}")
-    told = {name: value for name, value in zip(m._fields, m, strict=True) if name not in ("S_true", "F_wall")}
-    silent = [name for name, value in told.items() if not math.isfinite(value)]
-    require(not silent, f"no finite number: {', '.join(silent)}")
+    reported = {name: value for name, value in zip(m._fields, m, strict=True) if name not in ("S_true", "F_wall")}
+    missing = [name for name, value in reported.items() if not math.isfinite(value)]
+    require(not missing, f"no finite number: {', '.join(missing)}")
     q_max, F_max = parameters.geometry.q_max, parameters.safety.F_max
     require(abs(m.q) <= 1.1 * q_max, f"q = {m.q:g}, beyond {q_max:.3g} rad: is it in rad?")
     for name, F in (("F_A", m.F_A), ("F_B", m.F_B)):
@@ -160,7 +160,7 @@ def look(plant: Plant, m: Measurement, parameters: PlantParameters) -> None:
     require(len(plant.raw) == 5, "raw has to be a RawReading, of nan where there is no card")
 
 
-def driven(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:
+def drive(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:
     """Write for so many ticks, each after a reading, at the plant's pace; return what is read then."""
     for _ in range(ticks):
         begun_s = time.monotonic()
@@ -171,12 +171,12 @@ def driven(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:
     return plant.read()
 
 
-def at_rest(first: Measurement, m: Measurement) -> None:
+def require_at_rest(first: Measurement, m: Measurement) -> None:
     """Raise BrokenPromiseError where joint or motors have moved by more than a slack tendon settles."""
     for name in ("q", "theta_A", "theta_B"):
-        crept = abs(getattr(m, name) - getattr(first, name))
-        if not crept <= RESTING_RAD:
-            raise BrokenPromiseError(f"{name} moved by {crept:.2g} rad at zero volts")
+        travel = abs(getattr(m, name) - getattr(first, name))
+        if not travel <= RESTING_RAD:
+            raise BrokenPromiseError(f"{name} moved by {travel:.2g} rad at zero volts")
 
 
 # Contract ------------------------------------------------------------------------------------------
@@ -197,7 +197,7 @@ MOVED_RAD = 1e-3
 @promise("It has all parts of the Plant protocol, each of the type that the protocol gives.")
 def _is_a_plant(subject: Subject) -> str:
     plant = subject.make()
-    require(not lacks(plant), f"it has no {lacks(plant)}")
+    require(not find_missing_parts(plant), f"it has no {find_missing_parts(plant)}")
     for name in ("paces_loop", "stepped", "pushes", "loads_shafts"):
         require(isinstance(getattr(plant, name), bool), f"{name} has to be True or False")
     limit_s = plant.unattended_max_s
@@ -209,51 +209,51 @@ def _is_a_plant(subject: Subject) -> str:
 
 @promise("Once it is open, its description says in one line what is driven and how it is timed.")
 def _describes_itself(subject: Subject) -> str:
-    with opened(subject) as plant:
-        said = plant.description
-    require(isinstance(said, str) and said.strip() != "", "it says nothing")
-    require(len(said.splitlines()) == 1, "it has more than one line")
-    return said
+    with open_subject(subject) as plant:
+        description = plant.description
+    require(isinstance(description, str) and description.strip() != "", "it says nothing")
+    require(len(description.splitlines()) == 1, "it has more than one line")
+    return description
 
 
 @promise("It opens at zero volts: joint and motors stand still before anything is written.")
 def _opens_at_rest(subject: Subject) -> None:
-    with opened(subject) as plant:
+    with open_subject(subject) as plant:
         first = plant.read()
         unwatched = round(0.5 * plant.unattended_max_s / T_s)
         for _ in range(min(50, unwatched)):
-            at_rest(first, plant.read())
+            require_at_rest(first, plant.read())
 
 
 @promise("It can be read before the first write, in rad and N, with finite numbers that its parameters allow.")
 def _reads_in_si(subject: Subject) -> str:
-    with opened(subject) as plant:
+    with open_subject(subject) as plant:
         m = plant.read()
-        look(plant, m, subject.parameters)
+        check_reading(plant, m, subject.parameters)
         require(isinstance(plant.raw, RawReading), "raw has to be a RawReading")
     return f"q = {m.q:.4g} rad, F_A = {m.F_A:.3g} N, F_B = {m.F_B:.3g} N"
 
 
 @promise("At zero volts joint and motors stay where they are, and every reading of a second is in order.")
 def _rests_at_zero_volts(subject: Subject) -> None:
-    with opened(subject) as plant:
+    with open_subject(subject) as plant:
         first = plant.read()
         for _ in range(subject.ticks(PERIODS)):
             plant.write(ZERO_VOLTS)
             m = plant.read()
-            look(plant, m, subject.parameters)
+            check_reading(plant, m, subject.parameters)
             if subject.answers:
-                at_rest(first, m)
+                require_at_rest(first, m)
 
 
 @promise("A positive voltage winds its own motor up: its angle grows, and the other motor's does not.")
 def _a_voltage_acts(subject: Subject) -> str:
-    volts = driving_voltage(subject)
+    volts = require_driving_voltage(subject)
     moved = []
     for side, command in enumerate((MotorCommand(volts, 0.0), MotorCommand(0.0, volts))):
-        with opened(subject) as plant:
+        with open_subject(subject) as plant:
             first = plant.read()
-            last = driven(plant, command, DRIVE_TICKS)
+            last = drive(plant, command, DRIVE_TICKS)
         turned = last.theta_A - first.theta_A, last.theta_B - first.theta_B
         own, other = turned[side], turned[1 - side]
         letter = "AB"[side]
@@ -265,26 +265,26 @@ def _a_voltage_acts(subject: Subject) -> str:
 
 @promise("What is written acts from the next period on: without a write a stepped plant reads the same again.")
 def _a_write_counts_from_the_next_reading(subject: Subject) -> None:
-    volts = driving_voltage(subject)
-    with opened(subject) as plant:
+    volts = require_driving_voltage(subject)
+    with open_subject(subject) as plant:
         if not plant.stepped:
             raise NotTriedError("it moves with the clock, not with the writes")
-        m = driven(plant, MotorCommand(volts, volts), DRIVE_TICKS)
+        m = drive(plant, MotorCommand(volts, volts), DRIVE_TICKS)
         again = plant.read()
         require(again[:3] == m[:3], f"it moved between two readings without a write: {m[:3]} to {again[:3]}")
 
 
 @promise("Voltages beyond the outputs' range are refused with a PlantError or held at the range.")
 def _keeps_to_its_voltages(subject: Subject) -> str:
-    driving_voltage(subject)
+    require_driving_voltage(subject)
     u_max = subject.parameters.motor.u_max
-    with opened(subject) as plant:
+    with open_subject(subject) as plant:
         if not plant.stepped:
             raise NotTriedError("a plant that really moves is not driven at full voltage")
-        at_bound = driven(plant, MotorCommand(u_max, u_max), 20)
-    with opened(subject) as plant:
+        at_bound = drive(plant, MotorCommand(u_max, u_max), 20)
+    with open_subject(subject) as plant:
         try:
-            beyond = driven(plant, MotorCommand(100.0 * u_max, 100.0 * u_max), 20)
+            beyond = drive(plant, MotorCommand(100.0 * u_max, 100.0 * u_max), 20)
         except PlantError as error:
             return f"refused: {error}"
     for excess in (beyond.theta_A - at_bound.theta_A, beyond.theta_B - at_bound.theta_B):
@@ -294,21 +294,21 @@ def _keeps_to_its_voltages(subject: Subject) -> str:
 
 @promise("A voltage that is no number is refused with a PlantError or taken for zero volts; nothing moves by it.")
 def _no_number_is_no_voltage(subject: Subject) -> str:
-    said = []
+    outcomes = []
     for command in (MotorCommand(math.nan, 0.0), MotorCommand(0.0, math.inf)):
-        with opened(subject) as plant:
+        with open_subject(subject) as plant:
             first = plant.read()
             try:
                 plant.write(command)
             except PlantError as error:
-                said.append(f"refused: {error}")
+                outcomes.append(f"refused: {error}")
             for _ in range(20):
                 m = plant.read()
-                look(plant, m, subject.parameters)
+                check_reading(plant, m, subject.parameters)
                 if subject.answers:
-                    at_rest(first, m)
+                    require_at_rest(first, m)
                 plant.write(ZERO_VOLTS)
-    return said[0] if said else "taken for zero volts"
+    return outcomes[0] if outcomes else "taken for zero volts"
 
 
 @promise(
@@ -316,7 +316,7 @@ def _no_number_is_no_voltage(subject: Subject) -> str:
 )
 def _refuses_in_a_sentence(subject: Subject) -> str:
     refused = []
-    with opened(subject) as plant:
+    with open_subject(subject) as plant:
         m = plant.read()
         attempts: tuple[tuple[str, Callable[[], None]], ...] = (
             ("zero", lambda: plant.zero(m.q, m.theta_A, m.theta_B)),
@@ -330,20 +330,23 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
             except PlantError as error:
                 require(str(error).strip() != "", f"{name} is refused without a word")
                 refused.append(name)
-        for name, says, able in (("push", "pushes", plant.pushes), ("load", "loads_shafts", plant.loads_shafts)):
-            require((name in refused) != able, f"{says} is {able}: {name} says otherwise")
-        look(plant, plant.read(), subject.parameters)
+        for name, attribute, is_able in (
+            ("push", "pushes", plant.pushes),
+            ("load", "loads_shafts", plant.loads_shafts),
+        ):
+            require((name in refused) != is_able, f"{attribute} is {is_able}: {name} says otherwise")
+        check_reading(plant, plant.read(), subject.parameters)
     return f"refuses {', '.join(refused)}" if refused else "can do all of them"
 
 
 @promise("Without a trip there is something to read after an acknowledgement, and no reason to refuse it.")
 def _can_be_acknowledged(subject: Subject) -> None:
-    with opened(subject) as plant:
+    with open_subject(subject) as plant:
         if plant.read().safety_trip:
             raise NotTriedError("its safety module has tripped: acknowledge it first")
         plant.acknowledge()
         plant.write(ZERO_VOLTS)
-        look(plant, plant.read(), subject.parameters)
+        check_reading(plant, plant.read(), subject.parameters)
 
 
 @promise("It may be closed twice, and lets go of what it held: it and another one open after that.")
@@ -356,7 +359,7 @@ def _closes_twice_and_opens_again(subject: Subject) -> None:
     for again in (plant, subject.make()):
         again.open()
         try:
-            look(again, again.read(), subject.parameters)
+            check_reading(again, again.read(), subject.parameters)
         finally:
             again.close()
 
@@ -368,7 +371,7 @@ def _closes_unopened(subject: Subject) -> None:
 
 @promise("A plant that paces the loop gives no reading before it is due; any other reads and writes well within 1 ms.")
 def _keeps_the_time(subject: Subject) -> str:
-    with opened(subject) as plant:
+    with open_subject(subject) as plant:
         paces = plant.paces_loop
         took_s: list[float] = []
         for _ in range(subject.ticks(PERIODS)):
@@ -388,7 +391,7 @@ def _keeps_the_time(subject: Subject) -> str:
 def _keeps_nothing_of_a_tick(subject: Subject) -> str:
     whole = subject.ticks(WARM_UP_TICKS + LONG_TICKS)
     warm_up = min(WARM_UP_TICKS, whole // 4)
-    with others_garbage_stays(), opened(subject) as plant:
+    with freeze_garbage(), open_subject(subject) as plant:
         for _ in range(warm_up):
             plant.read()
             plant.write(ZERO_VOLTS)
@@ -405,10 +408,10 @@ def _keeps_nothing_of_a_tick(subject: Subject) -> str:
 def _repeats(subject: Subject) -> None:
     runs = []
     for _ in range(2):
-        with opened(subject) as plant:
+        with open_subject(subject) as plant:
             if not plant.stepped:
                 raise NotTriedError("it moves with the clock, not with the writes")
-            runs.append([driven(plant, MotorCommand(subject.voltage, 0.0), 1)[:5] for _ in range(subject.ticks(100))])
+            runs.append([drive(plant, MotorCommand(subject.voltage, 0.0), 1)[:5] for _ in range(subject.ticks(100))])
     require(runs[0] == runs[1], "the second time it read otherwise")
 
 

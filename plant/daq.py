@@ -51,7 +51,7 @@ def read_driver_version() -> str:
         version = system.driver_version
         cards = ", ".join(f"{device.name} ({device.product_type})" for device in system.devices) or "no card"
     except _FAILED as error:
-        _refuse(error)
+        _raise_plant_error(error)
     return f"NI-DAQmx {version.major_version}.{version.minor_version}, {cards}"
 
 
@@ -81,15 +81,15 @@ class Daq:
         self._outputs: AnalogMultiChannelWriter | None = None
         self._enable: DigitalSingleChannelWriter | None = None
         self._watchdog: WatchdogTask | None = None
-        self.timed_by_card = False
-        self.watched = False
-        self.drives = False
-        self.known_expired = False
+        self.is_timed_by_card = False
+        self.is_watchdog_started = False
+        self.drives_on = False
+        self.has_expired = False
 
     @property
     def timing(self) -> str:
         """How the card is timed, in words."""
-        if self.timed_by_card:
+        if self.is_timed_by_card:
             return "timed by the card's clock"
         if self._wiring.card.timing == "hardware":
             return "timed by this machine: the card offers no hardware-timed single point"
@@ -102,11 +102,11 @@ class Daq:
             out = self._task("outputs")
             for motor in (w.motor_A, w.motor_B):
                 out.ao_channels.add_ao_voltage_chan(f"{device}/{motor.channel}", min_val=-RANGE_V, max_val=RANGE_V)
-            self._outputs = _unchecked(AnalogMultiChannelWriter(out.out_stream, auto_start=True))
+            self._outputs = _disable_checks(AnalogMultiChannelWriter(out.out_stream, auto_start=True))
             self.write(0.0, 0.0)
             enable = self._task("drive_enable")
             enable.do_channels.add_do_chan(f"{device}/{w.drive_enable.line}")
-            self._enable = _unchecked(DigitalSingleChannelWriter(enable.out_stream, auto_start=True))
+            self._enable = _disable_checks(DigitalSingleChannelWriter(enable.out_stream, auto_start=True))
             self._enabled = DigitalSingleChannelReader(enable.in_stream)
             self.enable(on=False)
             cells = self._task("load_cells")
@@ -117,11 +117,11 @@ class Daq:
                     min_val=-RANGE_V,
                     max_val=RANGE_V,
                 )
-            self.timed_by_card = w.card.timing == "hardware" and self._offers_clock()
-            if self.timed_by_card:
+            self.is_timed_by_card = w.card.timing == "hardware" and self._has_hardware_clock()
+            if self.is_timed_by_card:
                 mode = AcquisitionType.HW_TIMED_SINGLE_POINT
                 cells.timing.cfg_samp_clk_timing(_RATE_Hz, sample_mode=mode, samps_per_chan=1)
-            self._cells = _unchecked(AnalogMultiChannelReader(cells.in_stream))
+            self._cells = _disable_checks(AnalogMultiChannelReader(cells.in_stream))
             self._counters = [
                 self._counter(name, encoder)
                 for name, encoder in (("q", w.encoder_q), ("A", w.encoder_A), ("B", w.encoder_B))
@@ -129,23 +129,23 @@ class Daq:
             lines = self._task("lines")
             both = ",".join(f"{device}/{wired.line}" for wired in (w.safety_tripped, w.end_switch))
             lines.di_channels.add_di_chan(both, line_grouping=LineGrouping.CHAN_PER_LINE)
-            self._lines = _unchecked(DigitalMultiChannelReader(lines.in_stream))
+            self._lines = _disable_checks(DigitalMultiChannelReader(lines.in_stream))
             for task in (cells, lines):
                 task.start()
             self._watchdog = self._tasks.enter_context(
                 WatchdogTask(device, "watchdog", w.card.watchdog_s, grpc_options=self._session())
             )
             off = Level.LOW if w.drive_enable.active == "high" else Level.HIGH
-            self.watched = False
+            self.is_watchdog_started = False
             self._watchdog.cfg_watchdog_do_expir_states([DOExpirationState(f"{device}/{w.drive_enable.line}", off)])
         except PlantError:
             self.close()
             raise
         except _FAILED as error:
             self.close()
-            _refuse(error)
+            _raise_plant_error(error)
 
-    def _offers_clock(self) -> bool:
+    def _has_hardware_clock(self) -> bool:
         device = Device(self._wiring.card.device, grpc_options=self._session())
         return AcquisitionType.HW_TIMED_SINGLE_POINT in device.ai_samp_modes
 
@@ -160,7 +160,7 @@ class Daq:
             n_B = self._counters[2].read_one_sample_double(_TIMEOUT_S)
             self._lines.read_one_sample_one_line(self._levels, _TIMEOUT_S)
         except _FAILED as error:
-            _refuse(error)
+            _raise_plant_error(error)
         V_A, V_B = self._volts.tolist()
         tripped, at_end = self._levels.tolist()
         trips_high, ends_high = self._active_high
@@ -176,7 +176,7 @@ class Daq:
         try:
             self._outputs.write_one_sample(self._out, _TIMEOUT_S)
         except _FAILED as error:
-            _refuse(error)
+            _raise_plant_error(error)
 
     def feed_watchdog(self) -> None:
         """Tell the watchdog that somebody is there. Raises WatchdogExpiredError when that comes too late."""
@@ -186,14 +186,14 @@ class Daq:
             self._watchdog.reset_timer()
         except DaqError as error:
             if error.error_type in _EXPIRED:
-                self.known_expired, self.drives = True, False
+                self.has_expired, self.drives_on = True, False
                 limit_s = self._wiring.card.watchdog_s
                 raise WatchdogExpiredError(
                     f"the card's watchdog heard nothing for {limit_s:g} s and cut the drives"
                 ) from error
-            _refuse(error)
+            _raise_plant_error(error)
         except _FAILED as error:
-            _refuse(error)
+            _raise_plant_error(error)
 
     def enable(self, *, on: bool) -> None:
         """Switch the drive-enable line."""
@@ -201,64 +201,64 @@ class Daq:
             raise PlantError(_NOT_OPEN)
         try:
             self._enable.write_one_sample_one_line(on == (self._wiring.drive_enable.active == "high"), _TIMEOUT_S)
-            self.drives = on
+            self.drives_on = on
         except _FAILED as error:
-            _refuse(error)
+            _raise_plant_error(error)
 
     @property
-    def enabled(self) -> bool:
+    def is_enabled(self) -> bool:
         """The drive-enable line as the card reads it back, whatever was written to it."""
         try:
             level = bool(self._enabled.read_one_sample_one_line(_TIMEOUT_S))
             return level == (self._wiring.drive_enable.active == "high")
         except _FAILED as error:
-            _refuse(error)
+            _raise_plant_error(error)
 
     def start_watchdog(self) -> None:
         """Let the watchdog count from now on, not expired any more; the drives stay off until they are enabled."""
         if self._watchdog is None:
             raise PlantError(_NOT_OPEN)
         try:
-            if self.watched:  # NI-DAQmx refuses to start what runs, and to look at what does not
+            if self.is_watchdog_started:  # NI-DAQmx refuses to start what runs, and to look at what does not
                 self.clear_expiration()
                 self._watchdog.stop()
             self._watchdog.start()
-            self.watched = True
+            self.is_watchdog_started = True
         except _FAILED as error:
-            _refuse(error)
+            _raise_plant_error(error)
 
     def clear_expiration(self) -> None:
         """Unlock the drive-enable line, which stays off until it is written again."""
         if self._watchdog is None:
             raise PlantError(_NOT_OPEN)
         try:
-            if self.expired:
+            if self.is_expired:
                 self._watchdog.clear_expiration()
-                self.drives = False
-            self.known_expired = False
+                self.drives_on = False
+            self.has_expired = False
         except _FAILED as error:
-            _refuse(error)
+            _raise_plant_error(error)
 
     @property
-    def expired(self) -> bool:
-        """Whether the watchdog says that it has taken the drives away."""
+    def is_expired(self) -> bool:
+        """Whether the watchdog has expired and disabled the drives."""
         try:
-            return self.watched and self._watchdog is not None and bool(self._watchdog.expired)
+            return self.is_watchdog_started and self._watchdog is not None and bool(self._watchdog.expired)
         except _FAILED as error:
-            _refuse(error)
+            _raise_plant_error(error)
 
     def close(self) -> None:
         """Zero volts, drives off, and let go of the card; each as far as it can be done. Safe to call twice."""
         with suppress(PlantError):
             self.write(0.0, 0.0)
         with suppress(PlantError):
-            if self.expired:  # the line is off, and takes nothing more
-                self.known_expired, self.drives = True, False
+            if self.is_expired:  # the line is off, and takes nothing more
+                self.has_expired, self.drives_on = True, False
             else:
                 self.enable(on=False)
         with suppress(*_FAILED):
             self._tasks.close()
-            self.watched = False
+            self.is_watchdog_started = False
         self._outputs = self._enable = self._watchdog = None
 
     def _task(self, name: str) -> Task:
@@ -273,22 +273,22 @@ class Daq:
             pulses_per_rev=round(encoder.counts_per_rev / 4.0),
         )
         task.start()
-        return _unchecked(CounterReader(task.in_stream))
+        return _disable_checks(CounterReader(task.in_stream))
 
     def _session(self) -> Any:
         return None if self._options is None else self._options()
 
 
-def _unchecked(stream: _Stream) -> _Stream:
+def _disable_checks(stream: _Stream) -> _Stream:
     """Spare a call to the card in each tick: the arrays are ours, and always of one shape."""
     stream.verify_array_shape = False
     return stream
 
 
-def _refuse(error: Exception) -> NoReturn:
+def _raise_plant_error(error: Exception) -> NoReturn:
     if isinstance(error, (DaqNotFoundError, DaqNotSupportedError)):
         raise PlantError(
             "NI's driver is not on this machine: install NI-DAQmx from ni.com, or name a device server's --card-address"
         ) from error
-    said = " ".join(str(error).split())
-    raise PlantError(f"NI-DAQmx: {said}") from error
+    text = " ".join(str(error).split())
+    raise PlantError(f"NI-DAQmx: {text}") from error

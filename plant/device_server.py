@@ -26,14 +26,14 @@ class DeviceServer:
         A task that somebody else made there under the same name is refused, not shared.
         """
         if self._channel is None:
-            self._channel = self._connected()
+            self._channel = self._connect()
         return GrpcSessionOptions(
             self._channel,
             "",
             initialization_behavior=SessionInitializationBehavior.INITIALIZE_SERVER_SESSION,
         )
 
-    def _connected(self) -> grpc.Channel:
+    def _connect(self) -> grpc.Channel:
         if _ADDRESS.fullmatch(self.address) is None:
             raise PlantError(
                 f"{self.address!r} is no address of a device server: give HOST:PORT, 192.168.1.20:31763 say"

@@ -81,10 +81,10 @@ def bristle_after(
     no more than F_s of the load at the end.
     """
     F_c = coulomb_torque(friction, load)
-    return _after(
+    return _advance_bristles(
         lugre=friction.lugre,
         z=z,
-        turned=turned,
+        travel=turned,
         duration_s=duration_s,
         F_c=F_c,
         F_c_after=coulomb_torque(friction, load_after),
@@ -112,20 +112,22 @@ def _rate(lugre: LuGre | None, omega: float, F_c: float, z: float) -> float:
 
 
 @compiled
-def _after(lugre: LuGre | None, z: float, turned: float, duration_s: float, F_c: float, F_c_after: float) -> float:
+def _advance_bristles(
+    lugre: LuGre | None, z: float, travel: float, duration_s: float, F_c: float, F_c_after: float
+) -> float:
     if lugre is None:
         return z
-    after = z
-    if abs(turned) > _NO_TURN:
-        speed, way = turned / duration_s, math.copysign(1.0 / lugre.sigma_0, turned)
+    z_next = z
+    if abs(travel) > _NO_TURN:
+        speed, deflection = travel / duration_s, math.copysign(1.0 / lugre.sigma_0, travel)
         level, level_after = _level(lugre, speed, F_c), _level(lugre, speed, F_c_after)
-        slips = lugre.sigma_0 * abs(turned) / (0.5 * (level + level_after))
-        forgets = math.expm1(-slips)
+        slip = lugre.sigma_0 * abs(travel) / (0.5 * (level + level_after))
+        decay = math.expm1(-slip)
         # The second part: slipping bristles follow a level that changes; without it friction is off by per cents.
-        after = z + (z - way * level) * forgets + way * (level_after - level) * (slips + forgets) / slips
+        z_next = z + (z - deflection * level) * decay + deflection * (level_after - level) * (slip + decay) / slip
     # A tendon that lets go relieves bristles faster than they slip; left bent they would drive the motor by σ_1 z'.
-    most = lugre.stiction_ratio * F_c_after / lugre.sigma_0
-    return min(max(after, -most), most)
+    z_max = lugre.stiction_ratio * F_c_after / lugre.sigma_0
+    return min(max(z_next, -z_max), z_max)
 
 
 # Motor ---------------------------------------------------------------------------------------------
@@ -394,7 +396,7 @@ def contact_force(obstacle: Obstacle, joint: Joint, q: float, q_dot: float) -> f
 
 
 @compiled
-def beside(obstacle: Obstacle, joint: Joint, q: float, q_dot: float, tau_ext: float) -> float:
+def add_wall_torque(obstacle: Obstacle, joint: Joint, q: float, q_dot: float, tau_ext: float) -> float:
     """Return the external joint torque [N·m] with the wall's; to the last bit what it was where there is none."""
     if obstacle.side == 0.0:
         return tau_ext
@@ -509,7 +511,9 @@ def state_derivative(
     load_A, load_B = r_m * F_A + load.load_A, r_m * F_B + load.load_B
     return PlantState(
         q=x.q_dot,
-        q_dot=joint_acceleration(plant.joint, x.q_dot, F_A, F_B, beside(obstacle, plant.joint, x.q, x.q_dot, tau_ext)),
+        q_dot=joint_acceleration(
+            plant.joint, x.q_dot, F_A, F_B, add_wall_torque(obstacle, plant.joint, x.q, x.q_dot, tau_ext)
+        ),
         theta_A=x.omega_A,
         omega_A=motor_acceleration(plant.motor_A, x.omega_A, x.tau_A, load_A, x.z_A),
         tau_A=motor_torque_rate(plant.motor_A, x.tau_A, u_A),

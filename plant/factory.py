@@ -8,7 +8,7 @@ from typing import Any, cast
 from plant.calibration import NOT_BROUGHT_UP, BroughtUp, apply_calibration, select_calibration, wiring_fingerprint
 from plant.interface import NAME_MAX, Plant, PlantChoice, PlantError, PlantKind
 from plant.parameters import PlantParameters
-from plant.replay import Replay, load_replay, look_over
+from plant.replay import Replay, load_replay, preload_replay
 from plant.safety_card import Card
 from plant.simulator import Simulator
 from plant.wiring import Wiring, WiringError, load_wiring
@@ -31,20 +31,24 @@ METHODS: tuple[str, ...] = tuple(name for name, member in vars(Plant).items() if
 """Parts of a Plant, as its protocol has them."""
 
 
-def installed() -> dict[str, list[EntryPoint]]:
+def find_installed_plants() -> dict[str, list[EntryPoint]]:
     """Return the plants of installed packages by their name; a name that two packages use has two."""
-    found: dict[str, list[EntryPoint]] = {}
+    plants: dict[str, list[EntryPoint]] = {}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
-        found.setdefault(entry.name, []).append(entry)
-    return found
+        plants.setdefault(entry.name, []).append(entry)
+    return plants
 
 
 def load_maker(name: str) -> Maker:
     """Import what makes the plant called ``name``. Raises PlantError with what there is, or why it cannot be had."""
-    there = installed()
-    entries = there.get(name, [])
+    known_plants = find_installed_plants()
+    entries = known_plants.get(name, [])
     if not entries or name in {str(kind) for kind in PlantKind}:
-        others = f"and of installed packages {', '.join(there)}" if there else "no installed package brings another"
+        others = (
+            f"and of installed packages {', '.join(known_plants)}"
+            if known_plants
+            else "no installed package brings another"
+        )
         raise PlantError(f"there is no plant {name}: there are simulator, rig and replay, {others}")
     if len(entries) > 1:
         packages = ", ".join(_package(entry) for entry in entries)
@@ -52,35 +56,40 @@ def load_maker(name: str) -> Maker:
     try:
         maker: Any = entries[0].load()
     except Exception as error:
-        raise _failed(entries[0], "cannot be imported", error) from error
+        raise _make_entry_error(entries[0], "cannot be imported", error) from error
     if len(name) > NAME_MAX:
         short = f"{name[:20]}..."
         raise PlantError(f"the plant {short} has a name of {len(name)} characters, {NAME_MAX} are the most: shorten it")
     if not callable(maker):
-        raise PlantError(f"{_of(entries[0])}: {entries[0].value} has to be callable, it is {_kind(maker)}")
+        raise PlantError(
+            f"{_describe_entry(entries[0])}: {entries[0].value} has to be callable, it is {_describe_type(maker)}"
+        )
     return cast(Maker, maker)
 
 
-def plant_of_package(name: str, parameters: PlantParameters, seed: int) -> Plant:
+def make_package_plant(name: str, parameters: PlantParameters, seed: int) -> Plant:
     """Make the plant called ``name``. Raises PlantError, also for what is made but is no Plant."""
     maker = load_maker(name)
-    (entry,) = installed()[name]
+    (entry,) = find_installed_plants()[name]
     try:
-        made: Any = maker(parameters, seed)
+        plant: Any = maker(parameters, seed)
     except PlantError:
         raise
     except Exception as error:
-        raise _failed(entry, "cannot be made", error) from error
-    lacking = lacks(made)
-    if lacking:
-        raise PlantError(f"{_of(entry)}: {entry.value} made {_kind(made)}, which is no Plant: it has no {lacking}")
-    return cast(Plant, made)
+        raise _make_entry_error(entry, "cannot be made", error) from error
+    missing = find_missing_parts(plant)
+    if missing:
+        raise PlantError(
+            f"{_describe_entry(entry)}: {entry.value} made {_describe_type(plant)}, which is no Plant: "
+            f"it has no {missing}"
+        )
+    return cast(Plant, plant)
 
 
-def lacks(made: object) -> str:
-    """Return which parts of a Plant ``made`` does not have, empty for a Plant."""
-    missing = [name for name in ATTRIBUTES if not hasattr(made, name)]
-    missing += [f"{name}()" for name in METHODS if not callable(getattr(made, name, None))]
+def find_missing_parts(plant: object) -> str:
+    """Return which parts of a Plant ``plant`` does not have, empty for a Plant."""
+    missing = [name for name in ATTRIBUTES if not hasattr(plant, name)]
+    missing += [f"{name}()" for name in METHODS if not callable(getattr(plant, name, None))]
     return ", ".join(missing)
 
 
@@ -88,17 +97,17 @@ def _package(entry: EntryPoint) -> str:
     return entry.dist.name if entry.dist is not None else entry.value
 
 
-def _of(entry: EntryPoint) -> str:
+def _describe_entry(entry: EntryPoint) -> str:
     return f"plant {entry.name} of the package {_package(entry)}"
 
 
-def _failed(entry: EntryPoint, what: str, error: Exception) -> PlantError:
-    return PlantError(f"{_of(entry)} {what}: {type(error).__name__}: {' '.join(str(error).split())}")
+def _make_entry_error(entry: EntryPoint, what: str, error: Exception) -> PlantError:
+    return PlantError(f"{_describe_entry(entry)} {what}: {type(error).__name__}: {' '.join(str(error).split())}")
 
 
-def _kind(made: object) -> str:
-    kind = type(made).__name__
-    return "None" if made is None else f"{'an' if kind[0] in 'aeioAEIO' else 'a'} {kind}"
+def _describe_type(plant: object) -> str:
+    kind = type(plant).__name__
+    return "None" if plant is None else f"{'an' if kind[0] in 'aeioAEIO' else 'a'} {kind}"
 
 
 # Catalog -------------------------------------------------------------------------------------------
@@ -115,7 +124,7 @@ def require_available(choice: PlantChoice) -> None:
     if choice.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD) and find_spec("nidaqmx") is None:
         raise PlantError(_NEEDS_EXTRA)
     if choice.kind is PlantKind.REPLAY:
-        look_over(choice.recording)
+        preload_replay(choice.recording)
     if choice.kind is PlantKind.PACKAGE:
         load_maker(choice.package)
 
@@ -150,7 +159,7 @@ def make_plant(
         case PlantKind.REPLAY:
             return Replay(load_replay(choice.recording))
         case PlantKind.PACKAGE:
-            return plant_of_package(choice.package, parameters, seed)
+            return make_package_plant(choice.package, parameters, seed)
 
 
 # What follows imports NI's package, which is not there in every installation.
@@ -160,11 +169,11 @@ def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp, drives_o
     from plant.daq import Daq
     from plant.rig import Rig
 
-    said = load_wiring_choice(choice)
+    calibration = load_wiring_choice(choice)
     known = select_calibration(
-        wiring_fingerprint(said), brought_up
+        wiring_fingerprint(calibration), brought_up
     )  # the file may have been edited since that was looked up
-    wiring = apply_calibration(said, known.calibrations)
+    wiring = apply_calibration(calibration, known.calibrations)
     daq = Daq(wiring)
     if choice.address:
         from plant.device_server import DeviceServer

@@ -25,15 +25,18 @@ class ManualInput:
     pull_B: float = 0.0
     F_limit: float | None = None
 
-    def push(self, x: PlantState) -> float:
+    def compute_push(self, x: PlantState) -> float:
         """Return the force at the joint [N]."""
         if self.q is None:
             return 0.0
-        return _clipped(_JOINT_N_PER_RAD * (self.q - x.q) - _JOINT_N_S_PER_RAD * x.q_dot, _JOINT_MAX_N)
+        return _limit(_JOINT_N_PER_RAD * (self.q - x.q) - _JOINT_N_S_PER_RAD * x.q_dot, _JOINT_MAX_N)
 
-    def turning(self, x: PlantState) -> MotorCommand:
+    def compute_torques(self, x: PlantState) -> MotorCommand:
         """Return the torques at both motors, as the voltages that would give them [V]."""
-        return MotorCommand(_turn(self.theta_A, x.theta_A, x.omega_A), _turn(self.theta_B, x.theta_B, x.omega_B))
+        return MotorCommand(
+            _compute_motor_voltage(self.theta_A, x.theta_A, x.omega_A),
+            _compute_motor_voltage(self.theta_B, x.theta_B, x.omega_B),
+        )
 
 
 NO_HAND = ManualInput()
@@ -48,11 +51,11 @@ class Handled(Protocol):
         ...
 
 
-def _turn(wanted: float | None, theta: float, omega: float) -> float:
-    if wanted is None:
+def _compute_motor_voltage(theta_ref: float | None, theta: float, omega: float) -> float:
+    if theta_ref is None:
         return 0.0
-    return _clipped(_MOTOR_V_PER_RAD * (wanted - theta) - _MOTOR_V_S_PER_RAD * omega, _MOTOR_MAX_V)
+    return _limit(_MOTOR_V_PER_RAD * (theta_ref - theta) - _MOTOR_V_S_PER_RAD * omega, _MOTOR_MAX_V)
 
 
-def _clipped(value: float, bound: float) -> float:
+def _limit(value: float, bound: float) -> float:
     return min(max(value, -bound), bound)

@@ -47,7 +47,7 @@ def quantity(unit: str, minimum: float = -math.inf, maximum: float = math.inf) -
     return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, "optional": False, "width": None})
 
 
-def zero_if_left_out(unit: str, minimum: float, maximum: float) -> Any:
+def optional_quantity(unit: str, minimum: float, maximum: float) -> Any:
     """Field of a section: a number with its unit and bounds, or left out."""
     metadata = {"unit": unit, "minimum": minimum, "maximum": maximum, "optional": True, "width": None}
     return field(default=0.0, metadata=metadata)
@@ -65,29 +65,29 @@ def read_section(file: str, section: str, kind: type, table: Any) -> tuple[dict[
         raise ParameterError(f"{file}: {section} = {table!r} must be a section: [{section}]")
     values: dict[str, Value] = {}
     sources: dict[str, str] = {}
-    for name, given in table.items():
+    for name, entries in table.items():
         if name not in known:
             raise ParameterError(f"{file}: unknown entry {section}.{name}; known are {', '.join(known)}")
         label, entry = f"{file}: {section}.{name}", known[name]
-        if not isinstance(given, dict) or set(given) != {"value", "unit", "source"}:
-            raise ParameterError(_wanted(label, entry))
-        if given["unit"] != entry.metadata["unit"]:
-            raise ParameterError(f"{label} is in {given['unit']!r}: give it in {entry.metadata['unit']!r}")
-        values[name] = _value(label, given["value"], entry)
-        sources[name] = str(given["source"])
+        if not isinstance(entries, dict) or set(entries) != {"value", "unit", "source"}:
+            raise ParameterError(_describe_entry(label, entry))
+        if entries["unit"] != entry.metadata["unit"]:
+            raise ParameterError(f"{label} is in {entries['unit']!r}: give it in {entry.metadata['unit']!r}")
+        values[name] = _value(label, entries["value"], entry)
+        sources[name] = str(entries["source"])
     return values, sources
 
 
-def completed(file: str, section: str, kind: type, values: dict[str, Value]) -> dict[str, Value]:
+def fill_defaults(file: str, section: str, kind: type, values: dict[str, Value]) -> dict[str, Value]:
     """Return all entries of a section, those left out that may be as () or their default. Raises ParameterError."""
     for entry in fields(kind):
         if entry.name not in values and not entry.metadata["optional"]:
-            raise ParameterError(_wanted(f"{file}: {section}.{entry.name}", entry))
+            raise ParameterError(_describe_entry(f"{file}: {section}.{entry.name}", entry))
     defaults: dict[str, Value] = {item.name: () if item.default is MISSING else item.default for item in fields(kind)}
     return defaults | values
 
 
-def _wanted(label: str, entry: "Field[Any]") -> str:
+def _describe_entry(label: str, entry: "Field[Any]") -> str:
     return f'{label} must read {{ value = ..., unit = "{entry.metadata["unit"]}", source = "..." }}'
 
 
@@ -143,7 +143,7 @@ class SpringParameters:
     x_solid: float = quantity("m", 1e-3, 1.0)
     k_solid: float = quantity("N/m", 1.0, 1e6)
 
-    def spring(self, factor: float = 1.0) -> Spring:
+    def make_spring(self, factor: float = 1.0) -> Spring:
         """Spring with its force multiplied by ``factor``. Raises ValueError."""
         if self.points:
             x, F = np.array(self.points).T
@@ -166,12 +166,12 @@ class MotorParameters:
     c1: float = quantity("1", 0.0, 0.9)
     omega_smooth: float = quantity("rad/s", 1e-3, 1.0)
     u_max: float = quantity("V", 0.1, 10.0)
-    sigma_0: float = zero_if_left_out("N·m/rad", 0.0, 1e5)
-    sigma_1: float = zero_if_left_out("N·m·s/rad", 0.0, 1e3)
-    stiction_ratio: float = zero_if_left_out("1", 1.0, 10.0)
-    omega_s: float = zero_if_left_out("rad/s", 1e-4, 10.0)
+    sigma_0: float = optional_quantity("N·m/rad", 0.0, 1e5)
+    sigma_1: float = optional_quantity("N·m·s/rad", 0.0, 1e3)
+    stiction_ratio: float = optional_quantity("1", 1.0, 10.0)
+    omega_s: float = optional_quantity("rad/s", 1e-4, 10.0)
 
-    def motor(self, factor: float = 1.0) -> Motor:
+    def make_motor(self, factor: float = 1.0) -> Motor:
         """Motor with its torque constant multiplied by ``factor``."""
         B_m = self.K_t / self.K_m
         lugre = LuGre(self.sigma_0, self.sigma_1, self.stiction_ratio, self.omega_s) if self.sigma_0 > 0.0 else None
@@ -254,14 +254,14 @@ SIDED: dict[str, type] = {
 _COMPANIONS = ("sigma_1", "stiction_ratio", "omega_s")
 
 
-def require_stiction(label: str, motor: MotorParameters, *, given: bool) -> None:
+def require_stiction(label: str, motor: MotorParameters, *, is_given: bool) -> None:
     """Raise ParameterError for friction that can neither stick nor be smoothed; ``given``: sigma_0 was, maybe as 0."""
     if motor.sigma_0 == 0.0:
-        alone = [name for name in _COMPANIONS if getattr(motor, name) != 0.0]
-        if alone and not given:
+        others = [name for name in _COMPANIONS if getattr(motor, name) != 0.0]
+        if others and not is_given:
             raise ParameterError(
-                f"{label}.sigma_0 is missing, without which {' and '.join(alone)} say nothing: give it, 0 for smoothed "
-                "Coulomb friction"
+                f"{label}.sigma_0 is missing, without which {' and '.join(others)} say nothing: give it, 0 for "
+                "smoothed Coulomb friction"
             )
         return
     for name in ("stiction_ratio", "omega_s"):
@@ -271,17 +271,17 @@ def require_stiction(label: str, motor: MotorParameters, *, given: bool) -> None
         raise ParameterError(
             f"{label}.c0 = 0 N·m with sigma_0 above 0: a slack tendon leaves nothing to stick by, give c0 above 0"
         )
-    _require_steps_short_enough(label, motor)
+    _require_resolved_stiction(label, motor)
 
 
-def _require_steps_short_enough(label: str, motor: MotorParameters) -> None:
+def _require_resolved_stiction(label: str, motor: MotorParameters) -> None:
     """Refuse bristles on which the motor swings faster than a Runge-Kutta step can follow."""
-    at_most, J_m = SUBSTEPS / T_s, motor.motor().J_m
+    rate_max, J_m = SUBSTEPS / T_s, motor.make_motor().J_m
     for name, rate in (("sigma_0", math.sqrt(motor.sigma_0 / J_m)), ("sigma_1", motor.sigma_1 / J_m)):
-        if rate > at_most:
+        if rate > rate_max:
             raise ParameterError(
                 f"{label}.{name} = {getattr(motor, name):g} on a motor of {J_m:.3g} kg·m² is {rate:.3g}/s fast, above "
-                f"the {at_most:g}/s that the simulator's steps resolve: lower it"
+                f"the {rate_max:g}/s that the simulator's steps resolve: lower it"
             )
 
 
@@ -312,26 +312,26 @@ class PlantParameters:
     sources: dict[str, str]
     sided: dict[str, dict[str, Any]] = field(default_factory=dict)
 
-    def spring_of(self, side: Side) -> SpringParameters:
+    def select_spring(self, side: Side) -> SpringParameters:
         """Spring of one side, without its asymmetry factor."""
         return replace(self.spring, **self.sided.get(f"spring_{side}", {}))
 
-    def motor_of(self, side: Side) -> MotorParameters:
+    def select_motor(self, side: Side) -> MotorParameters:
         """Motor of one side, without its asymmetry factor."""
         return replace(self.motor, **self.sided.get(f"motor_{side}", {}))
 
-    def identified_of(self, side: Side) -> Identified:
+    def select_identified(self, side: Side) -> Identified:
         """Motor and spring of one side as the controller knows them."""
         return replace(self.identified, **self.sided.get(f"identified_{side}", {}))
 
-    def identified_curve(self, side: Side) -> SpringParameters:
+    def select_identified_spring(self, side: Side) -> SpringParameters:
         """Spring of one side as the controller knows it; that it turns solid is the plant's own."""
-        known = self.identified_of(side)
-        return replace(self.spring_of(side), k=known.k, points=known.points)
+        known = self.select_identified(side)
+        return replace(self.select_spring(side), k=known.k, points=known.points)
 
-    def identified_spring(self, side: Side) -> Spring:
-        """Return ``identified_curve`` ready for the compiled functions."""
-        return self.identified_curve(side).spring()
+    def make_identified_spring(self, side: Side) -> Spring:
+        """Return ``select_identified_spring`` ready for the compiled functions."""
+        return self.select_identified_spring(side).make_spring()
 
     def with_identified(self, sections: dict[str, dict[str, dict[str, Any]]]) -> "PlantParameters":
         """Return the same plant of which the controller knows this, as ``document`` says it; as it is for nothing.
@@ -340,54 +340,58 @@ class PlantParameters:
         """
         if not sections:
             return self
-        kept = {name: entries for name, entries in self.document().items() if not name.startswith("identified")}
-        return parse_parameters(self.name, kept | sections)
+        sections_kept = {
+            name: entries for name, entries in self.to_document().items() if not name.startswith("identified")
+        }
+        return parse_parameters(self.name, sections_kept | sections)
 
-    def dynamics(self) -> Dynamics:
+    def make_dynamics(self) -> Dynamics:
         """Constants of the simulated plant, asymmetry included. Source: method section 1."""
         factor = self.asymmetry
         return Dynamics(
-            joint=self._joint(),
-            motor_A=self.motor_of("A").motor(factor.motor_A),
-            motor_B=self.motor_of("B").motor(factor.motor_B),
-            spring_A=self.spring_of("A").spring(factor.spring_A),
-            spring_B=self.spring_of("B").spring(factor.spring_B),
+            joint=self._make_joint(),
+            motor_A=self.select_motor("A").make_motor(factor.motor_A),
+            motor_B=self.select_motor("B").make_motor(factor.motor_B),
+            spring_A=self.select_spring("A").make_spring(factor.spring_A),
+            spring_B=self.select_spring("B").make_spring(factor.spring_B),
         )
 
-    def identified_dynamics(self) -> Dynamics:
+    def make_identified_dynamics(self) -> Dynamics:
         """Constants of the plant as the controller knows it: identified motors and springs, no friction."""
 
         def motor(side: Side) -> Motor:
-            known = self.identified_of(side)
-            return replace(self.motor_of(side), K_m=known.K_m, T_m=known.T_m, c0=0.0, c1=0.0, sigma_0=0.0).motor()
+            known = self.select_identified(side)
+            return replace(
+                self.select_motor(side), K_m=known.K_m, T_m=known.T_m, c0=0.0, c1=0.0, sigma_0=0.0
+            ).make_motor()
 
-        springs = self.identified_spring("A"), self.identified_spring("B")
-        return Dynamics(self._joint(), motor("A"), motor("B"), *springs)
+        springs = self.make_identified_spring("A"), self.make_identified_spring("B")
+        return Dynamics(self._make_joint(), motor("A"), motor("B"), *springs)
 
-    def _joint(self) -> Joint:
+    def _make_joint(self) -> Joint:
         g = self.geometry
         return Joint(g.r_m, g.r_j, g.J_j, g.B_j)
 
-    def document(self) -> dict[str, dict[str, dict[str, Any]]]:
+    def to_document(self) -> dict[str, dict[str, dict[str, Any]]]:
         """Return all numbers by section and entry, each {value, unit, source}, as JSON can hold them."""
-        given = {name: vars(getattr(self, name)) for name in SECTIONS} | self.sided
+        entries = {name: vars(getattr(self, name)) for name in SECTIONS} | self.sided
         return {
             section: {
                 entry.name: {
-                    "value": _listed(given[section][entry.name]),
+                    "value": _convert_to_lists(entries[section][entry.name]),
                     "unit": entry.metadata["unit"],
                     "source": self.sources.get(f"{section}.{entry.name}", ""),
                 }
                 for entry in fields(kind)
-                if self._has(section, entry, given[section])
+                if self._is_given(section, entry, entries[section])
             }
             for section, kind in (SECTIONS | SIDED).items()
-            if section in given
+            if section in entries
         }
 
-    def _has(self, section: str, entry: "Field[Any]", given: dict[str, Any]) -> bool:
-        """Whether a section says anything of an entry: what a file leaves out, its document leaves out."""
-        value = given.get(entry.name, ())
+    def _is_given(self, section: str, entry: "Field[Any]", entries: dict[str, Any]) -> bool:
+        """Whether a section gives an entry; the document omits what the file omits."""
+        value = entries.get(entry.name, ())
         return value != () and (value != entry.default or f"{section}.{entry.name}" in self.sources)
 
 
@@ -425,9 +429,11 @@ def parse_parameters(name: str, document: dict[str, Any], file: str = "") -> Pla
     entries: dict[str, dict[str, Value]] = {}
     for section, kind in kinds.items():
         if section in SECTIONS or section in document:
-            entries[section], given = read_section(file, section, kind, document.get(section, {}))
-            sources |= {f"{section}.{name}": source for name, source in given.items()}
-    parts = {section: kind(**completed(file, section, kind, entries[section])) for section, kind in SECTIONS.items()}
+            entries[section], section_sources = read_section(file, section, kind, document.get(section, {}))
+            sources |= {f"{section}.{name}": source for name, source in section_sources.items()}
+    parts = {
+        section: kind(**fill_defaults(file, section, kind, entries[section])) for section, kind in SECTIONS.items()
+    }
     sided = {section: _only_one_curve(entries[section]) for section in SIDED if section in entries}
     parameters = PlantParameters(name=name, sources=sources, sided=sided, **parts)
     _check(file, parameters)
@@ -446,21 +452,21 @@ def _check(file: str, parameters: PlantParameters) -> None:
     for side in SIDES:
         if "u_max" in parameters.sided.get(f"motor_{side}", {}):
             raise ParameterError(f"{file}: motor_{side}.u_max: the output range is one for both sides, motor.u_max")
-        own = f"motor_{side}" if f"motor_{side}" in parameters.sided else "motor"
-        given = any(f"{section}.sigma_0" in parameters.sources for section in ("motor", own))
-        require_stiction(f"{file}: {own}", parameters.motor_of(side), given=given)
+        section_name = f"motor_{side}" if f"motor_{side}" in parameters.sided else "motor"
+        is_given = any(f"{section}.sigma_0" in parameters.sources for section in ("motor", section_name))
+        require_stiction(f"{file}: {section_name}", parameters.select_motor(side), is_given=is_given)
         for section in ("spring", "identified"):
             label = f"{file}: {section}_{side}" if f"{section}_{side}" in parameters.sided else f"{file}: {section}"
-            known = parameters.spring_of(side) if section == "spring" else parameters.identified_of(side)
+            known = parameters.select_spring(side) if section == "spring" else parameters.select_identified(side)
             if bool(known.k) == bool(known.points):
                 raise ParameterError(f"{label} must give the spring once, by the polynomial k or by points")
             if known.k and not 3 <= len(known.k) <= 6:
                 raise ParameterError(f"{label}.k has {len(known.k)} coefficients: give 3 to 6, for an order of 2 to 5")
             try:
                 if section == "spring":
-                    spring = parameters.spring_of(side).spring()
+                    spring = parameters.select_spring(side).make_spring()
                 else:
-                    spring = parameters.identified_spring(side)
+                    spring = parameters.make_identified_spring(side)
                     require_stiffening(spring)
             except ValueError as error:
                 raise ParameterError(f"{label}: {error}") from error
@@ -471,5 +477,5 @@ def _check(file: str, parameters: PlantParameters) -> None:
                 )
 
 
-def _listed(value: Any) -> Any:
-    return [_listed(item) for item in value] if isinstance(value, tuple) else value
+def _convert_to_lists(value: Any) -> Any:
+    return [_convert_to_lists(item) for item in value] if isinstance(value, tuple) else value

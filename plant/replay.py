@@ -56,51 +56,51 @@ class RecordedSamples:
         return len(self) * T_s
 
 
-_looked_over: dict[Path, tuple[tuple[int, int], RecordedSamples]] = {}
+_preloaded: dict[Path, tuple[tuple[int, int], RecordedSamples]] = {}
 """What was read before it is asked for, with time of change [ns] and size [bytes] of the file."""
 
 
-def look_over(path: str | Path) -> None:
+def preload_replay(path: str | Path) -> None:
     """Read a recording ahead of the next ``load_recording`` of this process. Raises PlantError as that does."""
     path = Path(path)
-    _looked_over[path] = _stamp(path), _read(path)
+    _preloaded[path] = _get_file_stamp(path), _read_recording(path)
 
 
 def load_replay(path: str | Path) -> RecordedSamples:
     """Read a recording. Raises PlantError that says what is wrong with the file, where, and what it has to hold."""
     path = Path(path)
-    stamp, recording = _looked_over.pop(path, (None, None))
-    return recording if recording is not None and stamp == _stamp(path) else _read(path)
+    stamp, recording = _preloaded.pop(path, (None, None))
+    return recording if recording is not None and stamp == _get_file_stamp(path) else _read_recording(path)
 
 
-def _stamp(path: Path) -> tuple[int, int]:
+def _get_file_stamp(path: Path) -> tuple[int, int]:
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return 0, 0  # reading it says what is wrong
-    return found.st_mtime_ns, found.st_size
+    return status.st_mtime_ns, status.st_size
 
 
-def _read(path: Path) -> RecordedSamples:
-    table = _table(path)
-    columns = {name: _column(path, table, name, unit) for name, unit in UNITS.items()}
+def _read_recording(path: Path) -> RecordedSamples:
+    table = _read_table(path)
+    columns = {name: _read_column(path, table, name, unit) for name, unit in UNITS.items()}
     rows = columns["t"].size
     if rows < 2:
-        raise _unusable(path, f"it holds {rows} samples: two are the least")
+        raise _make_replay_error(path, f"it holds {rows} samples: two are the least")
     for name in FURTHER:
-        nothing = 0.0 if name in ("F_push", "fault") else np.nan
-        columns[name] = _column(path, table, name) if name in table.column_names else np.full(rows, nothing)
-    columns |= _further(table, set(table.column_names) - columns.keys())
+        default = 0.0 if name in ("F_push", "fault") else np.nan
+        columns[name] = _read_column(path, table, name) if name in table.column_names else np.full(rows, default)
+    columns |= _read_optional_columns(table, set(table.column_names) - columns.keys())
     _check_times(path, columns["t"])
     _check_values(path, columns)
     return RecordedSamples(path, columns)
 
 
-def _unusable(path: Path, problem: str) -> PlantError:
+def _make_replay_error(path: Path, problem: str) -> PlantError:
     return PlantError(f"the recording {path.name} cannot be played: {problem}")
 
 
-def _table(path: Path) -> Any:
+def _read_table(path: Path) -> Any:
     # Read by a library that is large to import: only who plays a recording waits for it.
     import pyarrow as pa
     import pyarrow.csv
@@ -108,42 +108,44 @@ def _table(path: Path) -> Any:
 
     try:
         if path.suffix == ".csv":
-            return pa.csv.read_csv(path, pa.csv.ReadOptions(skip_rows=_facts(path)))
+            return pa.csv.read_csv(path, pa.csv.ReadOptions(skip_rows=_count_comment_lines(path)))
         if path.suffix == ".parquet":
             return pa.parquet.read_table(path)
     except OSError as error:
-        raise _unusable(path, error.strerror or str(error)) from None
+        raise _make_replay_error(path, error.strerror or str(error)) from None
     except pa.ArrowException as error:
-        raise _unusable(path, str(error).splitlines()[0]) from None
-    raise _unusable(path, "only .csv and .parquet are read, as sinew runs export writes them")
+        raise _make_replay_error(path, str(error).splitlines()[0]) from None
+    raise _make_replay_error(path, "only .csv and .parquet are read, as sinew runs export writes them")
 
 
-def _facts(path: Path) -> int:
-    """Return how many lines stand before the heading: they begin with # and say what the samples are."""
+def _count_comment_lines(path: Path) -> int:
+    """Return the number of comment lines before the heading; they begin with #."""
     with path.open("rb") as lines:
-        told = (line.removeprefix(b"\xef\xbb\xbf") for line in lines)  # editors put a byte order mark before the first
-        return next((number for number, line in enumerate(told) if not line.startswith(b"#")), 0)
+        stripped = (
+            line.removeprefix(b"\xef\xbb\xbf") for line in lines
+        )  # editors put a byte order mark before the first
+        return next((number for number, line in enumerate(stripped) if not line.startswith(b"#")), 0)
 
 
-def _column(path: Path, table: Any, name: str, unit: str = "") -> Signal:
+def _read_column(path: Path, table: Any, name: str, unit: str = "") -> Signal:
     import pyarrow as pa
 
     if name not in table.column_names:
         missing = f"{name} [{unit}]"
-        raise _unusable(path, f"there is no column {missing}; the file has {', '.join(table.column_names)}")
+        raise _make_replay_error(path, f"there is no column {missing}; the file has {', '.join(table.column_names)}")
     if table.column_names.count(name) > 1:
-        raise _unusable(path, f"there are two columns {name}: leave one")
-    said = (table.schema.field(name).metadata or {}).get(b"unit", unit.encode()).decode()
-    if unit and said != unit:
-        raise _unusable(path, f"the column {name} is in {said}, it has to be in {unit}")
+        raise _make_replay_error(path, f"there are two columns {name}: leave one")
+    unit_found = (table.schema.field(name).metadata or {}).get(b"unit", unit.encode()).decode()
+    if unit and unit_found != unit:
+        raise _make_replay_error(path, f"the column {name} is in {unit_found}, it has to be in {unit}")
     try:
         values = table.column(name).cast(pa.float64()).to_numpy()
     except pa.ArrowInvalid:
-        raise _unusable(path, f"the column {name} holds something else than numbers") from None
+        raise _make_replay_error(path, f"the column {name} holds something else than numbers") from None
     return np.asarray(values, dtype=np.float64)
 
 
-def _further(table: Any, names: set[str]) -> dict[str, Signal]:
+def _read_optional_columns(table: Any, names: set[str]) -> dict[str, Signal]:
     """Return columns that nothing is asked of: those that hold numbers, once each."""
     import pyarrow as pa
 
@@ -157,15 +159,15 @@ def _further(table: Any, names: set[str]) -> dict[str, Signal]:
 
 def _check_times(path: Path, t: Signal) -> None:
     if not np.all(np.isfinite(t)):
-        raise _unusable(path, f"sample {int(np.argmin(np.isfinite(t))) + 1} has no time t")
+        raise _make_replay_error(path, f"sample {int(np.argmin(np.isfinite(t))) + 1} has no time t")
     steps = np.diff(t)
-    usual = float(np.median(steps))
-    if abs(usual - T_s) > _JITTER * T_s:
-        raise _unusable(path, f"its period is {1e3 * usual:g} ms, it has to be {1e3 * T_s:g} ms")
-    off = np.abs(steps - T_s) > _JITTER * T_s
-    if np.any(off):
-        at = int(np.argmax(off))
-        raise _unusable(
+    period = float(np.median(steps))
+    if abs(period - T_s) > _JITTER * T_s:
+        raise _make_replay_error(path, f"its period is {1e3 * period:g} ms, it has to be {1e3 * T_s:g} ms")
+    is_irregular = np.abs(steps - T_s) > _JITTER * T_s
+    if np.any(is_irregular):
+        at = int(np.argmax(is_irregular))
+        raise _make_replay_error(
             path,
             f"after t = {t[at]:.3f} s the next sample comes {1e3 * steps[at]:g} ms later: samples are missing there, "
             "cut the file to one side of it",
@@ -180,10 +182,12 @@ def _check_values(path: Path, columns: dict[str, Signal]) -> None:
         allowed = (fault > 0.0) if name in _MEASURED else np.zeros(t.size, dtype=bool)
         wrong = ~np.isfinite(values) & ~allowed
         if np.any(wrong):
-            raise _unusable(path, f"{name} is no number at t = {t[np.argmax(wrong)]:.3f} s, and no fault stands there")
+            raise _make_replay_error(
+                path, f"{name} is no number at t = {t[np.argmax(wrong)]:.3f} s, and no fault stands there"
+            )
         if name in _LARGEST and float(np.nanmax(np.abs(values))) > 1.001 * _LARGEST[name]:
             at = int(np.nanargmax(np.abs(values)))
-            raise _unusable(
+            raise _make_replay_error(
                 path,
                 f"{name} is {values[at]:g} at t = {t[at]:.3f} s, beyond {_LARGEST[name]:.4g} {unit}: "
                 f"the column has to be in {unit}",
@@ -230,7 +234,7 @@ class Replay:
         self._measured = np.column_stack([*(columns[name] for name in names), trips, F_wall])
         self._ended = False
         self._raw = np.column_stack([columns[name] for name in RawReading._fields])
-        self._written = np.column_stack([columns["u_A"], columns["u_B"]])
+        self._recorded_outputs = np.column_stack([columns["u_A"], columns["u_B"]])
         self._t = columns["t"]
         self.description = f"replay of {recording.path.name}, {recording.duration_s:.3f} s"
         self.samples = len(recording)
@@ -251,21 +255,21 @@ class Replay:
         """Return what was measured. Raises PlantError once, at the end."""
         if self.sample == self.samples:
             self.sample, self._ended = 0, True
-            raise PlantError(self._end())
+            raise PlantError(self._describe_end())
         self.raw = RawReading(*self._raw[self.sample].tolist())
         return Measurement(*self._measured[self.sample].tolist())
 
-    def _end(self) -> str:
+    def _describe_end(self) -> str:
         volts, output, t = self.difference
-        told = f"the voltages differed by at most {volts:.3g} V, {output} at t = {t:.3f} s"
-        return f"the recording has ended after {self.samples} samples; {told}"
+        difference = f"the voltages differed by at most {volts:.3g} V, {output} at t = {t:.3f} s"
+        return f"the recording has ended after {self.samples} samples; {difference}"
 
     def write(self, command: MotorCommand) -> None:
         """Move on by one sample, comparing with what was written then. Raises PlantError for what is no number."""
         require_numbers(command)
         if self._ended or self.sample == self.samples:
             return
-        recorded = self._written[self.sample].tolist()
+        recorded = self._recorded_outputs[self.sample].tolist()
         for output, written, then in zip(("u_A", "u_B"), command, recorded, strict=True):
             if abs(written - then) > self.difference.volts:
                 self.difference = ReplayDifference(abs(written - then), output, float(self._t[self.sample]))

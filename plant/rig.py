@@ -77,21 +77,21 @@ class Rig:
         self._zeros = (0.0, 0.0, 0.0)
         self._cells = LoadCell(wiring.load_cell_A), LoadCell(wiring.load_cell_B)
         self._gains = wiring.motor_A.gain, wiring.motor_B.gain
-        self._seen: Raw | None = None
+        self._last_reading: Raw | None = None
         self._tripped = False
         self.zeroed = False
-        self._proven = directions_proven
+        self._directions_proven = directions_proven
         self._cells_measured = load_cells_measured
-        self._put = ZERO_VOLTS
-        self._drives_wanted = not drives_off
-        self._watchdog_tried = False
+        self._last_command = ZERO_VOLTS
+        self._drives_requested = not drives_off
+        self._watchdog_proven = False
 
     @property
     def unproven(self) -> str:
         """Why its motors may not be driven by a loop yet, not even slowly to an end switch."""
         if not self._cells_measured:  # first: a new calibration starts the loop anew, which costs the zero
             return "the load cells have not been measured with this wiring: do tare and calibration of the bring-up"
-        if not self._proven:
+        if not self._directions_proven:
             return "the motors' directions are not proven with this wiring: do the direction step of the bring-up"
         return ""
 
@@ -105,11 +105,11 @@ class Rig:
     @property
     def at_end(self) -> bool:
         """Whether the joint held its end switch in the newest reading."""
-        return self._seen is not None and self._seen.at_end
+        return self._last_reading is not None and self._last_reading.at_end
 
     def prove_directions(self, *, proven: bool) -> None:
         """Take note whether the motors are known to turn as the wiring says."""
-        self._proven = proven
+        self._directions_proven = proven
 
     def switch_drives(self, *, on: bool) -> None:
         """Set the drive-enable line, read it back; off, it stays off over a reset too, and the watchdog is fed on.
@@ -117,27 +117,27 @@ class Rig:
         What was opened with the drives off has its watchdog tried before they come on, at zero volts, which takes the
         watchdog's time. An expired watchdog has taken the line away already.
         """
-        self._drives_wanted = False  # also where the card does not obey: nothing is to bring them back by itself
+        self._drives_requested = False  # also where the card does not obey: nothing is to bring them back by itself
         try:
-            if on and not self._watchdog_tried:
+            if on and not self._watchdog_proven:
                 self._prove_watchdog()
-                self._begin(drives=False)
-            if on or not self._daq.expired:
+                self._start_outputs(drives=False)
+            if on or not self._daq.is_expired:
                 self._daq.enable(on=on)
-            self._require_read(on=on)
+            self._require_drive_enable(on=on)
         except PlantError:
             with suppress(PlantError):  # what could not be read back is not to be left on
                 self._daq.enable(on=False)
-            if not self._watchdog_tried:
+            if not self._watchdog_proven:
                 with suppress(PlantError):  # it is fed on
-                    self._begin(drives=False)
+                    self._start_outputs(drives=False)
             raise
-        self._drives_wanted = on
+        self._drives_requested = on
 
-    def _require_read(self, *, on: bool) -> None:
-        if self._daq.enabled is not on:
-            went = f"did not go {'on' if on else 'off'}"
-            raise PlantError(f"the drive-enable line {went}: look at what else is wired to it, hands away")
+    def _require_drive_enable(self, *, on: bool) -> None:
+        if self._daq.is_enabled is not on:
+            failure = f"did not go {'on' if on else 'off'}"
+            raise PlantError(f"the drive-enable line {failure}: look at what else is wired to it, hands away")
 
     def open(self) -> None:
         """Reserve the card at zero volts, see that its watchdog cuts the drives, and enable them. Raises PlantError.
@@ -146,50 +146,50 @@ class Rig:
         """
         try:
             self._daq.open()
-            self.paces_loop = self._daq.timed_by_card
-            self.description = self._described()
-            self._watchdog_tried = False
-            if self._drives_wanted:
+            self.paces_loop = self._daq.is_timed_by_card
+            self.description = self._describe()
+            self._watchdog_proven = False
+            if self._drives_requested:
                 self._prove_watchdog()
-            self._begin(drives=self._drives_wanted)
-            if not self._drives_wanted:
-                self._require_read(on=False)
+            self._start_outputs(drives=self._drives_requested)
+            if not self._drives_requested:
+                self._require_drive_enable(on=False)
             if not self.paces_loop:  # a card's clock ends the cycle itself
                 self._measure_cycle()
         except BaseException:
             self.close()
             raise
 
-    def _described(self) -> str:
-        place = f" at {self._server}" if self._server else ""
-        return f"{self.wiring.title} as {self.wiring.card.device}{place}, {self._daq.timing}"
+    def _describe(self) -> str:
+        server = f" at {self._server}" if self._server else ""
+        return f"{self.wiring.title} as {self.wiring.card.device}{server}, {self._daq.timing}"
 
     def _prove_watchdog(self) -> None:
         """See the drive-enable line itself fall: a watchdog that only says so cuts nothing."""
-        self._begin(drives=True)
+        self._start_outputs(drives=True)
         line = self.wiring.drive_enable.line
-        if not (self._daq.enabled or self._daq.expired):
+        if not (self._daq.is_enabled or self._daq.is_expired):
             raise PlantError(f"drive-enable ({line}) was switched on and reads off: look at drive_enable and its wires")
         within_s = self.wiring.card.watchdog_s + _PROOF_S
-        waited = Stillness(_SETTLING_S)
-        while self._daq.enabled or not self._daq.expired:
-            if waited.seen(None) > within_s:
-                seen = f"expired, but drive-enable ({line}) stayed on" if self._daq.expired else "did not expire"
+        waiting = Stillness(_SETTLING_S)
+        while self._daq.is_enabled or not self._daq.is_expired:
+            if waiting.update(None) > within_s:
+                failure = f"expired, but drive-enable ({line}) stayed on" if self._daq.is_expired else "did not expire"
                 raise PlantError(
-                    f"the card's watchdog {seen} within {within_s:g} s when it was tried at zero volts: the drives "
+                    f"the card's watchdog {failure} within {within_s:g} s when it was tried at zero volts: the drives "
                     "cannot be cut; look at drive_enable and its wires, and do not go on while this comes back"
                 )
             time.sleep(_SETTLING_S)
-        self._watchdog_tried = True
+        self._watchdog_proven = True
 
     def _measure_cycle(self) -> None:
-        taken_s = []
+        cycles_s = []
         for _ in range(TRIED_CYCLES):
             begun_s = time.perf_counter()
             self.read()
             self.write(ZERO_VOLTS)
-            taken_s.append(time.perf_counter() - begun_s)
-        cycle_ms, worst_ms = 1e3 * statistics.median(taken_s), 1e3 * max(taken_s)
+            cycles_s.append(time.perf_counter() - begun_s)
+        cycle_ms, worst_ms = 1e3 * statistics.median(cycles_s), 1e3 * max(cycles_s)
         if cycle_ms > 1e3 * CYCLE_MAX_S:
             where, remedy = (
                 (f"through the device server at {self._server}", "run Sinew on the machine with the card")
@@ -202,22 +202,22 @@ class Rig:
             )
         self.description += f", {cycle_ms:.2f} ms to read and write"
 
-    def _begin(self, *, drives: bool) -> None:
+    def _start_outputs(self, *, drives: bool) -> None:
         """Zero volts, a watchdog that counts from now, then the line, which one that has expired holds off."""
-        self._put_out(ZERO_VOLTS)
-        for left in reversed(range(_BEGINNINGS)):
+        self._write_outputs(ZERO_VOLTS)
+        for attempts_left in reversed(range(_BEGINNINGS)):
             self._daq.start_watchdog()
             try:
                 self._daq.enable(on=drives)
                 break
             except PlantError:
-                if not (left and self._daq.expired):  # only a pause of this machine is tried again
+                if not (attempts_left and self._daq.is_expired):  # only a pause of this machine is tried again
                     raise
-        self._show()
+        self._update_registers()
 
     def read(self) -> Measurement:
         """Return what the sensors say now; a load cell at its end reads nan. Raises PlantError."""
-        V_A, V_B, n_q, n_A, n_B, self._tripped, _ = self._seen = self._daq.read()
+        V_A, V_B, n_q, n_A, n_B, self._tripped, _ = self._last_reading = self._daq.read()
         self.raw = RawReading(V_A, V_B, n_q, n_A, n_B)
         (to_q, to_A, to_B), (q, theta_A, theta_B) = self._scales, self._zeros
         return Measurement(
@@ -237,13 +237,15 @@ class Rig:
 
         Raises PlantError before the first reading, and ``at_switch`` where the end switch is not held.
         """
-        if self._seen is None:
+        if self._last_reading is None:
             raise PlantError("nothing has been read yet: read once, then say where joint and motors stand")
-        if at_switch and not self._seen.at_end:
+        if at_switch and not self._last_reading.at_end:
             raise PlantError("the end switch is not held: turn the joint onto it and hold it there")
-        counts = self._seen.n_q, self._seen.n_A, self._seen.n_B
-        given = q, theta_A, theta_B
-        q_0, A_0, B_0 = (angle - scale * count for angle, scale, count in zip(given, self._scales, counts, strict=True))
+        counts = self._last_reading.n_q, self._last_reading.n_A, self._last_reading.n_B
+        angles = q, theta_A, theta_B
+        q_0, A_0, B_0 = (
+            angle - scale * count for angle, scale, count in zip(angles, self._scales, counts, strict=True)
+        )
         self._zeros = q_0, A_0, B_0
         self.zeroed = True
 
@@ -251,14 +253,14 @@ class Rig:
         """Put out the voltages and feed the watchdog. PlantError; WatchdogExpiredError once it has cut the drives."""
         require_numbers(command)
         try:
-            self._put_out(command)
+            self._write_outputs(command)
             self._daq.feed_watchdog()
         finally:
-            self._show()
+            self._update_registers()
 
-    def _put_out(self, command: MotorCommand) -> None:
+    def _write_outputs(self, command: MotorCommand) -> None:
         self._daq.write(self._gains[0] * command.u_A, self._gains[1] * command.u_B)
-        self._put = command  # a card that refuses a write keeps the volts of the one before
+        self._last_command = command  # a card that refuses a write keeps the volts of the one before
 
     def push(self, F_push: float) -> None:
         """Refuse: a rig is pushed by hand."""
@@ -277,22 +279,22 @@ class Rig:
         self._daq.clear_expiration()
         self._daq.enable(on=False)
         time.sleep(_SETTLING_S)
-        if self._daq.enabled:
+        if self._daq.is_enabled:
             line = self.wiring.drive_enable.line
             raise PlantError(f"drive-enable ({line}) was switched off and stays on: look at drive_enable and its wires")
         if self._daq.read().tripped:
             raise PlantError("the safety module stays tripped: remove the cause it shows and acknowledge it at the rig")
-        self._begin(drives=self._drives_wanted)
+        self._start_outputs(drives=self._drives_requested)
 
     def close(self) -> None:
         """Zero volts, drives off, and let go of the card. Safe to call twice."""
         with suppress(PlantError):
-            self._put_out(ZERO_VOLTS)
+            self._write_outputs(ZERO_VOLTS)
         self._daq.close()
-        self._show()
+        self._update_registers()
 
-    def _show(self) -> None:
+    def _update_registers(self) -> None:
         if self._registers is not None:
             daq, tripped = self._daq, self._tripped
-            flags = daq.watched, daq.drives, daq.known_expired, tripped, False, True
-            self._registers.mirror(CardState(0, 0, *flags, self.wiring.card.watchdog_s, *self._put))
+            flags = daq.is_watchdog_started, daq.drives_on, daq.has_expired, tripped, False, True
+            self._registers.mirror(CardState(0, 0, *flags, self.wiring.card.watchdog_s, *self._last_command))

@@ -32,16 +32,18 @@ class Stillness:
     """
 
     def __init__(self, period_s: float) -> None:
-        self._most_s = 2.0 * period_s
-        self._seen: Hashable = None
-        self._looked_s = 0.0
+        self._max_step_s = 2.0 * period_s
+        self._last_value: Hashable = None
+        self._checked_s = 0.0
         self.still_s = 0.0
 
-    def seen(self, value: Hashable, now_s: float | None = None) -> float:
+    def update(self, value: Hashable, now_s: float | None = None) -> float:
         """Return how long ``value`` has been the same [s]; ``now_s`` is the monotonic clock."""
         now_s = time.monotonic() if now_s is None else now_s
-        self.still_s = self.still_s + min(now_s - self._looked_s, self._most_s) if value == self._seen else 0.0
-        self._seen, self._looked_s = value, now_s
+        self.still_s = (
+            self.still_s + min(now_s - self._checked_s, self._max_step_s) if value == self._last_value else 0.0
+        )
+        self._last_value, self._checked_s = value, now_s
         return self.still_s
 
 
@@ -60,13 +62,13 @@ POLL_S = 0.01
 _WRITE_S = 1e-3
 """How often the loop writes [s]."""
 
-_STARTED_S = 20.0
+_START_TIMEOUT_S = 20.0
 """How long the watchdog's process may take to start [s], on a machine that is busy."""
 
 _PRIORITY = 70
 """Of SCHED_FIFO, above the loop's: a loop that runs wild must not keep its watchdog from looking."""
 
-_WRITES, _U_A, _U_B, _ARMED, _ENABLED, _EXPIRED, _TRIPPED, _LOOKS, _LIMIT_S, _DEAD, _MIRROR = range(11)
+_WRITES, _U_A, _U_B, _ARMED, _ENABLED, _EXPIRED, _TRIPPED, _POLLS, _LIMIT_S, _DEAD, _MIRROR = range(11)
 _BYTES = 11 * 8
 
 
@@ -81,13 +83,13 @@ class WatchdogDeadError(PlantError):
 class CardState(NamedTuple):
     """The registers as anybody may read them.
 
-    ``writes`` and ``looks`` count the loop's writes and the watchdog's looks; ``watchdog_dead`` tells that the loop saw
+    ``writes`` and ``polls`` count the loop's writes and the watchdog's looks; ``watchdog_dead`` tells that the loop saw
     these stand still. ``u_A``, ``u_B`` [V] are what reaches the motors: zero without drive-enable. The watchdog waits
     ``watchdog_s`` for a write. A ``mirror`` tells what the loop last knew of a card that nobody else can look into.
     """
 
     writes: int
-    looks: int
+    polls: int
     armed: bool
     drive_enabled: bool
     expired: bool
@@ -107,7 +109,7 @@ class Card:
         self._memory = mmap.mmap(fd, _BYTES)
         self._words = memoryview(self._memory).cast("d")
         self._watchdog: subprocess.Popen[bytes] | None = None
-        self._looks = Stillness(_WRITE_S)
+        self._watchdog_polls = Stillness(_WRITE_S)
 
     @classmethod
     def create(cls) -> "Card":
@@ -124,7 +126,7 @@ class Card:
         armed, expired, tripped, dead, mirror = (
             bool(words[register]) for register in (_ARMED, _EXPIRED, _TRIPPED, _DEAD, _MIRROR)
         )
-        counts = int(words[_WRITES]), int(words[_LOOKS])
+        counts = int(words[_WRITES]), int(words[_POLLS])
         return CardState(*counts, armed, enabled, expired, tripped, dead, mirror, words[_LIMIT_S], u_A, u_B)
 
     @property
@@ -153,9 +155,9 @@ class Card:
         self._await_watchdog()
         words[_LIMIT_S], words[_ARMED] = TRIAL_S, 1.0
         self.rearm()
-        cut = self._comes(lambda: bool(words[_EXPIRED]), WATCHDOG_S) and not self.drives
+        has_cut = self._wait_until(lambda: bool(words[_EXPIRED]), WATCHDOG_S) and not self.drives_on
         words[_LIMIT_S] = WATCHDOG_S
-        if not cut:
+        if not has_cut:
             self.disarm()
             raise PlantError(
                 f"the card's watchdog did not take the drive-enable line away within {WATCHDOG_S:g} s when it was "
@@ -172,38 +174,38 @@ class Card:
         self._words[_ENABLED] = 1.0
 
     def _await_watchdog(self) -> None:
-        if self._watchdog is not None and not self._comes(lambda: self._words[_LOOKS] > 0.0, _STARTED_S):
+        if self._watchdog is not None and not self._wait_until(lambda: self._words[_POLLS] > 0.0, _START_TIMEOUT_S):
             self.disarm()
-            raise PlantError(f"the card's watchdog did not start within {_STARTED_S:g} s: start the loop again")
+            raise PlantError(f"the card's watchdog did not start within {_START_TIMEOUT_S:g} s: start the loop again")
 
     @staticmethod
-    def _comes(reached: Callable[[], bool], within_s: float) -> bool:
-        waited = Stillness(_WRITE_S)
+    def _wait_until(reached: Callable[[], bool], within_s: float) -> bool:
+        waiting = Stillness(_WRITE_S)
         while not reached():
-            if waited.seen(None) > within_s:
+            if waiting.update(None) > within_s:
                 return False
             time.sleep(_WRITE_S)
         return True
 
     @property
-    def drives(self) -> bool:
+    def drives_on(self) -> bool:
         """Whether the drive-enable line is on."""
         return bool(self._words[_ENABLED])
 
-    def put(self, command: MotorCommand, safety_tripped: bool) -> None:
+    def write(self, command: MotorCommand, safety_tripped: bool) -> None:
         """Write the outputs, feed the watchdog and see that it is at work.
 
         Raises WatchdogExpiredError, WatchdogDeadError; the drives are off then and the write is ignored.
         """
-        self.show_trip(safety_tripped)
+        self.set_trip(safety_tripped)
         self.feed()
         self.set_outputs(command)
 
     def feed(self) -> None:
-        """Tell the watchdog that somebody is there. Raises as ``put`` does."""
+        """Tell the watchdog that somebody is there. Raises as ``write`` does."""
         words = self._words
         words[_WRITES] += 1.0
-        if self._watchdog is not None and self._looks.seen(words[_LOOKS]) > WATCHDOG_S:
+        if self._watchdog is not None and self._watchdog_polls.update(words[_POLLS]) > WATCHDOG_S:
             words[_ENABLED] = words[_U_A] = words[_U_B] = 0.0
             words[_DEAD] = 1.0
         if words[_DEAD]:
@@ -217,8 +219,8 @@ class Card:
         """Put voltages on the analog outputs; they reach the motors with the drives on."""
         self._words[_U_A], self._words[_U_B] = command
 
-    def show_trip(self, safety_tripped: bool) -> None:
-        """Show what the safety module says."""
+    def set_trip(self, safety_tripped: bool) -> None:
+        """Set the safety module's trip signal."""
         self._words[_TRIPPED] = float(safety_tripped)
 
     def set_drives(self, *, on: bool) -> None:
@@ -229,7 +231,7 @@ class Card:
         """Let the drives be enabled again after the watchdog has expired."""
         self._words[_EXPIRED] = 0.0
 
-    def watch_from_now(self, limit_s: float) -> None:
+    def start_watching(self, limit_s: float) -> None:
         """Let the watchdog count with this limit, expired no longer. Raises PlantError when it did not start."""
         words = self._words
         self._await_watchdog()
@@ -271,9 +273,9 @@ class Card:
         words[_ENABLED] = words[_U_A] = words[_U_B] = 0.0
         words[_EXPIRED] = 1.0
 
-    def looked(self) -> None:
-        """Let the watchdog show that it is at work."""
-        self._words[_LOOKS] += 1.0
+    def count_poll(self) -> None:
+        """Count a poll of the watchdog."""
+        self._words[_POLLS] += 1.0
 
     def close(self) -> None:
         """Unmap and close the descriptor. Safe to call twice."""
@@ -289,23 +291,23 @@ class Card:
             self.close()
 
 
-def watch(card: Card, writers: int) -> None:
+def run_watchdog(card: Card, writers: int) -> None:
     """Be the watchdog until the drives are off and ``writers``, a descriptor, has come to its end."""
     silence = Stillness(POLL_S)
     while True:
-        orphaned = bool(select.select([writers], [], [], POLL_S)[0])
-        if orphaned:
+        is_orphaned = bool(select.select([writers], [], [], POLL_S)[0])
+        if is_orphaned:
             time.sleep(POLL_S)
         state = card.state()
-        silent_s = silence.seen((state.writes, state.armed, state.expired))
-        card.looked()
+        silent_s = silence.update((state.writes, state.armed, state.expired))
+        card.count_poll()
         if state.armed and not state.expired and silent_s > state.watchdog_s:
             card.expire()
-        if orphaned and not state.drive_enabled:
+        if is_orphaned and not state.drive_enabled:
             return
 
 
 if __name__ == "__main__":
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-    watch(Card(int(sys.argv[1])), sys.stdin.fileno())
+    run_watchdog(Card(int(sys.argv[1])), sys.stdin.fileno())

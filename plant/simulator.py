@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.compilation import PrecompiledCall, StateBlock, compiled, keep_compiled
+from plant.compilation import PrecompiledCall, StateBlock, compiled, store_compiled
 from plant.dynamics import (
     AT_REST,
     NO_OBSTACLE,
@@ -83,11 +83,11 @@ class BrokenPart:
         return self._broken.words
 
     @property
-    def keeps_from_working(self) -> bool:
+    def blocks_access(self) -> bool:
         """Whether the plant cannot be read or written while this lasts."""
         return self._broken.kind in (Breakage.READ_ERROR, Breakage.WRITE_ERROR)
 
-    def seen(self, m: Measurement) -> Measurement:
+    def distort(self, m: Measurement) -> Measurement:
         """Return what the loop is shown of a measurement. Raises PlantError."""
         kind, sensor = self._broken.kind, self._broken.sensor
         if kind is Breakage.READ_ERROR:
@@ -95,27 +95,27 @@ class BrokenPart:
         if kind not in ON_SENSORS:
             return m
         self._ticks += 1
-        return m._replace(**{sensor.value: self._reading(getattr(m, sensor.value))})
+        return m._replace(**{sensor.value: self._distort_reading(getattr(m, sensor.value))})
 
-    def _reading(self, true: float) -> float:
+    def _distort_reading(self, value: float) -> float:
         sensor = self._broken.sensor
-        rate, most = DRIFTS[sensor]
-        drift = min(rate * T_s * self._ticks, most)
+        rate, drift_max = DRIFTS[sensor]
+        drift = min(rate * T_s * self._ticks, drift_max)
         match self._broken.kind:
             case Breakage.NO_NUMBER:
                 return math.nan
             case Breakage.STUCK:
-                self._frozen = true if self._frozen is None else self._frozen
+                self._frozen = value if self._frozen is None else self._frozen
                 return self._frozen
             case Breakage.JUMP:
-                return true + JUMPS[sensor]
+                return value + JUMPS[sensor]
             case Breakage.DRIFT_UP:
-                return true + drift
+                return value + drift
             case Breakage.DRIFT_DOWN:
                 # A load cell does not read less than nothing.
-                return max(true - drift, 0.0) if sensor in (Sensor.F_A, Sensor.F_B) else true - drift
+                return max(value - drift, 0.0) if sensor in (Sensor.F_A, Sensor.F_B) else value - drift
             case _:
-                return true
+                return value
 
     def delay_write(self) -> None:
         """Hold up the write. Raises PlantError."""
@@ -179,15 +179,15 @@ def quantise(value: float, step: float) -> float:
 
 
 @compiled
-def delayed(line: NDArray[np.float64], tick: int, delay_ticks: int, F_A: float, F_B: float) -> tuple[float, float]:
+def delay_forces(line: NDArray[np.float64], tick: int, delay_ticks: int, F_A: float, F_B: float) -> tuple[float, float]:
     """Put this tick's forces [N] into the delay line (2, DELAY_SLOTS), return those of ``delay_ticks`` ago."""
     slots = line.shape[1]
     line[0, tick % slots] = F_A
     line[1, tick % slots] = F_B
-    past = tick - delay_ticks
-    if past < 0:
-        past = 0
-    return line[0, past % slots], line[1, past % slots]
+    delayed_tick = tick - delay_ticks
+    if delayed_tick < 0:
+        delayed_tick = 0
+    return line[0, delayed_tick % slots], line[1, delayed_tick % slots]
 
 
 @compiled
@@ -206,7 +206,7 @@ def sense_state(
     """Measurement of the true state x; ``noise_A``, ``noise_B`` [N] are this tick's load cell errors."""
     x_A = elongation_A(plant.joint, x.theta_A, x.q)
     x_B = elongation_B(plant.joint, x.theta_B, x.q)
-    F_A, F_B = delayed(
+    F_A, F_B = delay_forces(
         line, tick, sensors.delay_ticks, tendon_tension(plant.spring_A, x_A), tendon_tension(plant.spring_B, x_B)
     )
     return Measurement(
@@ -222,7 +222,7 @@ def sense_state(
     )
 
 
-def sensor_model(parameters: Sensors, F_max: float, u_max: float) -> SensorModel:
+def make_sensor_model(parameters: Sensors, F_max: float, u_max: float) -> SensorModel:
     """Resolutions from counts per revolution and converter bits over the ranges ±2 F_max and ±u_max."""
     steps = 2.0**parameters.converter_bits
     exact = parameters.converter_bits == 0.0
@@ -305,13 +305,13 @@ def simulate_period(simulated: StateBlock[Simulated], u_A: float, u_B: float, ti
         obstacle=s.obstacle,
     )
     tripped = s.tripped or is_limit_exceeded(s.plant, s.bounds, x)
-    keep_compiled(simulated.x, x)
-    keep_compiled(simulated.tripped, tripped)
-    return _measured(simulated, tick)
+    store_compiled(simulated.x, x)
+    store_compiled(simulated.tripped, tripped)
+    return _measure(simulated, tick)
 
 
 @compiled
-def _measured(simulated: StateBlock[Simulated], tick: int) -> Measurement:
+def _measure(simulated: StateBlock[Simulated], tick: int) -> Measurement:
     s = simulated.value
     row = tick % s.noise.shape[0]
     trip = 1.0 if s.tripped else 0.0
@@ -327,12 +327,12 @@ def _measured(simulated: StateBlock[Simulated], tick: int) -> Measurement:
         safety_trip=trip,
         obstacle=s.obstacle,
     )
-    keep_compiled(simulated.m, m)
+    store_compiled(simulated.m, m)
     return m
 
 
 @compiled
-def _exceeds(simulated: StateBlock[Simulated]) -> bool:
+def _is_limit_exceeded(simulated: StateBlock[Simulated]) -> bool:
     return is_limit_exceeded(simulated.plant.value, simulated.bounds.value, simulated.x.value)
 
 
@@ -368,8 +368,8 @@ class Simulator:
         self._tripped = False
         self.simulated = simulated = StateBlock(
             Simulated(
-                plant=parameters.dynamics(),
-                sensors=sensor_model(parameters.sensors, F_max, u_max),
+                plant=parameters.make_dynamics(),
+                sensors=make_sensor_model(parameters.sensors, F_max, u_max),
                 bounds=SafetyBounds(F_max, parameters.geometry.q_max),
                 u_max=u_max,
                 line=np.zeros((2, DELAY_SLOTS)),
@@ -383,10 +383,10 @@ class Simulator:
             )
         )
         self._period = PrecompiledCall(simulate_period, simulated, 0.0, 0.0, 0)
-        self._sense = PrecompiledCall(_measured, simulated, 0)
-        self._exceeds = PrecompiledCall(_exceeds, simulated)
-        self._x, self._pushed, self._trip = (simulated.field(name) for name in ("x", "F_push", "tripped"))
-        self._felt = simulated.field("m").field("F_wall")
+        self._sense = PrecompiledCall(_measure, simulated, 0)
+        self._is_limit_exceeded = PrecompiledCall(_is_limit_exceeded, simulated)
+        self._x, self._push_force, self._trip = (simulated.field(name) for name in ("x", "F_push", "tripped"))
+        self._wall_force = simulated.field("m").field("F_wall")
 
     @property
     def x(self) -> PlantState:
@@ -405,7 +405,7 @@ class Simulator:
         if m is None:  # nothing has been written yet, or what is read has changed since
             self._draw_noise()
             m = self._sense(self.simulated, self._tick)
-        return m if self._broken is None else self._broken.seen(m)
+        return m if self._broken is None else self._broken.distort(m)
 
     def write(self, command: MotorCommand) -> None:
         """Advance the physics by one period; the command gets through with drive-enable on and no trip. PlantError."""
@@ -413,7 +413,7 @@ class Simulator:
         if self._broken is not None:
             self._broken.delay_write()
         driven = command
-        if self._card is not None and not self._card.drives:
+        if self._card is not None and not self._card.drives_on:
             driven = ZERO_VOLTS
         elif self._tripped:
             driven = self._cut(command)
@@ -422,7 +422,7 @@ class Simulator:
         self._m = m = self._period(self.simulated, driven.u_A, driven.u_B, self._tick)
         self._tripped = m.safety_trip != 0.0
         if self._card is not None:
-            self._card.put(driven, self._tripped)
+            self._card.write(driven, self._tripped)
 
     @property
     def periods(self) -> int:
@@ -447,7 +447,7 @@ class Simulator:
         if (block != self._noise_block or self._tick == 0) and self._noise_N > 0.0:
             self._noise_block = block
             noise = self._noise_N * self._random.standard_normal((_NOISE_BLOCK, 2))
-            self.simulated.field("noise").put(noise)
+            self.simulated.field("noise").set(noise)
 
     def _cut(self, command: MotorCommand) -> MotorCommand:
         cuts_A, cuts_B = self.module_cuts
@@ -456,18 +456,18 @@ class Simulator:
     @property
     def F_push(self) -> float:
         """The push that is applied now [N]."""
-        F_push: float = self._pushed.get()
+        F_push: float = self._push_force.get()
         return F_push
 
     @property
     def F_wall(self) -> float:
         """The force of a wall on the joint [N], as it was measured last."""
-        F_wall: float = self._felt.get()
+        F_wall: float = self._wall_force.get()
         return F_wall
 
     def push(self, F_push: float) -> None:
         """Apply an external force [N] from the next period on."""
-        self._pushed.put(float(F_push))
+        self._push_force.set(float(F_push))
         self._m = None
 
     def load(self, load: ShaftLoad) -> None:
@@ -476,7 +476,7 @@ class Simulator:
             raise PlantError(
                 f"loads of {load.load_A:g} and {load.load_B:g} N·m: loads pull as tendons do, from 0 N·m on"
             )
-        self.simulated.field("load").put(ShaftLoad(float(load.load_A), float(load.load_B)))
+        self.simulated.field("load").set(ShaftLoad(float(load.load_A), float(load.load_B)))
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
         """Put a wall in the joint's way from the next period on, None takes it away.
@@ -487,7 +487,7 @@ class Simulator:
             joint, bounds = self.simulated.field("plant").field("joint").get(), self.simulated.field("bounds").get()
             require_possible_wall(obstacle, joint, self._F_max, bounds.q_max, T_s / SUBSTEPS)
             require_free(obstacle, self.x.q)
-        self.simulated.field("obstacle").put(NO_OBSTACLE if obstacle is None else Obstacle(*map(float, obstacle)))
+        self.simulated.field("obstacle").set(NO_OBSTACLE if obstacle is None else Obstacle(*map(float, obstacle)))
         self._m = None
 
     def inject(self, broken: Broken | None) -> None:
@@ -507,13 +507,13 @@ class Simulator:
     def limit_tension(self, F_limit: float | None) -> None:
         """Set the tension at which the safety module trips [N], None for its own."""
         bounds = self.simulated.field("bounds")
-        bounds.put(bounds.get()._replace(F_max=self._F_max if F_limit is None else F_limit))
+        bounds.set(bounds.get()._replace(F_max=self._F_max if F_limit is None else F_limit))
 
     def acknowledge(self) -> None:
         """Re-arm safety module and watchdog. PlantError while a cause is still there, or the watchdog is dead."""
-        if self._broken is not None and self._broken.keeps_from_working:
+        if self._broken is not None and self._broken.blocks_access:
             raise PlantError(f"still broken: {self._broken.description}; mend it first")
-        if self._exceeds(self.simulated):
+        if self._is_limit_exceeded(self.simulated):
             raise PlantError("the safety module stays tripped: tendon force or joint position is still out of bounds")
         self._trips(tripped=False)
         if self._card is not None:
@@ -521,7 +521,7 @@ class Simulator:
 
     def _trips(self, *, tripped: bool) -> None:
         self._tripped = tripped
-        self._trip.put(tripped)
+        self._trip.set(tripped)
         self._m = None
 
     def close(self) -> None:

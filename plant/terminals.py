@@ -37,7 +37,7 @@ class Encoder(NamedTuple):
     direction: float
 
 
-class Wires(NamedTuple):
+class Terminals(NamedTuple):
     """What is at the terminals, for the compiled functions."""
 
     cell_A: LoadCellScaling
@@ -47,34 +47,34 @@ class Wires(NamedTuple):
     encoder_B: Encoder
 
 
-def wires_of(w: Wiring) -> Wires:
+def make_terminals(w: Wiring) -> Terminals:
     """Return the numbers of a wiring."""
-    q, A, B = (_encoder(wired) for wired in (w.encoder_q, w.encoder_A, w.encoder_B))
-    return Wires(_cell(w.load_cell_A), _cell(w.load_cell_B), q, A, B)
+    q, A, B = (_make_encoder(wired) for wired in (w.encoder_q, w.encoder_A, w.encoder_B))
+    return Terminals(_make_cell(w.load_cell_A), _make_cell(w.load_cell_B), q, A, B)
 
 
 @compiled
-def at_terminals(
-    wires: Wires, m: Measurement, pull_A: float, pull_B: float
+def compute_terminals(
+    wires: Terminals, m: Measurement, pull_A: float, pull_B: float
 ) -> tuple[float, float, float, float, float]:
     """Volts of both load cells, which are pulled at besides [N], and counts of the encoders, as in a ``RawReading``."""
     return (
-        converted(volts_of(wires.cell_A, m.F_A + pull_A)),
-        converted(volts_of(wires.cell_B, m.F_B + pull_B)),
-        counts_of(wires.encoder_q, m.q),
-        counts_of(wires.encoder_A, m.theta_A),
-        counts_of(wires.encoder_B, m.theta_B),
+        quantise_volts(compute_volts(wires.cell_A, m.F_A + pull_A)),
+        quantise_volts(compute_volts(wires.cell_B, m.F_B + pull_B)),
+        compute_counts(wires.encoder_q, m.q),
+        compute_counts(wires.encoder_A, m.theta_A),
+        compute_counts(wires.encoder_B, m.theta_B),
     )
 
 
 @compiled
-def counts_of(encoder: Encoder, angle: float) -> float:
+def compute_counts(encoder: Encoder, angle: float) -> float:
     """Count the steps of an encoder that has turned by an angle [rad]; nan stays nan."""
     return encoder.direction * float(np.rint(angle * encoder.counts_per_rev / (2.0 * math.pi)))
 
 
 @compiled
-def volts_of(cell: LoadCellScaling, F: float) -> float:
+def compute_volts(cell: LoadCellScaling, F: float) -> float:
     """Give the volts of a load cell under a tension F [N]: its calibration the other way round, beyond a table too."""
     points = cell.table
     if points.shape[0] == 0:
@@ -87,17 +87,17 @@ def volts_of(cell: LoadCellScaling, F: float) -> float:
 
 
 @compiled
-def converted(V: float) -> float:
+def quantise_volts(V: float) -> float:
     """Round volts as a 16-bit converter does, at its end where they are beyond; nan stays nan."""
     if math.isnan(V):
         return V
     return float(np.rint(min(max(V / _STEP_V, _LOWEST), _HIGHEST))) * _STEP_V
 
 
-def _cell(wired: LoadCellWiring) -> LoadCellScaling:
+def _make_cell(wired: LoadCellWiring) -> LoadCellScaling:
     points = sorted((newtons, volts) for volts, newtons in wired.table)
     return LoadCellScaling(float(wired.slope), float(wired.offset), np.array(points, dtype=np.float64).reshape(-1, 2))
 
 
-def _encoder(wired: EncoderWiring) -> Encoder:
+def _make_encoder(wired: EncoderWiring) -> Encoder:
     return Encoder(float(wired.counts_per_rev), float(wired.direction))

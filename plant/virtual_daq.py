@@ -40,8 +40,8 @@ from plant.manual_input import NO_HAND, ManualInput
 from plant.rig import Rig
 from plant.safety_card import WATCHDOG_S, Card, CardState, WatchdogExpiredError
 from plant.simulator import Simulator
-from plant.terminals import at_terminals, converted, wires_of
-from plant.wiring import Wiring, wired_alike
+from plant.terminals import compute_terminals, make_terminals, quantise_volts
+from plant.wiring import Wiring, is_wired_alike
 
 # In process ----------------------------------------------------------------------------------------
 #
@@ -74,10 +74,10 @@ class CardError(grpc.RpcError):  # type: ignore[misc]  # grpcio has no types
         return (_Entry("ni-error", str(self._code.value)),)
 
 
-class Answering(Protocol):
+class CallHandler(Protocol):
     """A service of NI's: every call goes through here."""
 
-    def answering(self, method: str) -> Callable[..., Any]:
+    def get_handler(self, method: str) -> Callable[..., Any]:
         """Return what answers a call of this name, given its request. It raises grpc.RpcError."""
         ...
 
@@ -85,12 +85,12 @@ class Answering(Protocol):
 class InProcess(grpc.Channel):  # type: ignore[misc]  # grpcio has no types
     """A channel whose calls are calls: over a socket a cycle takes 1 ms, more than a period."""
 
-    def __init__(self, service: Answering) -> None:
+    def __init__(self, service: CallHandler) -> None:
         self._service = service
 
     def unary_unary(self, method: str, *_: Any, **__: Any) -> Callable[..., Any]:
         """Return what answers the call: looked up here, once, and not in each tick."""
-        return self._service.answering(method.rpartition("/")[2])
+        return self._service.get_handler(method.rpartition("/")[2])
 
     def unary_stream(self, *_: Any, **__: Any) -> None:
         """Not used by the client's tasks."""
@@ -158,7 +158,7 @@ class Channels(dict[str, list[str]]):
             raise CardError(DAQmxErrors.DUPLICATE_TASK, f"Task name: {task} is taken already")
         self[task] = []
 
-    def let_go(self, task: str) -> None:
+    def release(self, task: str) -> None:
         """Let go of a task and its channels."""
         for channel in self.pop(task, []):
             self._owner.pop(channel, None)
@@ -234,7 +234,7 @@ class TaskCalls(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # made
 # wiring file says.
 #
 # A fault that a card notices is an error with NI's code. What it cannot notice is a rig that
-# differs from its wiring file: ``miswired`` says what the terminals are really connected to, and
+# differs from its wiring file: ``apply_miswiring`` says what the terminals are really connected to, and
 # the file goes on saying what it says.
 
 
@@ -289,13 +289,13 @@ class CardFaults:
         self.kind = None if broken is None else broken.kind
 
     @property
-    def gone(self) -> bool:
+    def is_gone(self) -> bool:
         """Whether the card does not answer any more; its outputs stay as they were, until its watchdog cuts them."""
         return self.kind is Breakage.DEVICE_GONE
 
     def refuse(self, method: str) -> None:
         """Raise CardError where a call of NI's service, by its name, does not work."""
-        if self.kind not in _ERRORS or not (self.gone or method == "ReadAnalogF64"):
+        if self.kind not in _ERRORS or not (self.is_gone or method == "ReadAnalogF64"):
             return
         code, text = _ERRORS[self.kind]
         if self.kind is Breakage.LOST_SAMPLE:
@@ -303,7 +303,7 @@ class CardFaults:
         raise CardError(code, text)
 
 
-def miswired(wiring: Wiring, broken: Broken | None) -> Wiring:
+def apply_miswiring(wiring: Wiring, broken: Broken | None) -> Wiring:
     """Return what the terminals are connected to when something is broken of a rig with this wiring."""
     if broken is None:
         return wiring
@@ -348,7 +348,7 @@ class WatchdogTask:
         """Make the task, with its time [s]."""
         self._task, self.limit_s = task, limit_s
 
-    def let_go(self, task: str) -> None:
+    def release(self, task: str) -> None:
         """Let go of a task; of this one nothing is watched any more."""
         if task == self._task:
             self._task, self._running, self.limit_s = "", False, 0.0
@@ -361,7 +361,7 @@ class WatchdogTask:
         if self._running:
             raise CardError(DAQmxErrors.CAN_NOT_PERFORM_OP_WHILE_TASK_RUNNING, f"The task is running: {task}")
         self._running = True
-        self._registers.watch_from_now(self.limit_s)
+        self._registers.start_watching(self.limit_s)
 
     def stop(self, task: str) -> None:
         """Stop counting, where the task is this one."""
@@ -379,8 +379,8 @@ class WatchdogTask:
             raise CardError(DAQmxErrors.CANT_RESET_EXPIRED_WATCHDOG, text) from None
 
     @property
-    def expired(self) -> bool:
-        """Whether it has expired; told while it runs only."""
+    def is_expired(self) -> bool:
+        """Whether it has expired; available while it runs only."""
         if not self._running:
             text = "The property can be read while the task is reserved, committed or running only"
             raise CardError(DAQmxErrors.CANNOT_GET_PROPERTY_WHEN_TASK_NOT_RESERVED_COMMITTED_OR_RUNNING, text)
@@ -404,19 +404,19 @@ class VirtualCard(TaskCalls):
 
     def __init__(self, wiring: Wiring, simulator: Simulator, registers: Card, *, has_clock: bool) -> None:
         super().__init__(wiring.card.device)
-        self._sound = wiring
-        self._hand = NO_HAND
+        self._nominal_wiring = wiring
+        self._manual_input = NO_HAND
         self._raw: tuple[float, ...] | None = None
         self._connect(wiring)
-        self._at_terminals = PrecompiledCall(at_terminals, self._wires, NOT_MEASURED, 0.0, 0.0)
+        self._at_terminals = PrecompiledCall(compute_terminals, self._wires, NOT_MEASURED, 0.0, 0.0)
         self.faults = CardFaults()
-        self._held = ZERO_VOLTS
-        self._unheard_s = self._next_s = 0.0
+        self._last_output = ZERO_VOLTS
+        self._unwritten_s = self._next_s = 0.0
         self._simulator, self._registers = simulator, registers
         self._has_clock = has_clock
         self._clocked: set[str] = set()
         self._watchdog = WatchdogTask(registers)
-        self._seen: Measurement | None = None
+        self._measurement: Measurement | None = None
         self._counted_from: dict[str, float] = {}
         # Filled anew by each call: the client takes out what it needs before the next one, and making one takes longer
         # than everything else in a call.
@@ -424,7 +424,7 @@ class VirtualCard(TaskCalls):
         self._count_read = pb.ReadCounterScalarF64Response()
         self._levels_read = pb.ReadDigitalLinesResponse(samps_per_chan_read=1, num_bytes_per_samp=1)
         self._volts_written = pb.WriteAnalogF64Response(samps_per_chan_written=1)
-        self._watchdog_told = pb.ControlWatchdogTaskResponse()
+        self._watchdog_response = pb.ControlWatchdogTaskResponse()
 
     def options(self) -> GrpcSessionOptions:
         """Return what makes a nidaqmx task one of this card."""
@@ -432,20 +432,20 @@ class VirtualCard(TaskCalls):
 
     def by_hand(self, hand: ManualInput) -> None:
         """Let a hand act on what stands behind the terminals."""
-        if self._hand.q is not None:
+        if self._manual_input.q is not None:
             self._simulator.push(0.0)
-        self._hand = hand
+        self._manual_input = hand
         self._raw = None
         self._simulator.limit_tension(hand.F_limit)
 
-    def answering(self, method: str) -> Callable[..., Any]:
+    def get_handler(self, method: str) -> Callable[..., Any]:
         """Return what answers a call by its name, as far as what is broken lets it."""
         call, faults, context = getattr(self, method), self.faults, Context()
 
         def answer(request: Any, timeout: float | None = None, metadata: object = None) -> Any:
             if faults.kind is not None:
-                if faults.gone and method == "WriteAnalogF64":
-                    self._go_on_alone()
+                if faults.is_gone and method == "WriteAnalogF64":
+                    self._advance_unattended()
                 faults.refuse(method)
             try:
                 return call(request, context)
@@ -456,18 +456,18 @@ class VirtualCard(TaskCalls):
 
     def inject(self, broken: Broken | None) -> None:
         """Break something of the card or its wires, None to mend it; counters go on from where they stand."""
-        before = {counter: self._angle_counts(counter) for counter in self._counted_from}
+        before = {counter: self._read_counts(counter) for counter in self._counted_from}
         self.faults.inject(broken)
-        self._connect(miswired(self._sound, broken))
+        self._connect(apply_miswiring(self._nominal_wiring, broken))
         for counter, counts in before.items():
-            jump = self._angle_counts(counter) - counts
+            jump = self._read_counts(counter) - counts
             self._counted_from[counter] += jump if math.isfinite(jump) else 0.0
 
     def _connect(self, wiring: Wiring) -> None:
         """Say what is at each terminal, and its place in ``_raw``."""
         w = self._wiring = wiring
-        self._wires = wires_of(w)
-        self._places = {
+        self._wires = make_terminals(w)
+        self._terminal_index = {
             w.load_cell_B.channel: 1,
             w.load_cell_A.channel: 0,
             w.encoder_q.counter: 2,
@@ -476,41 +476,41 @@ class VirtualCard(TaskCalls):
         }
         enables, trips, ends = (line.active == "high" for line in (w.drive_enable, w.safety_tripped, w.end_switch))
         self._levels = {
-            w.end_switch.line: lambda: w.end_switch.held(self._simulator.x.q) == ends,
-            w.safety_tripped.line: lambda: (self._measured().safety_trip > 0.0) == trips,
-            w.drive_enable.line: lambda: self._drives == enables,
+            w.end_switch.line: lambda: w.end_switch.is_held_at(self._simulator.x.q) == ends,
+            w.safety_tripped.line: lambda: (self._measure().safety_trip > 0.0) == trips,
+            w.drive_enable.line: lambda: self._drives_on == enables,
         }
         self._raw = None
 
-    def _go_on_alone(self) -> None:
+    def _advance_unattended(self) -> None:
         """Let what moves go on for a period under the volts that were written last; in stepped time, watch over it."""
-        self._unheard_s += T_s
-        if self._registers.watchdog_pid is None and self._unheard_s > self._watchdog.limit_s:
+        self._unwritten_s += T_s
+        if self._registers.watchdog_pid is None and self._unwritten_s > self._watchdog.limit_s:
             self._registers.expire()
-        self._move()
+        self._advance()
 
     # The physics behind the terminals.
 
-    def _measured(self) -> Measurement:
-        if self._seen is None:
-            self._seen = self._simulator.read()
-        return self._seen
+    def _measure(self) -> Measurement:
+        if self._measurement is None:
+            self._measurement = self._simulator.read()
+        return self._measurement
 
-    def _look(self) -> tuple[float, ...]:
+    def _read_terminals(self) -> tuple[float, ...]:
         """Volts and counts at the terminals, in one compiled call for all of them."""
-        hand = self._hand
-        raw = self._raw = self._at_terminals(self._wires, self._measured(), hand.pull_A, hand.pull_B)
+        hand = self._manual_input
+        raw = self._raw = self._at_terminals(self._wires, self._measure(), hand.pull_A, hand.pull_B)
         return raw
 
-    def _volts(self, channel: str) -> float:
-        place = self._places.get(channel)
-        return 0.0 if place is None else (self._raw or self._look())[place]
+    def _read_volts(self, channel: str) -> float:
+        index = self._terminal_index.get(channel)
+        return 0.0 if index is None else (self._raw or self._read_terminals())[index]
 
-    def _angle_counts(self, counter: str) -> float:
-        place = self._places.get(counter)
-        return 0.0 if place is None else (self._raw or self._look())[place]
+    def _read_counts(self, counter: str) -> float:
+        index = self._terminal_index.get(counter)
+        return 0.0 if index is None else (self._raw or self._read_terminals())[index]
 
-    def _level(self, line: str) -> bool:
+    def _read_line(self, line: str) -> bool:
         return line in self._levels and self._levels[line]()
 
     # Tasks.
@@ -526,9 +526,9 @@ class VirtualCard(TaskCalls):
 
     def ClearTask(self, request: Any, context: Any) -> Any:
         """Let go of a task's channels."""
-        self._channels.let_go(request.task.name)
+        self._channels.release(request.task.name)
         self._clocked.discard(request.task.name)
-        self._watchdog.let_go(request.task.name)
+        self._watchdog.release(request.task.name)
         return pb.ClearTaskResponse()
 
     def StartTask(self, request: Any, context: Any) -> Any:
@@ -536,7 +536,7 @@ class VirtualCard(TaskCalls):
         self._watchdog.start(request.task.name)
         for channel in self._channels[request.task.name]:
             if channel.startswith("ctr"):
-                self._counted_from[channel] = self._angle_counts(channel)
+                self._counted_from[channel] = self._read_counts(channel)
         return pb.StartTaskResponse()
 
     def StopTask(self, request: Any, context: Any) -> Any:
@@ -555,18 +555,18 @@ class VirtualCard(TaskCalls):
         task = request.task.name
         if task in self._clocked:
             self._wait_for_clock()
-        self._volts_read.read_array[:] = [self._volts(channel) for channel in self._channels[task]]
+        self._volts_read.read_array[:] = [self._read_volts(channel) for channel in self._channels[task]]
         return self._volts_read
 
     def ReadCounterScalarF64(self, request: Any, context: Any) -> Any:
         """Read an encoder."""
         (counter,) = self._channels[request.task.name]
-        self._count_read.value = self._angle_counts(counter) - self._counted_from.get(counter, 0.0)
+        self._count_read.value = self._read_counts(counter) - self._counted_from.get(counter, 0.0)
         return self._count_read
 
     def ReadDigitalLines(self, request: Any, context: Any) -> Any:
         """Read lines, a byte each."""
-        self._levels_read.read_array = bytes([self._level(line) for line in self._channels[request.task.name]])
+        self._levels_read.read_array = bytes([self._read_line(line) for line in self._channels[request.task.name]])
         return self._levels_read
 
     def WriteAnalogF64(self, request: Any, context: Any) -> Any:
@@ -574,28 +574,28 @@ class VirtualCard(TaskCalls):
         volts = dict(zip(self._channels[request.task.name], request.write_array[:], strict=True))
         A, B = self._wiring.motor_A, self._wiring.motor_B
         V_A, V_B = volts.get(A.channel, 0.0), volts.get(B.channel, 0.0)
-        self._held = MotorCommand(converted(V_A) / A.gain, converted(V_B) / B.gain)
-        self._registers.set_outputs(self._held)
-        self._unheard_s = 0.0
-        self._move()
+        self._last_output = MotorCommand(quantise_volts(V_A) / A.gain, quantise_volts(V_B) / B.gain)
+        self._registers.set_outputs(self._last_output)
+        self._unwritten_s = 0.0
+        self._advance()
         return self._volts_written
 
     @property
-    def _drives(self) -> bool:
-        return self._registers.drives or self.faults.enable_held
+    def _drives_on(self) -> bool:
+        return self._registers.drives_on or self.faults.enable_held
 
-    def _move(self) -> None:
-        driven = self._held if self._drives else ZERO_VOLTS
-        self._simulator.write(driven if self._hand is NO_HAND else self._handled(driven))
-        self._seen = self._raw = None
-        self._registers.show_trip(self._measured().safety_trip > 0.0)
+    def _advance(self) -> None:
+        command = self._last_output if self._drives_on else ZERO_VOLTS
+        self._simulator.write(command if self._manual_input is NO_HAND else self._add_manual_input(command))
+        self._measurement = self._raw = None
+        self._registers.set_trip(self._measure().safety_trip > 0.0)
 
-    def _handled(self, driven: MotorCommand) -> MotorCommand:
+    def _add_manual_input(self, command: MotorCommand) -> MotorCommand:
         x = self._simulator.x
-        if self._hand.q is not None:
-            self._simulator.push(self._hand.push(x))
-        turned = self._hand.turning(x)
-        return MotorCommand(driven.u_A + turned.u_A, driven.u_B + turned.u_B)
+        if self._manual_input.q is not None:
+            self._simulator.push(self._manual_input.compute_push(x))
+        torques = self._manual_input.compute_torques(x)
+        return MotorCommand(command.u_A + torques.u_A, command.u_B + torques.u_B)
 
     def WriteDigitalLines(self, request: Any, context: Any) -> Any:
         """Write the drive-enable line."""
@@ -617,11 +617,11 @@ class VirtualCard(TaskCalls):
     def ControlWatchdogTask(self, request: Any, context: Any) -> Any:
         """Reset its timer, or clear its expiration."""
         self._watchdog.control(request.action_raw)
-        return self._watchdog_told
+        return self._watchdog_response
 
     def GetWatchdogAttributeBool(self, request: Any, context: Any) -> Any:
         """Tell whether it has expired."""
-        return pb.GetWatchdogAttributeBoolResponse(value=self._watchdog.expired)
+        return pb.GetWatchdogAttributeBoolResponse(value=self._watchdog.is_expired)
 
     def GetDeviceAttributeInt32Array(self, request: Any, context: Any) -> Any:
         """Tell how analog inputs can be timed."""
@@ -643,7 +643,7 @@ class VirtualCard(TaskCalls):
     def _rearm_safety_module(self) -> None:
         with suppress(PlantError):  # its cause is still there: it stays tripped, and says so
             self._simulator.acknowledge()
-        self._seen = self._raw = None
+        self._measurement = self._raw = None
 
 
 # Virtual rig ---------------------------------------------------------------------------------------
@@ -679,36 +679,36 @@ class VirtualRig(Rig):
         wired: str = "",
     ) -> None:
         wiring = replace(wiring, card=replace(wiring.card, watchdog_s=WATCHDOG_S))
-        self._watched = registers is not None
-        self.stepped = not self._watched
+        self._has_watchdog = registers is not None
+        self.stepped = not self._has_watchdog
         self._card_registers = registers or Card.create()
-        if self._watched:
+        if self._has_watchdog:
             self._card_registers.start_watchdog()
-        true = wiring if as_wired is None else as_wired
-        has_clock = self._watched if has_clock is None else has_clock
-        self.card = VirtualCard(true, simulator, self._card_registers, has_clock=has_clock)
+        actual = wiring if as_wired is None else as_wired
+        has_clock = self._has_watchdog if has_clock is None else has_clock
+        self.card = VirtualCard(actual, simulator, self._card_registers, has_clock=has_clock)
         self._simulator = simulator
-        right = as_wired is None or wired_alike(wiring, as_wired)
+        is_wired_right = as_wired is None or is_wired_alike(wiring, as_wired)
         super().__init__(
             wiring,
             Daq(wiring, self.card.options),
-            directions_proven=directions_proven or right,
-            load_cells_measured=load_cells_measured or right,
+            directions_proven=directions_proven or is_wired_right,
+            load_cells_measured=load_cells_measured or is_wired_right,
             drives_off=drives_off,
             wired=wired,
         )
-        self.zeroed = right
+        self.zeroed = is_wired_right
 
-    def _described(self) -> str:
-        return f"virtual card, {super()._described()}"
+    def _describe(self) -> str:
+        return f"virtual card, {super()._describe()}"
 
     def _measure_cycle(self) -> None:
         """Spare it: each write would move what is simulated."""
 
     def _prove_watchdog(self) -> None:
-        if self._watched:
+        if self._has_watchdog:
             super()._prove_watchdog()
-        self._watchdog_tried = True
+        self._watchdog_proven = True
 
     def card_state(self) -> CardState:
         """Return what the card puts out, as anybody may see it."""

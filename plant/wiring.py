@@ -50,12 +50,12 @@ _HEADER = re.compile(r"\s*\[\s*([\w-]+)\s*\]")
 _KEY = re.compile(r"\s*([\w-]+)\s*=")
 
 
-def lines_of(text: str) -> dict[str, int]:
-    """Return on which lines sections and their entries stand, from 1."""
-    return dict(_found(text))
+def find_lines(text: str) -> dict[str, int]:
+    """Return the line numbers of sections and their entries, from 1."""
+    return dict(_find_entries(text))
 
 
-def _found(text: str) -> Iterator[tuple[str, int]]:
+def _find_entries(text: str) -> Iterator[tuple[str, int]]:
     section = ""
     for position, line in enumerate(text.splitlines(), 1):
         if (header := _HEADER.match(line)) is not None:
@@ -83,9 +83,9 @@ def number(unit: str, minimum: float, maximum: float, default: float | None = No
     return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, "default": default})
 
 
-def name(pattern: str, wanted: str, default: str | None = None) -> Any:
-    """Declare a name on the card; ``wanted`` says what is looked for."""
-    return field(metadata={"pattern": pattern, "wanted": wanted, "default": default})
+def name(pattern: str, description: str, default: str | None = None) -> Any:
+    """Declare a name on the card; ``description`` says what is looked for."""
+    return field(metadata={"pattern": pattern, "wanted": description, "default": default})
 
 
 def rows(unit: str) -> Any:
@@ -160,7 +160,7 @@ class SwitchWiring(LineWiring):
 
     position: float = number("rad", -math.pi, math.pi, math.nan)
 
-    def held(self, q: float) -> bool:
+    def is_held_at(self, q: float) -> bool:
         """Return whether a joint at q [rad] holds the switch: at its position, or beyond."""
         return abs(q) >= abs(self.position) and q * self.position > 0.0
 
@@ -199,12 +199,12 @@ class Wiring:
     sources: dict[str, str] = field(default_factory=dict, repr=False)
 
 
-def wired_alike(one: Wiring, other: Wiring) -> bool:
+def is_wired_alike(one: Wiring, other: Wiring) -> bool:
     """Return whether channels and directions are the same, whatever calibrations and the card's timing are."""
-    return _places(one) == _places(other)
+    return _get_connections(one) == _get_connections(other)
 
 
-def _places(w: Wiring) -> tuple[object, ...]:
+def _get_connections(w: Wiring) -> tuple[object, ...]:
     motors, cells = (w.motor_A, w.motor_B), (w.load_cell_A, w.load_cell_B)
     return motors, [(cell.channel, cell.slope < 0.0) for cell in cells], (w.encoder_q, w.encoder_A, w.encoder_B)
 
@@ -221,24 +221,24 @@ def load_wiring(name_or_path: str | Path) -> Wiring:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise WiringError(path.name, (WiringProblem(0, "file", f"it is not TOML, {error}", "mend it there"),)) from None
     if len(path.stem) > FILE_NAME_MAX:
-        told = f"its name has {len(path.stem)} characters, {FILE_NAME_MAX} are the most"
-        raise WiringError(f"{path.stem[:40]}...", (WiringProblem(0, "file", told, "rename the file"),))
-    return wiring_of(path.stem, document, text, path.name)
+        problem = f"its name has {len(path.stem)} characters, {FILE_NAME_MAX} are the most"
+        raise WiringError(f"{path.stem[:40]}...", (WiringProblem(0, "file", problem, "rename the file"),))
+    return parse_wiring(path.stem, document, text, path.name)
 
 
-def wiring_of(title: str, document: dict[str, Any], text: str = "", file: str = "") -> Wiring:
-    """Build a wiring from a document; ``text`` is where line numbers are looked up. Raises WiringError."""
-    reader = _Reader(lines_of(text))
+def parse_wiring(title: str, document: dict[str, Any], text: str = "", file: str = "") -> Wiring:
+    """Build a wiring from a document; line numbers come from ``text``. Raises WiringError."""
+    reader = _Reader(find_lines(text))
     for section in document:
         if section not in SECTIONS:
-            reader.refuse(section, "", "it is not known", f"known are {', '.join(SECTIONS)}")
-    parts = {section: reader.section(section, kind, document.get(section)) for section, kind in SECTIONS.items()}
-    reader.refuse_shared(parts)
-    reader.refuse_without_calibration(parts)
+            reader.add_problem(section, "", "it is not known", f"known are {', '.join(SECTIONS)}")
+    parts = {section: reader.read_section(section, kind, document.get(section)) for section, kind in SECTIONS.items()}
+    reader.check_shared(parts)
+    reader.check_calibration(parts)
     if reader.problems:
         raise WiringError(file or title, tuple(sorted(reader.problems)))
-    made = {section: kind(**parts[section]) for section, kind in SECTIONS.items()}
-    return Wiring(title=title, sources=reader.sources, **made)
+    sections = {section: kind(**parts[section]) for section, kind in SECTIONS.items()}
+    return Wiring(title=title, sources=reader.sources, **sections)
 
 
 _Parts = dict[str, dict[str, Any]]
@@ -252,101 +252,105 @@ class _Reader:
         self.sources: dict[str, str] = {}
         self._lines = lines
 
-    def refuse(self, section: str, entry: str, text: str, remedy: str) -> None:
+    def add_problem(self, section: str, entry: str, text: str, remedy: str) -> None:
         label = f"{section}.{entry}" if entry else section
         line = self._lines.get(label, self._lines.get(section, 0))
         self.problems.append(WiringProblem(line, label, text, remedy))
 
-    def section(self, section: str, kind: type, given: Any) -> dict[str, Any]:
-        if not isinstance(given, dict):
-            self.refuse(section, "", "it is missing", f"give a section [{section}]")
+    def read_section(self, section: str, kind: type, entries: Any) -> dict[str, Any]:
+        if not isinstance(entries, dict):
+            self.add_problem(section, "", "it is missing", f"give a section [{section}]")
             return {}
         known = {entry.name: entry for entry in fields(kind)}
-        for entry in given:
+        for entry in entries:
             if entry not in known:
-                self.refuse(section, entry, "it is not known", f"known are {', '.join(known)}")
-        return {entry: self._entry(section, declared, given) for entry, declared in known.items()}
+                self.add_problem(section, entry, "it is not known", f"known are {', '.join(known)}")
+        return {entry: self._read_entry(section, declared, entries) for entry, declared in known.items()}
 
-    def _entry(self, section: str, declared: "Field[Any]", given: dict[str, Any]) -> Any:
-        entry, about = declared.name, declared.metadata
-        if entry not in given:
-            if about["default"] is None:
-                self.refuse(section, entry, "it is missing", _wanted(declared))
-            return about["default"]
-        value = given[entry]
-        if "pattern" in about:
-            if not isinstance(value, str) or re.fullmatch(about["pattern"], value) is None:
-                self.refuse(section, entry, f"{value!r} is not known", f"give {about['wanted']}")
+    def _read_entry(self, section: str, declared: "Field[Any]", entries: dict[str, Any]) -> Any:
+        entry, metadata = declared.name, declared.metadata
+        if entry not in entries:
+            if metadata["default"] is None:
+                self.add_problem(section, entry, "it is missing", _describe_entry(declared))
+            return metadata["default"]
+        value = entries[entry]
+        if "pattern" in metadata:
+            if not isinstance(value, str) or re.fullmatch(metadata["pattern"], value) is None:
+                self.add_problem(section, entry, f"{value!r} is not known", f"give {metadata['wanted']}")
             return value
         if not isinstance(value, dict) or set(value) != {"value", "unit", "source"}:
-            self.refuse(section, entry, "a number comes with its unit and its source", _wanted(declared))
-            return about["default"]
-        if value["unit"] != about["unit"]:
-            self.refuse(section, entry, f"it is in {value['unit']!r}", f"give it in {about['unit']!r}")
+            self.add_problem(section, entry, "a number comes with its unit and its source", _describe_entry(declared))
+            return metadata["default"]
+        if value["unit"] != metadata["unit"]:
+            self.add_problem(section, entry, f"it is in {value['unit']!r}", f"give it in {metadata['unit']!r}")
         self.sources[f"{section}.{entry}"] = str(value["source"])
-        return self._table(section, entry, value) if "rows" in about else self._number(section, declared, value)
+        return (
+            self._read_table(section, entry, value)
+            if "rows" in metadata
+            else self._read_number(section, declared, value)
+        )
 
-    def _number(self, section: str, declared: "Field[Any]", given: dict[str, Any]) -> float:
-        value, about = given["value"], declared.metadata
+    def _read_number(self, section: str, declared: "Field[Any]", entries: dict[str, Any]) -> float:
+        value, metadata = entries["value"], declared.metadata
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            self.refuse(section, declared.name, f"{value!r} is not a finite number", _wanted(declared))
+            self.add_problem(section, declared.name, f"{value!r} is not a finite number", _describe_entry(declared))
             return math.nan
-        low, high, unit = about["minimum"], about["maximum"], about["unit"]
+        low, high, unit = metadata["minimum"], metadata["maximum"], metadata["unit"]
         if not low <= value <= high:
             bounds = f"choose {low:g} to {high:g} {unit}"
-            self.refuse(section, declared.name, f"{value:g} {unit} is out of bounds", bounds)
+            self.add_problem(section, declared.name, f"{value:g} {unit} is out of bounds", bounds)
         if value == 0.0 and declared.name in ("gain", "slope", "direction"):
-            self.refuse(section, declared.name, "0 tells nothing", "give what was measured, with its sign")
+            self.add_problem(section, declared.name, "0 tells nothing", "give what was measured, with its sign")
         if declared.name == "direction" and abs(value) != 1.0:
-            self.refuse(section, declared.name, f"{value:g} is no direction", "give 1 or -1")
+            self.add_problem(section, declared.name, f"{value:g} is no direction", "give 1 or -1")
         return float(value)
 
-    def _table(self, section: str, entry: str, given: dict[str, Any]) -> tuple[tuple[float, float], ...]:
+    def _read_table(self, section: str, entry: str, entries: dict[str, Any]) -> tuple[tuple[float, float], ...]:
         try:
-            points = tuple((float(V), float(F)) for V, F in given["value"])
+            points = tuple((float(V), float(F)) for V, F in entries["value"])
         except (TypeError, ValueError):
             points = ()
         rising = all(one[0] < other[0] for one, other in pairwise(points))
         if len(points) < 2 or not rising or not all(math.isfinite(x) for point in points for x in point):
             text = "it is not a table of two points or more with rising volts"
-            self.refuse(section, entry, text, "give [[V, N], [V, N], ...]")
+            self.add_problem(section, entry, text, "give [[V, N], [V, N], ...]")
             return points
         newtons = [F for _, F in points]
         if newtons not in (sorted(set(newtons)), sorted(set(newtons), reverse=True)):
-            self.refuse(section, entry, "its newtons go up and down", "let them rise, or fall, with the volts")
+            self.add_problem(section, entry, "its newtons go up and down", "let them rise, or fall, with the volts")
         elif not min(newtons) <= 0.0 < max(newtons):
             text = f"it goes from {min(newtons):g} to {max(newtons):g} N"
-            self.refuse(section, entry, text, "measure 0 N too, and put it in: a slack tendon is read as well")
+            self.add_problem(section, entry, text, "measure 0 N too, and put it in: a slack tendon is read as well")
         return points
 
-    def refuse_shared(self, parts: _Parts) -> None:
+    def check_shared(self, parts: _Parts) -> None:
         """Refuse two things at one terminal."""
         first: dict[str, str] = {}
         for section, entries in parts.items():
             for entry in ("channel", "counter", "line"):
-                place = entries.get(entry)
-                for terminal in _terminals(place) if isinstance(place, str) else ():
+                channel = entries.get(entry)
+                for terminal in _list_terminals(channel) if isinstance(channel, str) else ():
                     if (other := first.setdefault(terminal, section)) != section:
-                        self.refuse(section, entry, f"{terminal} is taken by {other}", "give each its own")
+                        self.add_problem(section, entry, f"{terminal} is taken by {other}", "give each its own")
                         break  # a counter that is taken has its lines taken, too
 
-    def refuse_without_calibration(self, parts: _Parts) -> None:
+    def check_calibration(self, parts: _Parts) -> None:
         """Refuse a load cell without slope or table, or with both."""
         for section in ("load_cell_A", "load_cell_B"):
             entries = parts[section]
             if entries and math.isnan(entries["slope"]) == (not entries["table"]):
                 text = "it has no calibration" if not entries["table"] else "it has two calibrations"
-                self.refuse(section, "", text, "give slope and offset, or a table: the bring-up measures them")
+                self.add_problem(section, "", text, "give slope and offset, or a table: the bring-up measures them")
 
 
-def _terminals(place: str) -> tuple[str, ...]:
+def _list_terminals(channel: str) -> tuple[str, ...]:
     """Return what a channel, counter or line takes of the card; PFI k is line k of port 1, from 8 on of port 2."""
-    lines = (f"port{1 + pfi // 8}/line{pfi % 8}" for pfi in PFI_OF_COUNTER.get(place, ()))
-    return (place, *lines)
+    lines = (f"port{1 + pfi // 8}/line{pfi % 8}" for pfi in PFI_OF_COUNTER.get(channel, ()))
+    return (channel, *lines)
 
 
-def _wanted(declared: "Field[Any]") -> str:
-    about = declared.metadata
-    if "pattern" in about:
-        return f"give {about['wanted']}"
-    return f'write {declared.name} = {{ value = ..., unit = "{about["unit"]}", source = "..." }}'
+def _describe_entry(declared: "Field[Any]") -> str:
+    metadata = declared.metadata
+    if "pattern" in metadata:
+        return f"give {metadata['wanted']}"
+    return f'write {declared.name} = {{ value = ..., unit = "{metadata["unit"]}", source = "..." }}'

@@ -318,7 +318,7 @@ def side_steps(columns: MotorColumns, side: Side, parameters: PlantParameters) -
                     period_s=T_s,
                     u=u[:end],
                     theta=columns[f"theta_{side}"][stretch][:end],
-                    u_max=parameters.motor_of(side).u_max,
+                    u_max=parameters.select_motor(side).u_max,
                     count_rad=_count_rad(parameters),
                     tension_N=columns[f"F_{side}"][stretch][:end],
                 )
@@ -388,7 +388,7 @@ def to_store_motors(
 
 
 def _motor_model(result: MotorIdentification, parameters: PlantParameters, side: Side) -> IdentifiedMotor:
-    known = parameters.identified_of(side)
+    known = parameters.select_identified(side)
     return IdentifiedMotor(
         parameters=Fitted(result.K_m, result.T_m, result.u_c),
         std_errors=Fitted(*result.std_errors),
@@ -536,7 +536,7 @@ def to_store_springs(
     software: str,
 ) -> NewIdentification:
     """Return both springs as they are stored: polynomials, quality, and which samples they came from."""
-    before = {str(side): tuple(parameters.identified_of(side).k) for side in SIDES}
+    before = {str(side): tuple(parameters.select_identified(side).k) for side in SIDES}
     return _record(
         {f"Spring {side}": pair for side, pair in found.items()},
         {str(side): pair for side, pair in found.items()},

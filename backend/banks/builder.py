@@ -84,7 +84,7 @@ def require_consistent(parameters: PlantParameters, chosen: Sequence[NamedEntry]
 def require_same_parameters(parameters: PlantParameters, name: str, recorded: Mapping[str, Any]) -> None:
     """Raise BankError where a run was made with other numbers than those in use: its model is of another plant."""
     then = PLANT_NUMBERS.read(recorded, name)
-    for section, entries in PLANT_NUMBERS.read(parameters.document(), parameters.name).items():
+    for section, entries in PLANT_NUMBERS.read(parameters.to_document(), parameters.name).items():
         for entry, now in entries.items():
             was = then.get(section, {}).get(entry, StoredPlantNumber(None)).value
             if was != now.value:

@@ -361,6 +361,6 @@ def tuning_digest(parameters: PlantParameters) -> str:
     """Tell one set of numbers from another, whatever it is called and wherever the numbers come from."""
     values = {
         section: {name: number.value for name, number in entries.items()}
-        for section, entries in PLANT_NUMBERS.read(parameters.document(), parameters.name).items()
+        for section, entries in PLANT_NUMBERS.read(parameters.to_document(), parameters.name).items()
     }
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()

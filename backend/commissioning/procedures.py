@@ -82,7 +82,9 @@ class Seen:
 async def direction(work: ProcedureContext) -> StepFinding:
     """Try both motors in turn and say what is wrong with the wiring, if anything."""
     r_m = work.parameters.geometry.r_m
-    theta_A, theta_B = (spring_elongation(work.parameters.identified_spring(side), START_N) / r_m for side in SIDES)
+    theta_A, theta_B = (
+        spring_elongation(work.parameters.make_identified_spring(side), START_N) / r_m for side in SIDES
+    )
     low, high = START_RANGE_N
     await work.drives_off()
     await work.ask(

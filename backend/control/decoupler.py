@@ -215,7 +215,7 @@ def _between(table: NDArray[np.float64], low: int, share: float, column: int) ->
 def build_decoupler(parameters: PlantParameters) -> Decoupler:
     """Decoupler of a parameter set's geometry and identified springs."""
     r_m, r_j = parameters.geometry.r_m, parameters.geometry.r_j
-    A, B = parameters.identified_curve("A"), parameters.identified_curve("B")
+    A, B = parameters.select_identified_spring("A"), parameters.select_identified_spring("B")
     if A.k == B.k and len(A.k) == 3:
         return Decoupler(r_m, r_j, *A.k)
     return Decoupler(r_m=r_m, r_j=r_j, k_0=np.nan, k_1=np.nan, k_2=np.nan, table=_table(A, B, r_m, r_j))
@@ -224,7 +224,7 @@ def build_decoupler(parameters: PlantParameters) -> Decoupler:
 @lru_cache(maxsize=8)
 def _table(A: SpringParameters, B: SpringParameters, r_m: float, r_j: float) -> NDArray[np.float64]:
     # Tuning asks for the decoupler at every λ it tries; the table takes 20 ms.
-    return equilibrium_table(A.spring(), B.spring(), r_m, r_j)
+    return equilibrium_table(A.make_spring(), B.make_spring(), r_m, r_j)
 
 
 # Envelope ------------------------------------------------------------------------------------------

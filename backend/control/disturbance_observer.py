@@ -229,7 +229,7 @@ def _pull(tendons: Tendons, m: Measurement) -> float:
 
 def observer_for(parameters: PlantParameters, pole: float = POLE) -> Observer:
     """Return the observer of a parameter set's identified springs and joint, its poles all at −``pole`` [1/s]."""
-    joint = parameters.identified_dynamics().joint
+    joint = parameters.make_identified_dynamics().joint
     b = joint.B_j / joint.J_j
     kept = math.exp(-b * T_s)
     moved = -math.expm1(-b * T_s) / b if b > 0.0 else T_s

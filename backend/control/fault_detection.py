@@ -238,7 +238,9 @@ def _still(memory: NDArray[np.float64], side: int) -> int:
 def tendons_for(parameters: PlantParameters) -> Tendons:
     """Tendons of a parameter set, as the controller knows them."""
     geometry = parameters.geometry
-    return Tendons(geometry.r_m, geometry.r_j, parameters.identified_spring("A"), parameters.identified_spring("B"))
+    return Tendons(
+        geometry.r_m, geometry.r_j, parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
+    )
 
 
 def limits_for(parameters: PlantParameters) -> SensorLimits:
@@ -256,8 +258,8 @@ def _reach_in_a_tick(parameters: PlantParameters) -> tuple[float, float, float, 
     """
     geometry, u_max = parameters.geometry, parameters.motor.u_max
     q_dot = geometry.r_j * parameters.safety.F_max / max(geometry.B_j, 1e-6)
-    A, B = (_MOTOR_MARGIN * parameters.identified_of(side).K_m * u_max * T_s for side in SIDES)
-    springs = (parameters.identified_spring(side) for side in SIDES)
+    A, B = (_MOTOR_MARGIN * parameters.select_identified(side).K_m * u_max * T_s for side in SIDES)
+    springs = (parameters.make_identified_spring(side) for side in SIDES)
     F_A, F_B = (
         tendon_tension_slope(spring, spring.x_solid) * geometry.r_j * q_dot * T_s + _MARGIN_N for spring in springs
     )
@@ -266,7 +268,7 @@ def _reach_in_a_tick(parameters: PlantParameters) -> tuple[float, float, float, 
 
 def _driving_voltage(parameters: PlantParameters, side: Side) -> float:
     """Voltage [V] that is sure to turn a motor under any tension."""
-    motor = parameters.motor_of(side)
+    motor = parameters.select_motor(side)
     load = parameters.geometry.r_m * parameters.safety.F_max
     return (load * (1.0 + motor.stiction * motor.c1) + motor.stiction * motor.c0) / motor.K_t + VOLTAGE_MARGIN
 

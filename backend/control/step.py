@@ -27,8 +27,8 @@ from plant import (
     T_s,
     compiled,
     compiled_run,
-    keep_compiled,
     simulate_period,
+    store_compiled,
 )
 
 # Desk ----------------------------------------------------------------------------------------------
@@ -198,8 +198,8 @@ def detect_faults(control: StateBlock[ControlState], raw: Measurement, missed: i
         safety_trip=trip,
         F_wall=raw.F_wall,
     )
-    keep_compiled(control.m, m)
-    keep_compiled(control.velocity, motion_primitives.step_velocity(control.velocity.value, raw.q))
+    store_compiled(control.m, m)
+    store_compiled(control.velocity, motion_primitives.step_velocity(control.velocity.value, raw.q))
     if inputs.deaf:
         trip = 1.0 if inputs.tripped else 0.0
     q = raw.q - inputs.middle
@@ -224,8 +224,8 @@ def detect_faults(control: StateBlock[ControlState], raw: Measurement, missed: i
         taut_wanted=inputs.taut_wanted,
         missed=missed,
     )
-    keep_compiled(control.checks, after)
-    keep_compiled(control.found, found)
+    store_compiled(control.checks, after)
+    store_compiled(control.found, found)
     F_ext_hat = _estimate_outside_force(control, m, inputs.zeroed)
     if found.what != fault_detection.NOTHING:
         return FOUND
@@ -243,8 +243,8 @@ def _estimate_outside_force(control: StateBlock[ControlState], m: Measurement, z
     )
     S = decoupler.stiffness(control.tuning.decoupler.value, m.theta_A, m.theta_B)
     F_ext_hat = disturbance_observer.force(observer, state, bias, S)
-    keep_compiled(control.touch, state)
-    keep_compiled(control.F_ext_hat, F_ext_hat)
+    store_compiled(control.touch, state)
+    store_compiled(control.F_ext_hat, F_ext_hat)
     return F_ext_hat
 
 
@@ -258,8 +258,8 @@ def compute_control(control: StateBlock[ControlState], moving: StateBlock[Moving
     decision, carry, state = step(
         control.tuning.value, was.carry, was.target, with_outside_torque(was.state, tau_ext), control.m.value
     )
-    keep_compiled(moving, Moving(carry, decision.target, state))
-    keep_compiled(control.decision, decision)
+    store_compiled(moving, Moving(carry, decision.target, state))
+    store_compiled(control.decision, decision)
     came = DONE if decision.done and not inputs.reached else QUIET
     target, load = decision.target, decision.target.load
     other_push = target.F_push != inputs.F_push
@@ -298,7 +298,7 @@ def write_row(
 ) -> None:
     """Put the tick into its row (``backend.sample``); ``put`` is what was written last, and is kept as that."""
     inputs, m, y = control.inputs.value, control.m.value, control.decision.value
-    keep_compiled(control.command, put)
+    store_compiled(control.command, put)
     row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, inputs.mode, inputs.run
     row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = m.q, y.target.q_ref, y.q_ref_gov, control.velocity.q_dot.value
     row[_S] = math.nan
@@ -362,10 +362,10 @@ def run_batch(
             return made, came | DECIDED, u_A, u_B, m
         if came & PUSHES:
             target = control.decision.target.value
-            keep_compiled(control.inputs.F_push, target.F_push)
-            keep_compiled(control.inputs.load, target.load)
-            keep_compiled(simulated.F_push, target.F_push)
-            keep_compiled(simulated.load, target.load)
+            store_compiled(control.inputs.F_push, target.F_push)
+            store_compiled(control.inputs.load, target.load)
+            store_compiled(simulated.F_push, target.F_push)
+            store_compiled(simulated.load, target.load)
         m = simulate_period(simulated, u_A, u_B, stretch.period + made + 1)
         number = stretch.first + made
         write_row(

@@ -387,7 +387,7 @@ def create_run(station: ExperimentRig, order: RunRequest) -> Run:
         kind=RunKind(order.plan.kind),
         plant=station.plant,
         parameters_name=station.parameters.name,
-        parameters=station.parameters.document(),
+        parameters=station.parameters.to_document(),
         who=order.who,
         software=__version__,
         settings=SETTINGS.write(settings),

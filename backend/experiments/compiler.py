@@ -218,7 +218,7 @@ def require_reach(laid: CompiledExperiment, parameters: PlantParameters, lines: 
                 check_range("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad", path=(*place, "q_ref"))
                 check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad", path=(*place, "S_ref"))
         q, S = final_references(segment, q, S)
-    g, joint = parameters.geometry, parameters.dynamics().joint
+    g, joint = parameters.geometry, parameters.make_dynamics().joint
     for wall, place in zip(laid.walls, laid.wall_places, strict=True):
         try:
             if wall is not None:

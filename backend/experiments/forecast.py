@@ -113,7 +113,7 @@ class ReferenceTrajectory:
         self.at = start.references
         self._mode = start.mode
         self._parameters = parameters
-        self._springs = {side: parameters.identified_spring(side) for side in SIDES}
+        self._springs = {side: parameters.make_identified_spring(side) for side in SIDES}
         self._pieces: list[Array] = []
         self._trimmed: list[tuple[int, bool]] = []
         self.stretches: list[ProgramInterval] = []
@@ -279,7 +279,7 @@ class _FreeMotor:
     """A motor without load: T_m ω' = K_m u − ω, the voltage less what dry friction takes."""
 
     def __init__(self, parameters: PlantParameters, side: Side, theta: float) -> None:
-        known, motor = parameters.identified_of(side), parameters.motor_of(side)
+        known, motor = parameters.select_identified(side), parameters.select_motor(side)
         self._K_m, self._friction_V = known.K_m, motor.c0 / motor.K_t
         self._follow = 1.0 - math.exp(-T_s / known.T_m)
         self._theta, self._omega = theta, 0.0
@@ -353,7 +353,7 @@ def of_way(way: ReferenceTrajectory, program: Program, parameters: PlantParamete
     kept = _kept(every)
     signals = {name: values[kept] for name, values in every.items()}
     if program.law is Law.TENSION_SWEEP:
-        spring, r_m = parameters.identified_spring("A"), parameters.geometry.r_m
+        spring, r_m = parameters.make_identified_spring("A"), parameters.geometry.r_m
         signals["F_A"] = np.array(
             [tendon_tension(spring, r_m * angle) for angle in signals["theta_A_ref"]], dtype=np.float64
         )
@@ -501,7 +501,7 @@ def forecast_identifications(
     )
     d, g = build_decoupler(parameters), parameters.geometry
     q = np.array([equilibrium(d, A, B) for A, B in zip(theta_A, theta_B, strict=True)])
-    spring_A, spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
+    spring_A, spring_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
     F_A = np.array([tendon_tension(spring_A, x) for x in g.r_m * theta_A - g.r_j * q])
     F_B = np.array([tendon_tension(spring_B, x) for x in g.r_m * theta_B + g.r_j * q])
     taut = np.minimum(F_A, F_B) > 0.0

@@ -53,11 +53,11 @@ def predict_excitation(
     """
     g, m, known, d = (
         parameters.geometry,
-        parameters.motor_of("A"),
-        parameters.identified_of("A"),
+        parameters.select_motor("A"),
+        parameters.select_identified("A"),
         build_decoupler(parameters),
     )
-    spring_A, spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
+    spring_A, spring_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
     wound = (spring_elongation(spring_A, plan.tension_N) + spring_elongation(spring_B, plan.tension_N)) / g.r_m
     moved, speed, acceleration = _through_four_lags(_excitation(plan), lam_motor)
     theta_A = wound + moved
@@ -135,13 +135,13 @@ class PredictedRun:
 
 def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) -> PredictedRun:
     """Step the motors known so far (equation 17): speed, turn, and how long each step lasts."""
-    known = [parameters.identified_of(side) for side in SIDES]
+    known = [parameters.select_identified(side) for side in SIDES]
     K_m, T_m = max(item.K_m for item in known), max(item.T_m for item in known)
     lengths = [_step_length(plan, K_m * u, T_m) for u in plan.voltages()]
     program = plan.program()
     speed = K_m * plan.u_high * -np.expm1(-lengths[-1] / T_m)
     turn = max(abs(step.theta_start) for step in program.steps)
-    u_max = min(parameters.motor_of(side).u_max for side in SIDES)
+    u_max = min(parameters.select_motor(side).u_max for side in SIDES)
     figures = (
         Expectation("omega_max", "Fastest speed", float(speed), "rad/s"),
         Expectation("theta_max", "Largest turn, slack side", turn, "rad"),
@@ -162,7 +162,7 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
 
 def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) -> PredictedRun:
     """Wind the springs known so far: elongation, stiffness on the way, and what the load cells' delay will show."""
-    springs = [parameters.identified_spring(side) for side in SIDES]
+    springs = [parameters.make_identified_spring(side) for side in SIDES]
     low = [spring_elongation(spring, plan.F_low) for spring in springs]
     high = [spring_elongation(spring, plan.F_high) for spring in springs]
     r_m = parameters.geometry.r_m

@@ -67,8 +67,8 @@ class WatchdogMonitor:
     def look(self, loop_gone: bool) -> bool:
         """Look once, at the times LOOK_S apart; return whether there is anything left to guard."""
         state = self._card.state()
-        self._looks.seen(state.looks)
-        unwritten_s = self._writes.seen(state.writes)
+        self._looks.update(state.polls)
+        unwritten_s = self._writes.update(state.writes)
         if self.watchdog_lost and not self.problem:
             self._tell("the card's watchdog is dead: reset starts a new loop with a new one")
         if loop_gone and state.drive_enabled and unwritten_s > LAST_RESORT_S:

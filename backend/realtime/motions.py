@@ -136,7 +136,7 @@ class Motion:
 
     def lie_in(self, cell: StateBlock[Moving]) -> None:
         """Go on in a cell of its kind, in which nothing else moves any more."""
-        cell.put(self.first)
+        cell.set(self.first)
         self._cell = cell
 
     @property
@@ -151,7 +151,7 @@ class Motion:
     def aim(self, target: Setpoint) -> None:
         """Go for another target from the next tick on."""
         if self._cell is not None:
-            self._cell.field("target").put(target)
+            self._cell.field("target").set(target)
 
 
 def _held(carry: MotorLoopState, m: Measurement, u_max: float) -> tuple[float, float]:
@@ -327,7 +327,7 @@ class ProgramMotions:
         self._plant = plant
         self._parameters = parameters
         self._bounds = compute_bounds(parameters)
-        self._spring_A, self._spring_B = parameters.identified_spring("A"), parameters.identified_spring("B")
+        self._spring_A, self._spring_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
         self._geometry = build_decoupler(parameters)
 
     def motion_for(

@@ -97,8 +97,8 @@ class StepContext:
 
     def begin(self, raw: Measurement) -> None:
         """Take in what is measured before the first tick."""
-        self._m.put(raw)
-        self._velocity.put(motion_primitives.VelocityState(0.0, raw.q))
+        self._m.set(raw)
+        self._velocity.set(motion_primitives.VelocityState(0.0, raw.q))
 
     def set_motion(self, motion: Motion) -> None:
         """Make a motion the one that is under way."""
@@ -133,7 +133,7 @@ class StepContext:
         """Set the inputs of the next control step."""
         if inputs != self._inputs:
             self._inputs = inputs
-            self._inputs_cell.put(inputs)
+            self._inputs_cell.set(inputs)
 
     @property
     def m(self) -> Measurement:
@@ -143,7 +143,7 @@ class StepContext:
 
     @m.setter
     def m(self, m: Measurement) -> None:
-        self._m.put(m)
+        self._m.set(m)
 
     @property
     def decision(self) -> ControlOutput:
@@ -153,7 +153,7 @@ class StepContext:
 
     @decision.setter
     def decision(self, decision: ControlOutput) -> None:
-        self._decision.put(decision)
+        self._decision.set(decision)
 
     @property
     def command(self) -> MotorCommand:
@@ -175,7 +175,7 @@ class StepContext:
 
     def retune(self, tuning: cascade.CascadeTuning) -> None:
         """Replace all gains of the cascade."""
-        self._tuning.put(tuning)
+        self._tuning.set(tuning)
 
     @property
     def F_ext_hat(self) -> float:
@@ -193,7 +193,7 @@ class StepContext:
     def take_off(self, bias: NDArray[np.float64]) -> NDArray[np.float64]:
         """Take another bias (n, 2) of S [N·m/rad] and force [N] off the estimated outside force; the one before."""
         before: NDArray[np.float64] = self._bias.get()
-        self._bias.put(bias)
+        self._bias.set(bias)
         return before
 
     @property
@@ -203,5 +203,5 @@ class StepContext:
 
     def stands_at(self, q: float) -> None:
         """Say where the joint stands now [rad]: it has not moved there."""
-        self._touch.put(disturbance_observer.UNKNOWN)
-        self._velocity.put(self._velocity.get()._replace(q_before=q))
+        self._touch.set(disturbance_observer.UNKNOWN)
+        self._velocity.set(self._velocity.get()._replace(q_before=q))

@@ -529,7 +529,7 @@ def _quoted(name: str, value: Value) -> str:
 def _is_shipped(source: RunData) -> bool:
     """Whether the numbers of the plant are those of a set that comes with Sinew."""
     name = source.run.parameters_name
-    return name in SHIPPED and load_parameters(name).document() == source.run.parameters
+    return name in SHIPPED and load_parameters(name).to_document() == source.run.parameters
 
 
 def _indented(document: object) -> str:

@@ -690,7 +690,7 @@ class SceneMirror:
 
     def use(self, parameters: PlantParameters) -> None:
         """Take tendon forces from these springs from now on."""
-        self._springs = parameters.identified_spring("A"), parameters.identified_spring("B")
+        self._springs = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
 
     @property
     def server(self) -> PortlessServer:

@@ -153,7 +153,7 @@ class SessionRuns:
             kind=RunKind.SESSION,
             plant=self._plant,
             parameters_name=tuning.parameters.name,
-            parameters=tuning.parameters.document(),
+            parameters=tuning.parameters.to_document(),
             who=who,
             software=__version__,
             settings=SETTINGS.write(RunSettings(mode=str(mode), loop=StoredLoopSettings(**tuning.choice.document()))),

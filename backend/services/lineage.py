@@ -575,7 +575,7 @@ class History:
 
     def use(self, parameters: PlantParameters) -> None:
         """Compare runs with these parameters from now on."""
-        self._parameters = parameters.document()
+        self._parameters = parameters.to_document()
 
     def lineage(self, run_id: int) -> Lineage:
         """Return what a run came from and what came of it. Raises UnknownRecordError."""

@@ -50,7 +50,7 @@ class AppliedVersion:
     @property
     def digest(self) -> str:
         """The same for the same numbers with the same sources, as lineage shows it."""
-        return document_digest(self.parameters.document())
+        return document_digest(self.parameters.to_document())
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def changed_sections(applied: AppliedParameters) -> dict[str, dict[str, dict[str
 
 def identified_sections(parameters: PlantParameters) -> dict[str, dict[str, dict[str, Any]]]:
     """Return the sections of what the controller knows."""
-    held = parameters.document().items()
+    held = parameters.to_document().items()
     return {section: entries for section, entries in held if section.startswith("identified")}
 
 
@@ -160,7 +160,7 @@ def differences(before: PlantParameters, after: PlantParameters) -> list[Applied
 
 
 def _compared(before: PlantParameters, after: PlantParameters, side: Side) -> Iterator[AppliedChange]:
-    was, now = before.identified_of(side), after.identified_of(side)
+    was, now = before.select_identified(side), after.select_identified(side)
     yield AppliedChange("K_m", side, "rad/(V·s)", was.K_m, now.K_m)
     yield AppliedChange("T_m", side, "s", was.T_m, now.T_m)
     for power, (old, new) in enumerate(zip_longest(was.k, now.k)):

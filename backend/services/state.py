@@ -290,7 +290,7 @@ NO_WALL_POSSIBLE = WallBounds(0.0, 0.0, 0.0)
 
 def wall_bounds(parameters: PlantParameters) -> WallBounds:
     """Return what the steps of the simulation resolve of a wall."""
-    joint, step_s = parameters.dynamics().joint, T_s / SUBSTEPS
+    joint, step_s = parameters.make_dynamics().joint, T_s / SUBSTEPS
     return WallBounds(
         K_LEAST, largest_wall_stiffness(joint, step_s), largest_wall_damping(joint, parameters.safety.F_max, step_s)
     )
@@ -600,7 +600,7 @@ class LiveState:
 def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:
     """Stiffness at rest for tensions from slack to the trip: S = r_j² (F'(x_A) + F'(x_B)), equation 14."""
     r_j = parameters.geometry.r_j
-    springs = parameters.identified_spring("A"), parameters.identified_spring("B")
+    springs = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
     return [
         TensionView(F=F, S=r_j**2 * sum(spring_slope(spring, spring_elongation(spring, F)) for spring in springs))
         for F in (bounds.F_slack, 10.0, 20.0, 30.0, 40.0, min(bounds.F_max, *(spring.F_solid for spring in springs)))

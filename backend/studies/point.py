@@ -230,7 +230,7 @@ class NamedPlantNumber:
 def list_variable_numbers(parameters: PlantParameters) -> list[NamedPlantNumber]:
     """Return every number of a plant that a study can vary, by section and entry, of a row each."""
     found: list[NamedPlantNumber] = []
-    for section, entries in parameters.document().items():
+    for section, entries in parameters.to_document().items():
         for entry, said in entries.items() if isinstance(entries, Mapping) else ():
             value, unit = said.get("value"), str(said.get("unit", ""))
             row = value if isinstance(value, list) else [value]

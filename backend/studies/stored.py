@@ -58,7 +58,7 @@ def create_study(written: str, around: StudyContext, who: str) -> NewStudy:
         parser.canonical(entry.written),
         entry.run_kind,
         around.parameters.name,
-        around.parameters.document(),
+        around.parameters.to_document(),
         {**around.tuning, **complete_motion(study.settings)},
     )
     design = designed(study, lines, base, entry.settings)

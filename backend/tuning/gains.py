@@ -161,13 +161,13 @@ def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) ->
 
 def motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
     """Model of the motor of one side, as identified (equation 17); its L/R is the data sheet's."""
-    known = parameters.identified_of(side)
-    return MotorModel(known.K_m, known.T_m, parameters.motor_of(side).tau_e)
+    known = parameters.select_identified(side)
+    return MotorModel(known.K_m, known.T_m, parameters.select_motor(side).tau_e)
 
 
 def true_motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
     """Model of the motor of one side as the plant has it, with the asymmetry of its torque constant."""
-    own = parameters.motor_of(side)
+    own = parameters.select_motor(side)
     factor: float = getattr(parameters.asymmetry, f"motor_{side}")
     return MotorModel(factor * own.K_m, own.T_m, own.tau_e)
 
@@ -221,7 +221,7 @@ def make_feedback_linearization_tuning(
     )
     bounds = compute_bounds(parameters)
     return baselines.FeedbackLinearizationTuning(
-        gains, smooth_friction(parameters.dynamics()), build_decoupler(parameters), bounds.omega_max, bounds.u_max
+        gains, smooth_friction(parameters.make_dynamics()), build_decoupler(parameters), bounds.omega_max, bounds.u_max
     )
 
 
@@ -256,8 +256,8 @@ class PlantModel(NamedTuple):
 
 def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
     """Return geometry, bounds, the model that a plan moves, and a count of the joint's encoder [rad]."""
-    known = parameters.identified_dynamics()
-    A, B = parameters.identified_of("A"), parameters.identified_of("B")
+    known = parameters.make_identified_dynamics()
+    A, B = parameters.select_identified("A"), parameters.select_identified("B")
     joint, motor_A, motor_B = known.joint, known.motor_A, known.motor_B
     model = trajectory.TrajectoryModel(
         K_A=A.K_m,

@@ -107,10 +107,10 @@ def linear_plant(
 
     theta_A, theta_B = decoupler.motor_positions(d, 0.0, S)
     if true_plant:
-        plant = _without_friction(parameters.dynamics())
+        plant = _without_friction(parameters.make_dynamics())
         theta_A, theta_B = _at_rest(plant, theta_A + theta_B)
     else:
-        plant = parameters.identified_dynamics()
+        plant = parameters.make_identified_dynamics()
     load_A = d.r_m * tendon_tension(plant.spring_A, d.r_m * theta_A)
     load_B = d.r_m * tendon_tension(plant.spring_B, d.r_m * theta_B)
     at = np.array(

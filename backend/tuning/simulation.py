@@ -42,8 +42,8 @@ from plant import (
     elongation_A,
     elongation_B,
     is_limit_exceeded,
+    make_sensor_model,
     sense_state,
-    sensor_model,
     tendon_tension,
 )
 
@@ -229,8 +229,8 @@ def trajectory_of(out: Array, tripped_at: int) -> Trajectory:
 def rig_of(parameters: PlantParameters) -> SimulatedRig:
     """Compile-ready constants of a parameter set."""
     return SimulatedRig(
-        parameters.dynamics(),
-        sensor_model(parameters.sensors, parameters.safety.F_max, parameters.motor.u_max),
+        parameters.make_dynamics(),
+        make_sensor_model(parameters.sensors, parameters.safety.F_max, parameters.motor.u_max),
         SafetyBounds(parameters.safety.F_max, parameters.geometry.q_max),
         parameters.motor.u_max,
     )
@@ -605,7 +605,7 @@ def expected_plant(parameters: PlantParameters) -> PlantParameters:
     """Return the set whose true motors and springs are the identified ones of ``parameters``, without asymmetry."""
     sided: dict[str, dict[str, Any]] = dict(parameters.sided)
     for side in SIDES:
-        known = parameters.identified_of(side)
+        known = parameters.select_identified(side)
         motor, spring = (parameters.sided.get(f"{section}_{side}", {}) for section in ("motor", "spring"))
         sided[f"motor_{side}"] = {**motor, "K_m": known.K_m, "T_m": known.T_m}
         sided[f"spring_{side}"] = {**spring, "k": known.k, "points": known.points}

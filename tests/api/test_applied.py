@@ -92,7 +92,7 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
         ]
         assert file.changes == []
         then = present.parameters
-        assert (then.identified_of("A").K_m, then.identified_of("B").K_m) == (2.3, 2.4)
+        assert (then.select_identified("A").K_m, then.select_identified("B").K_m) == (2.3, 2.4)
         assert heard == [then]
         assert present.tuning.parameters == then
         assert (present.tuning.choice.lam_q, present.tuning.choice.lam_S, present.tuning.bank) == (0.8, 0.6, None)
@@ -285,9 +285,14 @@ def test_the_loop_process_estimates_stiffness_by_the_spring_that_was_applied(dat
     row = asyncio.run(pulled())
     assert min(row[INDEX["F_A"]], row[INDEX["F_B"]]) > 1.0
     S = float(row[INDEX["S"]])
-    assert pytest.approx(by_polynomials(row, then.identified_of("A").k, then.identified_of("B").k), rel=1e-6) == S
+    assert (
+        pytest.approx(by_polynomials(row, then.select_identified("A").k, then.select_identified("B").k), rel=1e-6) == S
+    )
     assert pytest.approx(by_polynomials(row, K, K), rel=0.03) == S
-    assert pytest.approx(by_polynomials(row, IDEAL.identified_of("A").k, IDEAL.identified_of("B").k), rel=0.03) != S
+    assert (
+        pytest.approx(by_polynomials(row, IDEAL.select_identified("A").k, IDEAL.select_identified("B").k), rel=0.03)
+        != S
+    )
 
 
 def by_polynomials(row: Sample, k_A: tuple[float, ...], k_B: tuple[float, ...]) -> float:

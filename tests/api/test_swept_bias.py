@@ -38,8 +38,8 @@ def zeros_off() -> PlantParameters:
 
 def bias_of_springs(parameters: PlantParameters, S: np.ndarray) -> np.ndarray:
     """What the identified springs say where the true ones balance each other, by identified stiffness [N], no zeros."""
-    true_A, true_B = parameters.dynamics().spring_A, parameters.dynamics().spring_B
-    told_A, told_B = parameters.identified_spring("A"), parameters.identified_spring("B")
+    true_A, true_B = parameters.make_dynamics().spring_A, parameters.make_dynamics().spring_B
+    told_A, told_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
     held = np.linspace(5.0, 47.0, 800)
     x_A, x_B = (np.array([spring_elongation(spring, F) for F in held]) for spring in (true_A, true_B))
     stiff = parameters.geometry.r_j**2 * np.array(
@@ -54,7 +54,7 @@ class Truth:
     """The bias at true angles, without the encoders' steps [N]; the zeros of the motors are those of the loop."""
 
     def __init__(self, parameters: PlantParameters, plant: Simulator) -> None:
-        self._springs = parameters.identified_spring("A"), parameters.identified_spring("B")
+        self._springs = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
         self._geometry, self._plant = parameters.geometry, plant
 
     async def at_rest(self, parts: Parts) -> float:

@@ -98,7 +98,7 @@ class Made:
 
 def make_runs(database: Database, count: int) -> dict[int, Made]:
     """Store ``count`` runs that are over, with their results; return them by their numbers in the database."""
-    parameters = load_parameters("lab").document()
+    parameters = load_parameters("lab").to_document()
     made: dict[int, Made] = {}
     for first in range(0, count, _AT_ONCE):
         with database.session() as session:

@@ -102,7 +102,7 @@ def test_the_joint_rests_there_with_that_stiffness(
 
 
 def test_for_like_quadratic_springs_the_table_says_what_the_closed_form_says() -> None:
-    spring = load_parameters("ideal").identified_spring("A")
+    spring = load_parameters("ideal").make_identified_spring("A")
     by_table = Decoupler(r_m, r_j, np.nan, np.nan, np.nan, equilibrium_table(spring, spring, r_m, r_j))
     for q, S in ((0.0, 8.24), (1.0, 10.55), (-0.7, 12.43), (0.2, 14.06)):
         assert motor_positions(by_table, q, S) == pytest.approx(motor_positions(PAPER, q, S), abs=1e-7)
@@ -121,7 +121,7 @@ def test_two_springs_have_the_same_table_whichever_of_them_is_called_A(more: flo
     k_0, k_1, k_2, k_3 = CUBIC
     stronger = k_0, (1.0 + more) * k_1, (1.0 + more) * k_2, (1.0 + more) * k_3
     pair = with_springs(CUBIC, stronger)
-    A, B = pair.identified_spring("A"), pair.identified_spring("B")
+    A, B = pair.make_identified_spring("A"), pair.make_identified_spring("B")
     there, back = equilibrium_table(A, B, r_m, r_j), equilibrium_table(B, A, r_m, r_j)
     back[:, OFFSET] *= -1.0
     np.testing.assert_array_equal(there, back)

@@ -28,7 +28,7 @@ def test_nominal_points_of_the_paper(tension: float, S: float) -> None:
 
 
 def test_table_says_what_the_closed_form_says() -> None:
-    spring = PARAMETERS.identified_spring("A")
+    spring = PARAMETERS.make_identified_spring("A")
     table = equilibrium_table(spring, spring, D.r_m, D.r_j)
     by_table = Decoupler(D.r_m, D.r_j, math.nan, math.nan, math.nan, table)
     for tension in np.linspace(0.5, 49.5, 50):

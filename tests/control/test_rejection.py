@@ -42,7 +42,7 @@ def test_a_push_is_balanced_at_once_and_the_joint_expected_back_behind_four_lags
 @pytest.mark.parametrize("lam", [0.06, 0.0854, 0.15])
 def test_the_lags_are_those_that_the_motor_loops_were_given(lam: float) -> None:
     gains = make_motor_loops(IDEAL, lam)
-    assert motor_lag(gains.A, IDEAL.identified_of("A").T_m) == pytest.approx(lam, rel=1e-12)
+    assert motor_lag(gains.A, IDEAL.select_identified("A").T_m) == pytest.approx(lam, rel=1e-12)
     r = make_cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=1.0).rejection
     assert r.kept == pytest.approx(math.exp(-T_S / lam), rel=1e-12)
 

@@ -35,7 +35,7 @@ def bias(lab: PlantParameters) -> Array:
 def test_a_step_of_torque_comes_through_three_equal_lags(pole: float) -> None:
     """A free joint under a constant torque: q in closed form; what is said of it is 1 − e^{−pt}(1 + pt + (pt)²/2)."""
     parameters = load_parameters("ideal")
-    joint, tau = parameters.identified_dynamics().joint, 0.2
+    joint, tau = parameters.make_identified_dynamics().joint, 0.2
     observer = disturbance_observer.observer_for(parameters, pole)
     b = joint.B_j / joint.J_j
     state = disturbance_observer.step_disturbance_observer(

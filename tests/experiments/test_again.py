@@ -70,4 +70,4 @@ def test_an_evaluation_that_fails_is_kept_with_the_run_until_one_succeeds(tmp_pa
 @pytest.mark.parametrize("name", SHIPPED)
 def test_parameters_come_back_from_their_stored_document(name: str) -> None:
     parameters = load_parameters(name)
-    assert parse_parameters(name, json.loads(json.dumps(parameters.document()))) == parameters
+    assert parse_parameters(name, json.loads(json.dumps(parameters.to_document()))) == parameters

@@ -91,7 +91,7 @@ def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(d
         ("K_m", "B", 2.86, 2.4),
         ("T_m", "B", 0.22, 0.23),
     ]
-    assert then.dynamics() == LAB.dynamics()
+    assert then.make_dynamics() == LAB.make_dynamics()
     assert (then.spring, then.motor, then.geometry, then.sensors) == (LAB.spring, LAB.motor, LAB.geometry, LAB.sensors)
     gains = make_motor_loops(then, 0.0854)  # the motor loops are designed for these motors: four lags of λ all the same
     assert linearize_one_motor(then, gains, 10.55).T_q == pytest.approx(4 * 0.0854 + LAB.geometry.B_j / 10.55, rel=2e-3)
@@ -101,12 +101,12 @@ def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(d
 def test_a_spring_changes_the_stiffness_that_is_estimated(database: Database) -> None:
     found = stored(database, spring())
     then = LAB.with_identified(parameters.changed_sections(proposal(LAB, LAB, found)))
-    assert then.identified_of("A").k == pytest.approx(K, rel=0.03)
+    assert then.select_identified("A").k == pytest.approx(K, rel=0.03)
     g = LAB.geometry
     expected = 2.0 * g.r_j**2 * (K[1] + K[2] * g.r_m * 7.0)
     assert stiffness(build_decoupler(then), 4.0, 3.0) == pytest.approx(expected, rel=3e-3)
     assert stiffness(build_decoupler(LAB), 4.0, 3.0) != pytest.approx(expected, rel=1e-2)
-    assert then.dynamics() == LAB.dynamics()
+    assert then.make_dynamics() == LAB.make_dynamics()
 
 
 def test_versions_add_up_and_undoing_puts_the_former_back(database: Database) -> None:
@@ -117,7 +117,7 @@ def test_versions_add_up_and_undoing_puts_the_former_back(database: Database) ->
     both, one, file = list_parameter_versions(database, LAB)
     assert [(item.number, item.who) for item in (both, one, file)] == [(2, "Ben"), (1, "Ana"), (0, "")]
     assert file.parameters == LAB
-    assert both.parameters.identified_of("B").K_m == 2.4  # the spring leaves the motors as they were applied
+    assert both.parameters.select_identified("B").K_m == 2.4  # the spring leaves the motors as they were applied
     assert len({item.digest for item in (both, one, file)}) == 3
 
     undo(database, "Cy")

@@ -77,9 +77,9 @@ def test_entries_that_do_not_fit_make_no_bank(
 
 
 def test_models_of_another_plant_are_refused(ideal: PlantParameters) -> None:
-    require_same_parameters(ideal, "identification 3", json.loads(json.dumps(ideal.document())))
+    require_same_parameters(ideal, "identification 3", json.loads(json.dumps(ideal.to_document())))
     with pytest.raises(BankError, match=r"identification 3 .* motor\.K_m was 2\.91, it is 2\.86 now"):
-        require_same_parameters(ideal, "identification 3", load_parameters("lab").document())
+        require_same_parameters(ideal, "identification 3", load_parameters("lab").to_document())
 
 
 def test_a_difference_shows_models_gains_and_robustness(ideal: PlantParameters) -> None:

@@ -25,11 +25,11 @@ def loaded_by_a_dry_run(folder: Path, ready: bool) -> int:
     parameters, settings = load_parameters("lab"), LoopSettings()
     if ready:
         warm_up_dry_run(parameters, settings)
-    before = len(compilation._KNOWN)
+    before = len(compilation._OVERLOADS)
     order = RunRequest(build_ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0), settings, "Ana")
     played = dry_run(parameters, order, (), ("q",), 10, folder)
     assert played.run.end_state == EndState.COMPLETED
-    return len(compilation._KNOWN) - before
+    return len(compilation._OVERLOADS) - before
 
 
 @pytest.mark.parametrize("ready", [True, False])

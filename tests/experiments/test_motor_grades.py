@@ -112,19 +112,19 @@ def test_a_note_that_says_completed_completes_nothing(tmp_path_factory: pytest.T
     try:
         with database.session() as session:
             new = NewRun(
-                RunKind.TRACKING, "simulator", "lab", lab.document(), "A. Operator", "0.1.0", note="not completed"
+                RunKind.TRACKING, "simulator", "lab", lab.to_document(), "A. Operator", "0.1.0", note="not completed"
             )
             stopped = runs.create(session, new)
             runs.end(session, stopped.id, EndState.STOPPED)
         with database.reading() as session:
-            assert experiment(session, lab.document()) is ChecklistState.MISSING
+            assert experiment(session, lab.to_document()) is ChecklistState.MISSING
         with database.session() as session:
             done = runs.create(session, replace(new, note=""))
             runs.end(session, done.id, EndState.COMPLETED)
             again = runs.create(session, new)
             runs.end(session, again.id, EndState.TRIPPED)
         with database.reading() as session:
-            assert experiment(session, lab.document()) is ChecklistState.DONE
+            assert experiment(session, lab.to_document()) is ChecklistState.DONE
             assert [run.id for run in runs.find(session, ended=EndState.COMPLETED)] == [done.id]
     finally:
         database.close()

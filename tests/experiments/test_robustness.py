@@ -60,7 +60,7 @@ def columns(source: RunData) -> RobustnessColumns:
 
 def linear_turn(parameters: PlantParameters, columns: RobustnessColumns, side: str, load_s: float) -> np.ndarray:
     """Turn of a motor from ``load_s`` on by its continuous loop, L/R and filter in it, its reference as it moved."""
-    motor, law = parameters.dynamics().motor_A, make_motor_loops(parameters, 0.0854).A
+    motor, law = parameters.make_dynamics().motor_A, make_motor_loops(parameters, 0.0854).A
     behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
     loop = np.polyadd(
         np.polymul([motor.J_m, motor.B_m, 0.0], behind), motor.K_t * np.array([law.k_d, law.k_p, law.k_i])
@@ -88,7 +88,7 @@ def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
     ideal: PlantParameters, columns: RobustnessColumns
 ) -> None:
     found = robustness_figures(columns, STEPS, 0.0)
-    law, K_t = make_motor_loops(ideal, 0.0854).A, ideal.dynamics().motor_A.K_t
+    law, K_t = make_motor_loops(ideal, 0.0854).A, ideal.make_dynamics().motor_A.K_t
     for integral in (found.error_integral_A, found.error_integral_B):
         assert integral == pytest.approx(LOAD_NM / (K_t * law.k_i), rel=0.05)
     assert found.back_s is not None
@@ -116,7 +116,7 @@ def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(
 
 @pytest.mark.parametrize("lam", [0.05, LAM, 0.2])
 def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: PlantParameters, lam: float) -> None:
-    law, motor = make_motor_loops(ideal, lam).A, ideal.dynamics().motor_A
+    law, motor = make_motor_loops(ideal, lam).A, ideal.make_dynamics().motor_A
     behind = np.polymul([motor.tau_e, 1.0], [law.t_f, 1.0, 0.0])
     rest = motor.K_t * np.array([law.k_d, law.k_p, law.k_i])
     loop = np.polyadd(np.polymul([motor.J_m, motor.B_m, 0.0], behind), rest)

@@ -84,7 +84,7 @@ def test_a_sweep_gives_back_the_simulated_springs(station: ExperimentRig, lab: P
     found, result = outcome.evaluation.identification, outcome.evaluation.result
     assert found is not None, outcome.evaluation.problem
     assert result is not None
-    springs = {"A": lab.dynamics().spring_A, "B": lab.dynamics().spring_B}
+    springs = {"A": lab.make_dynamics().spring_A, "B": lab.make_dynamics().spring_B}
     for side, spring in springs.items():
         model = found.model[side]
         assert model["recommended"] == 2

@@ -25,7 +25,7 @@ from tests.models.earlier_identifications import ACTUATOR
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 LAB = load_parameters("lab")
-NEW = NewRun(RunKind.ACTUATOR_IDENTIFICATION, "rig", "lab", LAB.document(), "Ana", "1.0.0")
+NEW = NewRun(RunKind.ACTUATOR_IDENTIFICATION, "rig", "lab", LAB.to_document(), "Ana", "1.0.0")
 METHOD = "G_q: output error, AR(12) noise; G_S: output error, low frequencies weighted"
 ESTIMATE = NewIdentification(
     kind="actuator", run_id=None, method=METHOD, usable=True, verdict="usable", who="Ana", software="1", **ACTUATOR

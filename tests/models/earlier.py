@@ -77,7 +77,7 @@ def put_run(database: Database, number: int, kind: str, settings: Any) -> None:
         kind=kind,
         plant="simulator",
         parameters_name="lab",
-        parameters=json.dumps(load_parameters("lab").document()),
+        parameters=json.dumps(load_parameters("lab").to_document()),
         settings=json.dumps(settings),
         bank_id=None,
         who="Ana",

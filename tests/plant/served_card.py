@@ -29,7 +29,7 @@ class _Service(grpc.GenericRpcHandler):  # type: ignore[misc]  # gRPC has no typ
         )
 
     def _answering(self, name: str) -> Callable[[Any, Any], Any]:
-        answering = self._card.answering(name)
+        answering = self._card.get_handler(name)
 
         def answer(request: Any, context: Any) -> Any:
             time.sleep(self._delay_s)

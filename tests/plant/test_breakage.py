@@ -42,5 +42,5 @@ def test_a_drift_goes_on_evenly_to_its_end_and_a_load_cell_reads_nothing_at_leas
     least = 0.0 if sensor in (Sensor.F_A, Sensor.F_B) else -math.inf
     for tick in range(1, 400):
         drift = min(per_s * tick * T_s, most)
-        assert getattr(up.seen(m), sensor.value) == pytest.approx(5.0 + drift)
-        assert getattr(down.seen(m), sensor.value) == pytest.approx(max(5.0 - drift, least))
+        assert getattr(up.distort(m), sensor.value) == pytest.approx(5.0 + drift)
+        assert getattr(down.distort(m), sensor.value) == pytest.approx(max(5.0 - drift, least))

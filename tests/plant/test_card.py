@@ -33,7 +33,7 @@ def write_until(card: Card, reached: Callable[[], bool]) -> float:
     begun_s = time.monotonic()
     while not reached():
         assert time.monotonic() - begun_s < PATIENCE_S
-        card.put(MotorCommand(1.0, -1.0), False)
+        card.write(MotorCommand(1.0, -1.0), False)
         time.sleep(0.001)
     return time.monotonic() - begun_s
 
@@ -41,7 +41,7 @@ def write_until(card: Card, reached: Callable[[], bool]) -> float:
 def test_the_trial_is_made_at_zero_volts_and_takes_its_time(card: Card) -> None:
     """With the watchdogs below that fail theirs: nothing but the watchdog's own act ends the trial."""
     card.start_watchdog()
-    while card.state().looks == 0:
+    while card.state().polls == 0:
         time.sleep(0.005)
     seen: list[CardState] = []
     done = threading.Event()
@@ -66,7 +66,7 @@ def test_the_trial_is_made_at_zero_volts_and_takes_its_time(card: Card) -> None:
 def test_after_its_trial_it_waits_its_whole_time(card: Card) -> None:
     card.arm()
     written_s = time.monotonic()
-    card.put(MotorCommand(1.0, 1.0), False)
+    card.write(MotorCommand(1.0, 1.0), False)
     while not card.state().expired:
         assert time.monotonic() - written_s < PATIENCE_S
         time.sleep(0.005)
@@ -75,7 +75,7 @@ def test_after_its_trial_it_waits_its_whole_time(card: Card) -> None:
 
 def test_a_watchdog_that_died_before_its_trial_keeps_the_drives_off(card: Card) -> None:
     card.start_watchdog()
-    while card.state().looks == 0:
+    while card.state().polls == 0:
         time.sleep(0.005)
     kill_watchdog(card)
     with pytest.raises(PlantError, match="did not take the drive-enable line away"):
@@ -86,14 +86,14 @@ def test_a_watchdog_that_died_before_its_trial_keeps_the_drives_off(card: Card) 
 
 def test_a_watchdog_that_looks_but_never_cuts_keeps_the_drives_off(card: Card) -> None:
     card.start_watchdog()
-    while card.state().looks == 0:
+    while card.state().polls == 0:
         time.sleep(0.005)
     kill_watchdog(card)
     done = threading.Event()
 
     def pretend() -> None:
         while not done.wait(0.002):
-            card.looked()
+            card.count_poll()
 
     pretending = threading.Thread(target=pretend)
     pretending.start()
@@ -127,10 +127,10 @@ def test_a_pause_of_the_whole_machine_is_no_dead_watchdog() -> None:
     """Two looks that are far apart count as two periods: nobody could have counted in between."""
     still = Stillness(0.001)
     times = count(0.0, 0.3)
-    assert max(still.seen(7, next(times)) for _ in range(100)) <= 100 * 0.002
-    assert still.seen(8, next(times)) == 0.0
+    assert max(still.update(7, next(times)) for _ in range(100)) <= 100 * 0.002
+    assert still.update(8, next(times)) == 0.0
 
 
 def test_a_counter_that_stands_is_timed() -> None:
     still = Stillness(0.001)
-    assert [round(still.seen(7, 0.001 * tick), 6) for tick in range(4)] == [0.0, 0.001, 0.002, 0.003]
+    assert [round(still.update(7, 0.001 * tick), 6) for tick in range(4)] == [0.0, 0.001, 0.002, 0.003]

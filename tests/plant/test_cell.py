@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from plant.compilation import StateBlock, compiled, keep_compiled
+from plant.compilation import StateBlock, compiled, store_compiled
 
 
 class Inner(NamedTuple):
@@ -36,8 +36,8 @@ def outer(table: NDArray[np.float64]) -> Outer:
 def shifted(cell: StateBlock[Outer], by: float) -> float:
     """Change of each kind something: by a field, by the whole, and in the array."""
     was = cell.value
-    keep_compiled(cell.last, Inner(was.last.a + by, not was.last.on, was.last.n + 1))
-    keep_compiled(cell.first.a, was.first.a - by)
+    store_compiled(cell.last, Inner(was.last.a + by, not was.last.on, was.last.n + 1))
+    store_compiled(cell.first.a, was.first.a - by)
     cell.table.value[1, 2] = by
     return float(cell.pair.value[1] + was.pair[0])
 
@@ -47,9 +47,9 @@ def test_what_is_put_is_what_is_got_and_fields_are_parts_of_it() -> None:
     cell = StateBlock(value)
     assert cell.get() == value
     part = cell.field("last")
-    part.put(Inner(9.0, True, 3))
+    part.set(Inner(9.0, True, 3))
     assert cell.get().last == Inner(9.0, True, 3)
-    cell.put(value)
+    cell.set(value)
     assert part.get() == value.last
 
 
@@ -68,7 +68,7 @@ def test_compiled_functions_read_and_write_the_same_numbers(by: float, n: int, o
 def test_another_array_takes_the_place_of_the_one_before() -> None:
     cell = StateBlock(outer(np.zeros((2, 3))))
     larger = np.zeros((40, 3))
-    cell.field("table").put(larger)
+    cell.field("table").set(larger)
     shifted(cell, 4.0)
     assert larger[1, 2] == 4.0
     assert cell.get().table is larger
@@ -95,7 +95,7 @@ def test_what_is_not_like_the_first_is_refused_and_nothing_changes(wrong: Any) -
     value = outer(np.zeros((2, 3)))
     cell = StateBlock(value)
     with pytest.raises(struct.error):
-        cell.put(wrong)
+        cell.set(wrong)
     assert cell.get() == value
 
 

@@ -15,7 +15,7 @@ from plant.parameters import load_parameters
 from plant.simulator import SafetyBounds, Simulator, actuate_plant, is_limit_exceeded
 
 LAB = load_parameters("lab")
-PLANT, BOUNDS = LAB.dynamics(), SafetyBounds(40.0, 1.5)
+PLANT, BOUNDS = LAB.make_dynamics(), SafetyBounds(40.0, 1.5)
 is_exceeded = PrecompiledCall(is_limit_exceeded, PLANT, BOUNDS, AT_REST)
 
 

@@ -46,7 +46,7 @@ states = st.builds(
 def test_motor_without_load_answers_as_the_transfer_function() -> None:
     """K_m/(s (T_m s + 1)) with the lag L/R in front, by partial fractions."""
     K_m, T_m, tau_e, U = IDEAL.motor.K_m, IDEAL.motor.T_m, IDEAL.motor.tau_e, 6.0
-    plant = IDEAL.dynamics()
+    plant = IDEAL.make_dynamics()
     x = PlantState(0.0, 0.0, SLACK_THETA, 0.0, 0.0, SLACK_THETA, 0.0, 0.0)
     for tick in range(1, 1001):
         x = advance_state(plant, x, U, -U, 0.0, T_s, SUBSTEPS)
@@ -87,7 +87,7 @@ def own_rate(p: PlantParameters, u_A: float, u_B: float, tau_ext: float, t: floa
 @pytest.mark.parametrize("parameters", [IDEAL, LAB], ids=["ideal", "lab"])
 def test_agrees_with_an_independent_integration(parameters: PlantParameters) -> None:
     """Both motors wind up, one pulls over until its spring is solid, both let go until the tendons hang slack."""
-    plant, x = parameters.dynamics(), PlantState(0.05, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    plant, x = parameters.make_dynamics(), PlantState(0.05, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
     own, reached = np.array(x), []
     for u_A, u_B, tau_ext, ticks in ((4.0, 4.0, 0.0, 600), (9.0, 5.0, 0.5, 400), (-8.0, -8.0, 0.0, 700)):
         for _ in range(ticks):
@@ -123,7 +123,7 @@ def energy(plant: Dynamics, x: PlantState) -> float:
 @settings(max_examples=40)
 @given(states, st.booleans())
 def test_unforced_plant_only_loses_energy(x: PlantState, friction: bool) -> None:
-    plant = (LAB if friction else IDEAL).dynamics()
+    plant = (LAB if friction else IDEAL).make_dynamics()
     before = energy(plant, x)
     for _ in range(20):
         x = advance_state(plant, x, 0.0, 0.0, 0.0, 5 * T_s, 5 * SUBSTEPS)
@@ -138,7 +138,7 @@ def mirrored(x: PlantState) -> PlantState:
 
 @given(states, volts, volts, st.floats(-2.0, 2.0))
 def test_swapping_A_and_B_mirrors_the_motion(x: PlantState, u_A: float, u_B: float, tau_ext: float) -> None:
-    plant = LAB.dynamics()
+    plant = LAB.make_dynamics()
     swapped = Dynamics(plant.joint, plant.motor_B, plant.motor_A, plant.spring_B, plant.spring_A)
     straight = advance_state(plant, x, u_A, u_B, tau_ext, 0.02, 20 * SUBSTEPS)
     reverse = advance_state(swapped, mirrored(x), u_B, u_A, -tau_ext, 0.02, 20 * SUBSTEPS)
@@ -147,7 +147,7 @@ def test_swapping_A_and_B_mirrors_the_motion(x: PlantState, u_A: float, u_B: flo
 
 @given(st.floats(3.0, 7.5), st.floats(-1.5, 1.5))
 def test_joint_is_in_balance_at_equation_15(common: float, difference: float) -> None:
-    plant = IDEAL.dynamics()
+    plant = IDEAL.make_dynamics()
     theta_A, theta_B = common + difference, common - difference
     q_e = plant.joint.r_m * (theta_A - theta_B) / (2.0 * plant.joint.r_j)
     F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, theta_A, q_e))
@@ -162,7 +162,7 @@ def test_joint_is_in_balance_at_equation_15(common: float, difference: float) ->
 def test_stiffness_is_minus_the_slope_of_the_torque_off_equilibrium_too(
     theta_A: float, theta_B: float, q: float
 ) -> None:
-    joint = IDEAL.dynamics().joint
+    joint = IDEAL.make_dynamics().joint
 
     def torque(angle: float) -> float:
         F_A = tendon_tension(CUBIC, elongation_A(joint, theta_A, angle))
@@ -179,7 +179,7 @@ def test_friction_holds_still_what_the_tendon_alone_would_turn() -> None:
     turned = []
     for parameters in (IDEAL, replace(IDEAL, motor=replace(IDEAL.motor, c0=0.2))):
         x = PlantState(0.0, 0.0, 5.0, 0.0, 0.0, 5.0, 0.0, 0.0)
-        x = advance_state(parameters.dynamics(), x, 0.0, 0.0, 0.0, 0.5, 500 * SUBSTEPS)
+        x = advance_state(parameters.make_dynamics(), x, 0.0, 0.0, 0.0, 0.5, 500 * SUBSTEPS)
         turned.append(5.0 - x.theta_A)
     assert turned[0] > 0.4
     assert 0.0 < turned[1] < 0.02

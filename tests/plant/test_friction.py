@@ -33,7 +33,7 @@ SLACK = PlantState(0.0, 0.0, -200.0, 0.0, LOAD_NM, -200.0, 0.0, 0.0)
 
 def pulled(torques: np.ndarray, parameters: PlantParameters = STICK) -> np.ndarray:
     """Turn [rad] of motor A, tick by tick, under torques [N·m] besides the one that bears its load; tendons slack."""
-    plant, x, turned = parameters.dynamics(), SLACK, []
+    plant, x, turned = parameters.make_dynamics(), SLACK, []
     for torque in torques:
         u = (LOAD_NM + torque) / plant.motor_A.K_t
         x = advance_state(plant, x, u, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(LOAD_NM, 0.0))
@@ -49,10 +49,10 @@ def ramp(*corners: tuple[float, float]) -> np.ndarray:
 
 def test_the_shipped_set_is_the_lab_with_the_friction_of_the_design() -> None:
     lab = load_parameters("lab")
-    A, B = STICK.dynamics().motor_A, STICK.dynamics().motor_B
+    A, B = STICK.make_dynamics().motor_A, STICK.make_dynamics().motor_B
     assert A.friction == B.friction == FRICTION
     own = {"sigma_0", "sigma_1", "stiction_ratio", "omega_s"}
-    ours, theirs = STICK.document(), lab.document()
+    ours, theirs = STICK.to_document(), lab.to_document()
     assert own <= set(ours["motor"])
     for section, entries in theirs.items():
         for name, number in entries.items():
@@ -72,7 +72,7 @@ def test_at_constant_speed_it_is_stribecks_curve(omega: float, load: float) -> N
 
 @pytest.mark.parametrize("u", [1.0, -2.0, 8.0])
 def test_a_motor_turns_steadily_where_its_torque_meets_stribecks_curve(u: float) -> None:
-    plant, x = STICK.dynamics(), SLACK._replace(tau_A=0.0)
+    plant, x = STICK.make_dynamics(), SLACK._replace(tau_A=0.0)
     for _ in range(6000):
         x = advance_state(plant, x, u, 0.0, 0.0, T_s, SUBSTEPS)
     B_m, torque = plant.motor_A.B_m, plant.motor_A.K_t * u
@@ -178,7 +178,7 @@ def mirrored(x: PlantState) -> PlantState:
 
 @given(u_A=st.floats(-10.0, 10.0), u_B=st.floats(-10.0, 10.0), tau_ext=st.floats(-2.0, 2.0), z=st.floats(-2e-3, 2e-3))
 def test_swapping_A_and_B_mirrors_the_motion_with_friction(u_A: float, u_B: float, tau_ext: float, z: float) -> None:
-    plant = STICK.dynamics()
+    plant = STICK.make_dynamics()
     swapped = Dynamics(plant.joint, plant.motor_B, plant.motor_A, plant.spring_B, plant.spring_A)
     x = PlantState(0.1, 0.5, 5.0, 0.2, 0.0, 4.0, -0.1, 0.0, z, -0.5 * z)
     straight = advance_state(plant, x, u_A, u_B, tau_ext, 0.02, 20 * SUBSTEPS)

@@ -44,8 +44,8 @@ def own_rate(p: PlantParameters, u: tuple[float, float], tau_ext: float, t: floa
     rates = [dq, (g.r_j * (F_A - F_B) - g.B_j * dq + tau_ext) / g.J_j]
     bent = []
     sides = (
-        (p.motor_of("A"), om_A, ta_A, u[0], F_A, a.motor_A, z_A),
-        (p.motor_of("B"), om_B, ta_B, u[1], F_B, a.motor_B, z_B),
+        (p.select_motor("A"), om_A, ta_A, u[0], F_A, a.motor_A, z_A),
+        (p.select_motor("B"), om_B, ta_B, u[1], F_B, a.motor_B, z_B),
     )
     for m, om, ta, volts, force, factor, z in sides:
         F_c = m.c0 + m.c1 * g.r_m * force
@@ -75,7 +75,7 @@ MOVES = (
 @pytest.mark.parametrize("parameters", [STICK, UNLIKE], ids=["lab-stick", "one side sticks"])
 def test_plant_with_friction_agrees_with_an_independent_integration(parameters: PlantParameters) -> None:
     """Within 2e-5 rad, 5e-4 rad/s and 1e-6 rad of the bristles, a stiff solver at tight tolerances beside it."""
-    plant, x = parameters.dynamics(), PlantState(0.05, 0.0, 3.0, 0.0, 0.0, 3.0, 0.0, 0.0)
+    plant, x = parameters.make_dynamics(), PlantState(0.05, 0.0, 3.0, 0.0, 0.0, 3.0, 0.0, 0.0)
     own, slowest = np.array(x), math.inf
     bounds = np.array([2e-5, 5e-4, *2 * (2e-4, 5e-4, 1e-9), 1e-6, 1e-6])
     for u_A, u_B, tau_ext, ticks in MOVES:
@@ -93,7 +93,7 @@ def test_plant_with_friction_agrees_with_an_independent_integration(parameters: 
 @settings(max_examples=40)
 @given(states)
 def test_unforced_it_only_loses_energy_what_bent_bristles_store_counted_in(x: PlantState) -> None:
-    plant = STICK.dynamics()
+    plant = STICK.make_dynamics()
 
     def stored(at: PlantState) -> float:
         return energy(plant, at) + 0.5 * STICK.motor.sigma_0 * (at.z_A**2 + at.z_B**2)
@@ -108,12 +108,12 @@ def test_unforced_it_only_loses_energy_what_bent_bristles_store_counted_in(x: Pl
 
 def test_no_more_than_the_last_bit_tells_it_from_the_equation_it_integrates() -> None:
     x = PlantState(0.1, 0.5, 5.0, 0.2, 0.3, 4.0, -0.1, 0.2, 1e-3, -5e-4)
-    ours = state_derivative(STICK.dynamics(), x, 1.0, 2.0, 0.1, NO_LOAD)
+    ours = state_derivative(STICK.make_dynamics(), x, 1.0, 2.0, 0.1, NO_LOAD)
     assert list(ours) == pytest.approx(own_rate(STICK, (1.0, 2.0), 0.1, 0.0, np.array(x)), rel=1e-12)
 
 
 def test_at_rest_it_rests_and_the_torques_alone_bear_the_tendons() -> None:
-    plant = STICK.dynamics()
+    plant = STICK.make_dynamics()
     x, u_A, u_B = rest_state(rig_of(STICK), 5.0, 4.0)
     assert (x.z_A, x.z_B) == (0.0, 0.0)
     after = x
@@ -123,13 +123,15 @@ def test_at_rest_it_rests_and_the_torques_alone_bear_the_tendons() -> None:
 
 
 def test_what_the_controller_knows_has_no_friction_of_either_kind() -> None:
-    assert STICK.identified_dynamics() == LAB.identified_dynamics()
-    assert STICK.identified_dynamics().motor_A.friction.lugre is None
+    assert STICK.make_identified_dynamics() == LAB.make_identified_dynamics()
+    assert STICK.make_identified_dynamics().motor_A.friction.lugre is None
     x = PlantState(0.1, 0.5, 5.0, 0.2, 0.3, 4.0, -0.1, 0.2, 1e-3, -5e-4)
-    rates = state_derivative(STICK.identified_dynamics(), x, 1.0, 2.0, 0.1, NO_LOAD)
-    assert rates == state_derivative(LAB.identified_dynamics(), x._replace(z_A=0.0, z_B=0.0), 1.0, 2.0, 0.1, NO_LOAD)
+    rates = state_derivative(STICK.make_identified_dynamics(), x, 1.0, 2.0, 0.1, NO_LOAD)
+    assert rates == state_derivative(
+        LAB.make_identified_dynamics(), x._replace(z_A=0.0, z_B=0.0), 1.0, 2.0, 0.1, NO_LOAD
+    )
     assert (rates.z_A, rates.z_B) == (0.0, 0.0)
 
 
 def test_the_law_with_a_full_model_has_the_smoothed_friction_in_it() -> None:
-    assert make_feedback_linearization_tuning(STICK, TuningParameters()).model == LAB.dynamics()
+    assert make_feedback_linearization_tuning(STICK, TuningParameters()).model == LAB.make_dynamics()

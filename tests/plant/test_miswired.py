@@ -3,7 +3,7 @@
 import pytest
 
 from plant.interface import Breakage, Broken, Sensor
-from plant.virtual_daq import miswired
+from plant.virtual_daq import apply_miswiring
 from plant.wiring import SECTIONS, Wiring, load_wiring
 
 SAID = load_wiring("pcie-6323")
@@ -26,14 +26,14 @@ def test_only_what_happens_at_a_terminal_is_another_wiring(kind: Breakage) -> No
         Breakage.SATURATION: ["load_cell_B.slope", "load_cell_B.offset"],
     }
     sensor = Sensor.F_B if kind is Breakage.SATURATION else Sensor.THETA_A
-    assert differing(miswired(SAID, Broken(kind, sensor))) == expected.get(kind, [])
-    assert miswired(SAID, None) == SAID
+    assert differing(apply_miswiring(SAID, Broken(kind, sensor))) == expected.get(kind, [])
+    assert apply_miswiring(SAID, None) == SAID
 
 
 def test_three_of_ten_counts_are_lost_and_a_saturated_cell_stands_beyond_the_range() -> None:
-    lost = miswired(SAID, Broken(Breakage.LOST_COUNTS, Sensor.Q)).encoder_q
+    lost = apply_miswiring(SAID, Broken(Breakage.LOST_COUNTS, Sensor.Q)).encoder_q
     assert lost.counts_per_rev == pytest.approx(0.7 * SAID.encoder_q.counts_per_rev, rel=1e-12)
-    cell = miswired(SAID, Broken(Breakage.SATURATION, Sensor.F_A)).load_cell_A
+    cell = apply_miswiring(SAID, Broken(Breakage.SATURATION, Sensor.F_A)).load_cell_A
     assert (cell.slope, cell.offset, cell.table) == (1.0, 20.0, ())
 
 
@@ -48,9 +48,9 @@ def test_three_of_ten_counts_are_lost_and_a_saturated_cell_stands_beyond_the_ran
 def test_swapped_wires_change_places_and_twice_swapped_are_right(
     kind: Breakage, pair: tuple[str, str], terminal: str
 ) -> None:
-    swapped = miswired(SAID, Broken(kind))
+    swapped = apply_miswiring(SAID, Broken(kind))
     assert differing(swapped) == [f"{section}.{terminal}" for section in pair]
     assert [getattr(getattr(swapped, section), terminal) for section in pair] == [
         getattr(getattr(SAID, section), terminal) for section in reversed(pair)
     ]
-    assert miswired(swapped, Broken(kind)) == SAID
+    assert apply_miswiring(swapped, Broken(kind)) == SAID

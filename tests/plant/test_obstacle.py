@@ -35,7 +35,7 @@ WALL = Obstacle(1.0, 0.3, 2e4, 0.0)
 
 def free() -> Dynamics:
     """The plant with its tendons slack and no friction at the joint: a mass m = J_j/r_j² at r_j."""
-    plant = LAB.dynamics()
+    plant = LAB.make_dynamics()
     return plant._replace(joint=plant.joint._replace(B_j=0.0))
 
 
@@ -107,19 +107,19 @@ def test_no_wall_ever_gives_more_than_it_took(k: float, c: float, q_dot: float, 
 @given(st.floats(0.0, 1.5), st.floats(-30.0, 30.0), st.floats(0.0, 7.0), st.sampled_from([-1.0, 1.0]))
 def test_a_wall_pushes_away_from_itself_or_not_at_all(q: float, q_dot: float, c: float, side: float) -> None:
     wall = Obstacle(side, 0.4, 2e4, c)
-    force = contact_force(wall, LAB.dynamics().joint, q, q_dot)
+    force = contact_force(wall, LAB.make_dynamics().joint, q, q_dot)
     assert side * force <= 0.0
     assert (force == 0.0) or side * (q - 0.4) > 0.0
-    assert contact_force(NO_OBSTACLE, LAB.dynamics().joint, q, q_dot) == 0.0
+    assert contact_force(NO_OBSTACLE, LAB.make_dynamics().joint, q, q_dot) == 0.0
 
 
 def test_the_steps_are_stable_at_the_bounds_and_say_where_they_come_from() -> None:
-    joint, F_max = LAB.dynamics().joint, LAB.safety.F_max
+    joint, F_max = LAB.make_dynamics().joint, LAB.safety.F_max
     assert math.sqrt(largest_wall_stiffness(joint, H) / mass(joint)) * H == pytest.approx(0.15)
     assert largest_wall_damping(joint, F_max, H) * F_max * H / mass(joint) == pytest.approx(1.0)
     wall = Obstacle(1.0, 0.3, largest_wall_stiffness(joint, H), largest_wall_damping(joint, F_max, H))
     pressed, x = 50.0, thrown(0.29, 3.0)
-    plant = LAB.dynamics()
+    plant = LAB.make_dynamics()
     for _ in range(400):
         x = advance_state(plant, x, 0.0, 0.0, joint.r_j * pressed, T_s, SUBSTEPS, NO_LOAD, wall)
     assert contact_force(wall, joint, x.q, x.q_dot) == pytest.approx(-pressed, rel=1e-6)
@@ -151,7 +151,7 @@ def test_a_wall_that_cannot_be_is_refused_and_the_one_before_stays(wall: Obstacl
         simulator.obstacle(wall)
     assert told in str(refused.value)
     assert simulator.simulated.field("obstacle").get() == WALL
-    require_possible_wall(WALL, LAB.dynamics().joint, LAB.safety.F_max, LAB.geometry.q_max, H)
+    require_possible_wall(WALL, LAB.make_dynamics().joint, LAB.safety.F_max, LAB.geometry.q_max, H)
 
 
 def test_it_comes_and_goes_in_flight_and_what_it_presses_is_measured() -> None:

@@ -26,7 +26,7 @@ def edited(pattern: str, replacement: str) -> str:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_sets_give_every_number_a_unit_and_a_source(name: str) -> None:
-    document = load_parameters(name).document()
+    document = load_parameters(name).to_document()
     assert list(document) == list(SECTIONS)
     for section, entries in document.items():
         for entry, given in entries.items():
@@ -77,16 +77,16 @@ def test_one_side_may_differ(tmp_path: Path) -> None:
     extra += f'[spring_A]\npoints = {{ value = {POINTS}, unit = "m, N", source = "bench" }}\n'
     extra += '[identified_A]\nk = { value = [-2.0, 300.0, 8800.0], unit = "N/m^i", source = "bench" }\n'
     parameters = load(tmp_path, f"{TEXT}\n{extra}")
-    assert (parameters.motor_of("A").K_m, parameters.motor_of("B").K_m) == (parameters.motor.K_m, 2.5)
-    assert parameters.motor_of("B").T_m == parameters.motor.T_m
-    assert parameters.spring_of("A").k == ()
-    assert parameters.spring_of("B").points == ()
-    assert parameters.identified_spring("A").k == (-2.0, 300.0, 8800.0)
-    assert parameters.identified_spring("B").k == (-2.498, 331.49, 8543.8)
-    plant_A, plant_B = parameters.dynamics().spring_A, parameters.dynamics().spring_B
+    assert (parameters.select_motor("A").K_m, parameters.select_motor("B").K_m) == (parameters.motor.K_m, 2.5)
+    assert parameters.select_motor("B").T_m == parameters.motor.T_m
+    assert parameters.select_spring("A").k == ()
+    assert parameters.select_spring("B").points == ()
+    assert parameters.make_identified_spring("A").k == (-2.0, 300.0, 8800.0)
+    assert parameters.make_identified_spring("B").k == (-2.498, 331.49, 8543.8)
+    plant_A, plant_B = parameters.make_dynamics().spring_A, parameters.make_dynamics().spring_B
     assert plant_A.pieces is not None
     assert plant_B.pieces is None
-    document = parameters.document()
+    document = parameters.to_document()
     assert document["motor_B"] == {"K_m": {"value": 2.5, "unit": "rad/(V·s)", "source": "bench"}}
     assert document["spring_A"]["points"]["value"][1] == [0.02, 7.0]
     assert "points" not in document["spring"]

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from plant.conformance import driven
+from plant.conformance import drive
 from plant.interface import ZERO_VOLTS, T_s
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
@@ -24,6 +24,6 @@ def test_only_what_moves_with_the_clock_is_waited_for(
 ) -> None:
     slept_s: list[float] = []
     monkeypatch.setattr(time, "sleep", slept_s.append)
-    driven(plant(lab), ZERO_VOLTS, 50)
+    drive(plant(lab), ZERO_VOLTS, 50)
     assert len(slept_s) == waits
     assert all(0.0 <= s <= T_s for s in slept_s)

@@ -108,10 +108,10 @@ def test_noise_about_no_force_is_read_below_the_first_point_of_a_table(table: tu
 def test_a_table_is_gone_beyond_by_a_twentieth_of_its_span(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = stepped(by_table(FROM_NOTHING))
     for volts, newtons in ((-0.44, -4.4), (0.0, 0.0), (1.0, 10.0), (9.0, 90.0), (9.44, 94.4)):
-        monkeypatch.setattr(VirtualCard, "_volts", lambda _card, _channel, V=volts: V)
+        monkeypatch.setattr(VirtualCard, "_read_volts", lambda _card, _channel, V=volts: V)
         assert pytest.approx(newtons) == rig.read().F_A
     for volts in (-0.46, 9.46):
-        monkeypatch.setattr(VirtualCard, "_volts", lambda _card, _channel, V=volts: V)
+        monkeypatch.setattr(VirtualCard, "_read_volts", lambda _card, _channel, V=volts: V)
         assert math.isnan(rig.read().F_A)
     rig.close()
 
@@ -119,7 +119,7 @@ def test_a_table_is_gone_beyond_by_a_twentieth_of_its_span(monkeypatch: pytest.M
 @pytest.mark.parametrize("volts", [9.995, -9.995, 10.0])
 def test_a_load_cell_at_its_end_is_no_number(volts: float, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = stepped()
-    monkeypatch.setattr(VirtualCard, "_volts", lambda _card, _channel: volts)
+    monkeypatch.setattr(VirtualCard, "_read_volts", lambda _card, _channel: volts)
     m = rig.read()
     assert math.isnan(m.F_A)
     assert math.isnan(m.F_B)
@@ -184,9 +184,9 @@ def test_a_line_that_something_else_has_cut_proves_no_watchdog() -> None:
         looks = 0
 
         @property
-        def enabled(self) -> bool:
+        def is_enabled(self) -> bool:
             self.looks += 1
-            return self.looks == 1 and super().enabled
+            return self.looks == 1 and super().is_enabled
 
     card = VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers := Card.create(), has_clock=False)
     with pytest.raises(PlantError, match="watchdog did not expire within"):
@@ -268,22 +268,22 @@ def test_a_running_watchdog_is_stopped_before_it_is_started_and_looked_at_only_w
     registers = Card.create()
     daq = Daq(WIRING, VirtualCard(WIRING, Simulator(PARAMETERS, 0), registers, has_clock=False).options)
     daq.open()
-    at_first = daq.expired
+    at_first = daq.is_expired
     assert not at_first
     daq.start_watchdog()
     daq.enable(on=True)
     daq.start_watchdog()
-    started = daq.enabled
+    started = daq.is_enabled
     assert started
     registers.expire()
-    assert (daq.expired, daq.enabled) == (True, False)
+    assert (daq.is_expired, daq.is_enabled) == (True, False)
     with pytest.raises(PlantError, match="-200678"):
         daq.enable(on=True)
     daq.start_watchdog()
-    started_anew = daq.enabled
+    started_anew = daq.is_enabled
     assert not started_anew
     daq.enable(on=True)
-    assert daq.enabled
+    assert daq.is_enabled
     daq.close()
 
 

@@ -117,7 +117,7 @@ def test_a_machine_that_pauses_at_the_start_has_the_watchdog_begin_again(
 
     def paused(daq: Daq, *, on: bool) -> None:
         nonlocal left
-        if daq.watched and left:
+        if daq.is_watchdog_started and left:
             left -= 1
             until_expired(registers)
         enable(daq, on=on)

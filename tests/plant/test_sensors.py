@@ -42,7 +42,7 @@ def test_ideal_sensors_read_the_state_itself(ideal: PlantParameters) -> None:
     m = Simulator(ideal, x=x).read()
     assert (m.q, m.theta_A, m.theta_B) == (x.q, x.theta_A, x.theta_B)
     r_m, r_j = ideal.geometry.r_m, ideal.geometry.r_j
-    spring = ideal.dynamics().spring_A
+    spring = ideal.make_dynamics().spring_A
     assert tendon_tension(spring, r_m * x.theta_A - r_j * x.q) == m.F_A
     assert tendon_tension(spring, r_m * x.theta_B + r_j * x.q) == m.F_B
 
@@ -80,7 +80,7 @@ def test_load_cells_read_every_step_of_16_bits_over_twice_the_limit_to_either_si
     """±100 N in 65536 steps: no reading between two steps (a finer cell), and none left out (a coarser one)."""
     step = 200.0 / 2**16
     parameters = with_sensors(ideal, converter_bits=16)
-    spring, r_m = ideal.dynamics().spring_A, ideal.geometry.r_m
+    spring, r_m = ideal.make_dynamics().spring_A, ideal.geometry.r_m
     angles = 3.0 + np.arange(400) * 2e-4
     seen = np.array([Simulator(parameters, x=STANDING._replace(theta_A=angle)).read().F_A for angle in angles])
     true = np.array([tendon_tension(spring, r_m * angle) for angle in angles])

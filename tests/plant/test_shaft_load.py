@@ -23,11 +23,11 @@ def ideal() -> PlantParameters:
 
 def test_a_load_turns_a_free_motor_as_the_closed_form_and_its_work_is_accounted_for(ideal: PlantParameters) -> None:
     """J w' + B w = -load from rest; work of the load = kinetic energy + what the damping took."""
-    motor = ideal.dynamics().motor_A
+    motor = ideal.make_dynamics().motor_A
     x, T_m, ticks = SLACK, motor.J_m / motor.B_m, 1000
     speeds = []
     for tick in range(1, ticks + 1):
-        x = advance_state(ideal.dynamics(), x, 0.0, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(LOAD_NM, 0.0))
+        x = advance_state(ideal.make_dynamics(), x, 0.0, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(LOAD_NM, 0.0))
         t = tick * T_s
         assert x.omega_A == pytest.approx(-LOAD_NM / motor.B_m * -math.expm1(-t / T_m), rel=1e-9)
         assert x.theta_A - SLACK_THETA == pytest.approx(-LOAD_NM / motor.B_m * (t + T_m * math.expm1(-t / T_m)))
@@ -52,7 +52,7 @@ def test_loads_with_tendons_and_friction_agree_with_an_independent_integration()
 
     for loads in (ShaftLoad(LOAD_NM, 0.1), NO_LOAD, ShaftLoad(0.0, LOAD_NM)):
         for _ in range(300):
-            x = advance_state(p.dynamics(), x, 3.0, 2.0, 0.0, T_s, SUBSTEPS, loads)
+            x = advance_state(p.make_dynamics(), x, 3.0, 2.0, 0.0, T_s, SUBSTEPS, loads)
         end = solve_ivp(loaded, (0.0, 0.3), own, args=(loads,), method="LSODA", rtol=1e-9, atol=1e-11, max_step=2e-3)
         own = end.y[:, -1]
         assert np.array(x) == pytest.approx(own, rel=1e-4, abs=1e-4)
@@ -62,11 +62,13 @@ def test_the_simulator_loads_from_the_next_period_on_until_told_otherwise(ideal:
     simulator = Simulator(ideal, x=SLACK)
     simulator.load(ShaftLoad(0.0, LOAD_NM))
     simulator.write(ZERO_VOLTS)
-    assert simulator.x == advance_state(ideal.dynamics(), SLACK, 0.0, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(0.0, LOAD_NM))
+    assert simulator.x == advance_state(
+        ideal.make_dynamics(), SLACK, 0.0, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(0.0, LOAD_NM)
+    )
     simulator.load(NO_LOAD)
     before = simulator.x
     simulator.write(ZERO_VOLTS)
-    assert simulator.x == advance_state(ideal.dynamics(), before, 0.0, 0.0, 0.0, T_s, SUBSTEPS)
+    assert simulator.x == advance_state(ideal.make_dynamics(), before, 0.0, 0.0, 0.0, T_s, SUBSTEPS)
 
 
 @pytest.mark.parametrize("load", [ShaftLoad(-0.1, 0.0), ShaftLoad(0.0, math.nan)])

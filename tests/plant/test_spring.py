@@ -141,8 +141,8 @@ def test_a_spring_that_does_not_stiffen_cannot_set_stiffness() -> None:
 
 
 def test_the_curve_goes_on_where_the_tendon_is_slack(ideal: PlantParameters) -> None:
-    assert spring_polynomial(ideal.identified_spring("A"), 0.0) == pytest.approx(K[0])
-    assert load_parameters("lab").dynamics().spring_A.k == pytest.approx([0.985 * k for k in K])
+    assert spring_polynomial(ideal.make_identified_spring("A"), 0.0) == pytest.approx(K[0])
+    assert load_parameters("lab").make_dynamics().spring_A.k == pytest.approx([0.985 * k for k in K])
 
 
 def test_a_table_with_uneven_steps_is_that_of_scipy_too() -> None:

@@ -37,13 +37,13 @@ def without(text: str, *names: str) -> str:
 def test_a_set_without_them_is_smoothed_and_its_document_is_what_it_was(name: str) -> None:
     parameters = load_parameters(name)
     assert [getattr(parameters.motor, entry) for entry in OWN] == [0.0] * 4
-    assert not set(OWN) & set(parameters.document()["motor"])
-    assert parameters.dynamics().motor_A.friction.lugre is None
+    assert not set(OWN) & set(parameters.to_document()["motor"])
+    assert parameters.make_dynamics().motor_A.friction.lugre is None
 
 
 def test_they_come_back_from_a_stored_document() -> None:
     parameters = load_parameters("lab-stick")
-    kept = json.loads(json.dumps(parameters.document()))
+    kept = json.loads(json.dumps(parameters.to_document()))
     assert parse_parameters("lab-stick", kept) == parameters
     for name in OWN:
         del kept["motor"][name]
@@ -54,19 +54,21 @@ def test_one_side_may_stick_and_one_may_not(tmp_path: Path) -> None:
     smooth_B = load(tmp_path, f"{STICK}\n[motor_B]\n{number('sigma_0', 0)}")
     only_A = load(tmp_path, f"{LAB}\n[motor_A]\n{''.join(map(number, OWN, (60.0, 0.5, 1.5, 0.1)))}")
     for parameters, sigma_0 in ((smooth_B, 40.0), (only_A, 60.0)):
-        A, B = (motor.friction.lugre for motor in (parameters.dynamics().motor_A, parameters.dynamics().motor_B))
+        A, B = (
+            motor.friction.lugre for motor in (parameters.make_dynamics().motor_A, parameters.make_dynamics().motor_B)
+        )
         assert A is not None
         assert A.sigma_0 == sigma_0
         assert B is None
-        assert parse_parameters(parameters.name, parameters.document()) == parameters
-    assert smooth_B.document()["motor_B"]["sigma_0"]["value"] == 0.0
+        assert parse_parameters(parameters.name, parameters.to_document()) == parameters
+    assert smooth_B.to_document()["motor_B"]["sigma_0"]["value"] == 0.0
 
 
 def test_zero_is_an_answer_and_is_kept(tmp_path: Path) -> None:
     parameters = load(tmp_path, re.sub(r"(?m)^sigma_0 = .*\n", number("sigma_0", 0), STICK))
-    assert parameters.dynamics() == load_parameters("lab").dynamics()
-    assert parameters.document()["motor"]["sigma_0"]["value"] == 0.0
-    assert parse_parameters("bench", parameters.document()) == parameters
+    assert parameters.make_dynamics() == load_parameters("lab").make_dynamics()
+    assert parameters.to_document()["motor"]["sigma_0"]["value"] == 0.0
+    assert parse_parameters("bench", parameters.to_document()) == parameters
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from plant.interface import ZERO_VOLTS, Breakage, Broken, MotorCommand, PlantErr
 from plant.parameters import load_parameters
 from plant.safety_card import WATCHDOG_S
 from plant.simulator import Simulator
-from plant.terminals import LoadCellScaling, converted, volts_of
+from plant.terminals import LoadCellScaling, compute_volts, quantise_volts
 from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 
@@ -24,9 +24,9 @@ def test_a_bent_table_gives_the_volts_of_the_line_between_its_points() -> None:
     F, V = (0.0, 5.0, 20.0, 60.0), (0.1, 1.0, 2.0, 9.0)
     cell = LoadCellScaling(math.nan, 0.0, np.column_stack((F, V)))
     for force in np.linspace(0.0, 60.0, 241):
-        assert volts_of(cell, float(force)) == pytest.approx(np.interp(force, F, V), rel=1e-12)
-    assert volts_of(cell, 70.0) == pytest.approx(9.0 + 10.0 * 7.0 / 40.0)
-    assert volts_of(cell, -1.0) == pytest.approx(0.1 - 0.9 / 5.0)
+        assert compute_volts(cell, float(force)) == pytest.approx(np.interp(force, F, V), rel=1e-12)
+    assert compute_volts(cell, 70.0) == pytest.approx(9.0 + 10.0 * 7.0 / 40.0)
+    assert compute_volts(cell, -1.0) == pytest.approx(0.1 - 0.9 / 5.0)
 
 
 @pytest.mark.parametrize("active", ["high", "low"])
@@ -44,10 +44,10 @@ def test_the_end_switch_is_read_whichever_level_it_holds(active: str, q: float) 
 
 def test_a_converter_ends_at_its_first_and_last_code() -> None:
     step = 20.0 / 2**16
-    assert (converted(25.0), converted(-25.0)) == (10.0 - step, -10.0)
-    assert (converted(10.0), converted(10.0 - step)) == (10.0 - step, 10.0 - step)
-    assert converted(1.2345) == pytest.approx(1.2345, abs=step / 2)
-    assert math.isnan(converted(math.nan))
+    assert (quantise_volts(25.0), quantise_volts(-25.0)) == (10.0 - step, -10.0)
+    assert (quantise_volts(10.0), quantise_volts(10.0 - step)) == (10.0 - step, 10.0 - step)
+    assert quantise_volts(1.2345) == pytest.approx(1.2345, abs=step / 2)
+    assert math.isnan(quantise_volts(math.nan))
 
 
 def test_a_card_in_stepped_time_that_is_gone_goes_on_with_its_last_volts_until_its_watchdog_expires() -> None:

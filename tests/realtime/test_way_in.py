@@ -52,7 +52,7 @@ def test_a_plant_that_fails_half_way_into_opening_is_closed(ideal: PlantParamete
     card = Card.create()
     with pytest.raises(PlantError, match="no second amplifier"):
         Loop(HalfOpen(ideal, card=card), ideal, Samples(), tuning)
-    assert not card.drives
+    assert not card.drives_on
 
 
 def test_a_first_angle_that_is_no_number_does_not_take_the_velocity_with_it(ideal: PlantParameters) -> None:

@@ -68,7 +68,7 @@ def source_of(
         kind="tracking",
         plant="simulator",
         parameters_name="ideal",
-        parameters=parameters.document(),
+        parameters=parameters.to_document(),
         settings=settings,
         bank_id=3 if bank else None,
         who="A. Operator",

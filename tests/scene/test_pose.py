@@ -17,7 +17,7 @@ from plant.parameters import load_parameters
 
 IDEAL = load_parameters("ideal")
 R_M, R_J = IDEAL.geometry.r_m, IDEAL.geometry.r_j
-SPRINGS = IDEAL.identified_spring("A"), IDEAL.identified_spring("B")
+SPRINGS = IDEAL.make_identified_spring("A"), IDEAL.make_identified_spring("B")
 
 
 def sample(q: float, x_A: float, x_B: float, **others: float) -> dict[str, float]:

@@ -91,7 +91,7 @@ COMPOSED: dict[str, Iterable[str]] = {
     "study.runner": [f"{'x' * 64}:{2**22}"],
     "study_point.state": [*EndState, REFUSED, FAILED, LOST],
     "value_name.source": ValueSource,
-    "value_name.name": [name for name, _ in iterate_parameters(load_parameters("lab").document())],
+    "value_name.name": [name for name, _ in iterate_parameters(load_parameters("lab").to_document())],
     "bring_up.wiring": ["x" * FILE_NAME_MAX],
     "run.parameters_name": ["x" * FILE_NAME_MAX],
 }

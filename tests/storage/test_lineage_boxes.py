@@ -28,7 +28,7 @@ from tests.models.earlier_identifications import ACTUATOR
 LAB = load_parameters("lab")
 SAMPLES = np.arange(60, dtype=np.float32).reshape(20, 3)
 FIELDS = ["q", "S", "F_A"]
-NEW = NewRun(RunKind.ACTUATOR_IDENTIFICATION, "simulator", "lab", LAB.document(), "Ana", "1.0.0")
+NEW = NewRun(RunKind.ACTUATOR_IDENTIFICATION, "simulator", "lab", LAB.to_document(), "Ana", "1.0.0")
 ESTIMATE = NewIdentification(
     kind="actuator",
     run_id=None,
@@ -73,7 +73,7 @@ def test_gains_are_walked_back_to_samples_and_parameters(database: Database) -> 
         settings = {"loop": {"lam_q": 0.6, "bank": bank.id}}
         run = recorded(session, replace(NEW, kind=RunKind.TRACKING, settings=settings, bank_id=bank.id))
     found = boxes(database, run)
-    parameters = f"parameters-{sha256(LAB.document())[:16]}"
+    parameters = f"parameters-{sha256(LAB.to_document())[:16]}"
     assert {name: node.origins for name, node in found.items()} == {
         f"run-{run}": ["gains", parameters],
         "gains": [f"bank-{bank.id}"],
@@ -91,7 +91,7 @@ def test_gains_are_walked_back_to_samples_and_parameters(database: Database) -> 
     assert found["gains"].sha256 == sha256(
         {"loop": {"lam_q": 0.6}, "from": sha256(content)}
     )  # whatever the bank's number
-    assert found[parameters].sha256 == sha256(LAB.document())
+    assert found[parameters].sha256 == sha256(LAB.to_document())
     assert found[f"data-{source}"].sha256 == found[f"run-{run}"].sha256
     whole = {"data": ESTIMATE.data, "method": "default", "options": ESTIMATE.options, "model": ESTIMATE.model}
     assert found[f"identification-{estimate.id}"].sha256 == sha256(whole)
@@ -103,7 +103,7 @@ def test_gains_are_walked_back_to_samples_and_parameters(database: Database) -> 
 
 
 def test_what_holds_no_more_is_marked_where_it_stands(database: Database) -> None:
-    document = LAB.document()
+    document = LAB.to_document()
     other = {**document, "geometry": {**document["geometry"], "r_j": {**document["geometry"]["r_j"], "value": 0.08}}}
     with database.session() as session:
         source = recorded(session, replace(NEW, parameters=other))

@@ -136,7 +136,7 @@ def test_every_number_that_is_offered_can_be_varied() -> None:
     parameters = load_parameters("lab")
     offered = list_variable_numbers(parameters)
     assert {"motor.c0", "spring.k.1", "asymmetry.spring_A", "sensors.force_delay"} <= {one.name for one in offered}
-    document = parameters.document()
+    document = parameters.to_document()
     for one in offered:
         section, entry, *place = one.name.split(".")
         said = document[section][entry]

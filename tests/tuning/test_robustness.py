@@ -155,6 +155,6 @@ def test_safe_range_begins_after_the_slowest_loop_that_is_too_lively() -> None:
 def test_tension_at_a_stiffness_is_that_of_the_papers_nominal_points(F: float, S: float) -> None:
     parameters = load_parameters("ideal")
     theta_A, _ = motor_positions(build_decoupler(parameters), 0.0, S)
-    assert tendon_tension(parameters.identified_spring("A"), parameters.geometry.r_m * theta_A) == pytest.approx(
+    assert tendon_tension(parameters.make_identified_spring("A"), parameters.geometry.r_m * theta_A) == pytest.approx(
         F, abs=0.05
     )

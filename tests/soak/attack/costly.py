@@ -107,7 +107,7 @@ def store_costly_run(data: Path) -> int:
         RunKind.EXPERIMENT,
         "simulator",
         "lab",
-        load_parameters("lab").document(),
+        load_parameters("lab").to_document(),
         "Ana",
         "1.0.0",
         {"plan": {"experiment": written}},
