@@ -737,7 +737,7 @@ def _expected(
     choice = in_force.choice_at(start)
     acts = [tau]
     if choice.k_ext > 0.0 and in_force.position_loop:
-        acts += disturbance_response(in_force.gains_at(start).rejection, tau, S)
+        acts += disturbance_response(in_force.gains_at(start).disturbance_feedforward, tau, S)
     known = answers.get((choice, S))
     if known is None or known.shape[1] < tau.size:
         known = answers[(choice, S)] = _impulse_responses(in_force, start, S, tau.size, len(acts))

@@ -123,7 +123,7 @@ def _smooth_2(lam: float, s: Smooth, r: float) -> tuple[float, Smooth]:
 
 
 @compiled
-def _corrected(pole: float, x: PlantState, m: Measurement) -> PlantState:
+def _correct_model(pole: float, x: PlantState, m: Measurement) -> PlantState:
     """State of the model, drawn towards the measured angles."""
     e_q, e_A, e_B = m.q - x.q, m.theta_A - x.theta_A, m.theta_B - x.theta_B
     angle, speed = 2.0 * pole * T_s, pole**2 * T_s
@@ -180,7 +180,7 @@ def step_feedback_linearization(
     q_4, q_next = _smooth_4(gains.lam_q, state.q_d, reference.q_ref)
     S_2, S_next = _smooth_2(gains.lam_S, state.S_d, reference.S_ref)
     q_d, S_d = state.q_d, state.S_d
-    x = _corrected(gains.observer_pole, state.x, m)
+    x = _correct_model(gains.observer_pole, state.x, m)
     c = _chain(model, d, x)
 
     # All poles of the errors at −p: (s + p)^5 and (s + p)^3, the last power for the integral.
@@ -198,12 +198,12 @@ def step_feedback_linearization(
     acceleration_A = (twist + c.slope_B * wind) / (c.slope_A + c.slope_B)
     acceleration_B = wind - acceleration_A
     speed_q, speed_S = d.r_j / d.r_m * q_d.r_1, 0.5 * S_d.r_1 / S_slope
-    wanted_A = _voltage(motor_A, acceleration_A, x.omega_A, speed_S + speed_q, joint.r_m * c.F_A)
-    wanted_B = _voltage(motor_B, acceleration_B, x.omega_B, speed_S - speed_q, joint.r_m * c.F_B)
-    u_A = min(max(wanted_A, -tuning.u_max), tuning.u_max)
-    u_B = min(max(wanted_B, -tuning.u_max), tuning.u_max)
+    unlimited_A = _voltage(motor_A, acceleration_A, x.omega_A, speed_S + speed_q, joint.r_m * c.F_A)
+    unlimited_B = _voltage(motor_B, acceleration_B, x.omega_B, speed_S - speed_q, joint.r_m * c.F_B)
+    u_A = min(max(unlimited_A, -tuning.u_max), tuning.u_max)
+    u_B = min(max(unlimited_B, -tuning.u_max), tuning.u_max)
 
-    clipped = u_A != wanted_A or u_B != wanted_B
+    clipped = u_A != unlimited_A or u_B != unlimited_B
     output = cascade.CascadeOutput(
         u_A=u_A,
         u_B=u_B,
@@ -213,8 +213,8 @@ def step_feedback_linearization(
         q_ref_gov=reference.q_ref,
         S_ref_gov=reference.S_ref,
         bank_entry=0.0,
-        clipped_A=u_A != wanted_A,
-        clipped_B=u_B != wanted_B,
+        clipped_A=u_A != unlimited_A,
+        clipped_B=u_B != unlimited_B,
         governed=governed,
         at_floor=False,
         at_ceiling=False,
@@ -232,10 +232,10 @@ def step_feedback_linearization(
 
 
 @compiled
-def take_over_feedback_linearization(
+def initialize_feedback_linearization(
     tuning: FeedbackLinearizationTuning, u_A: float, u_B: float, m: Measurement
 ) -> FeedbackLinearizationState:
-    """State that continues from the voltages u_A, u_B [V] at a standing joint; references where the joint is."""
+    """State that continues from the voltages u_A, u_B [V] at a joint at rest; references at the joint."""
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
     torque_A, torque_B = tuning.model.motor_A.K_t * u_A, tuning.model.motor_B.K_t * u_B
     return FeedbackLinearizationState(
@@ -328,20 +328,20 @@ def step_single_loop(
     )
     return output, SingleLoopState(
         reference,
-        _bled(position, 0.5 * (clipped_A - clipped_B)),
-        _bled(stiffness, 0.5 * (clipped_A + clipped_B)),
+        _bleed_integrator(position, 0.5 * (clipped_A - clipped_B)),
+        _bleed_integrator(stiffness, 0.5 * (clipped_A + clipped_B)),
     )
 
 
 @compiled
-def _bled(state: pid.IPDState, excess: float) -> pid.IPDState:
+def _bleed_integrator(state: pid.IPDState, excess: float) -> pid.IPDState:
     """Anti-windup: the voltage that the motors did not get bleeds the integrator, as in the cascade's inner loops."""
     return pid.IPDState(state.integral - T_s * excess / pid.TRACKING_TIME_S, state.integral_f, state.y_f)
 
 
 @compiled
-def take_over_single_loop(tuning: SingleLoopTuning, u_A: float, u_B: float, m: Measurement) -> SingleLoopState:
-    """State that continues from the voltages u_A, u_B [V] at a standing joint; references where the joint is."""
+def initialize_single_loop(tuning: SingleLoopTuning, u_A: float, u_B: float, m: Measurement) -> SingleLoopState:
+    """State that continues from the voltages u_A, u_B [V] at a joint at rest; references at the joint."""
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
     return SingleLoopState(
         GovernorState(m.q, S),

@@ -60,37 +60,37 @@ def step_governor(
 # what is left of it.
 
 
-PATIENCE_S = 0.1
+CLIPPING_TIMEOUT_S = 0.1
 """Voltage clipped for so long [s] says that the budget is more than the motors have: the rest is planned with less."""
 
-LESS = 0.9
+BUDGET_REDUCTION = 0.9
 """What is left of the budget then."""
 
-NEARLY = 1.2
+REST_FACTOR = 1.2
 """Rest is granted at so many times what the position's integrator leaves alone: a reference half-way between two counts
 is read half a count off wherever the joint is, and a little more by one of the two."""
 
 
-LEFT_Q, LEFT_S = 4.0, 20.0
+NEAR_FACTOR_Q, NEAR_FACTOR_S = 4.0, 20.0
 """A joint that is off by so many times what is left alone has been pushed away, and comes back by the linear loops;
 what hunts against stiction is nearer."""
 
-OPEN = 0.2
-"""With the position loop open the motors alone position the joint: rest is granted within so much of ``unseen_q``."""
+OPEN_LOOP_FACTOR = 0.2
+"""Share of ``dead_zone_q`` within which the joint is at rest while the position loop is open."""
 
 
 class Following(NamedTuple):
     """What the references are followed by: a plan within ``budget`` [V] and the model it moves; 0 V: the governor.
 
-    ``unseen_q`` [rad], ``unseen_S`` [N·m/rad]: errors that the outer integrators leave alone; with the governor from
-    when the joint has arrived, so that it gets there by the linear loops alone. While both are nearly within, and the
-    references stand, all integrators rest.
+    ``dead_zone_q`` [rad], ``dead_zone_S`` [N·m/rad]: errors that the outer integrators leave alone; with the governor
+    from when the joint has arrived, so that it gets there by the linear loops alone. While both are nearly within, and
+    the references stand, all integrators rest.
     """
 
     budget: float
     model: trajectory.TrajectoryModel
-    unseen_q: float
-    unseen_S: float
+    dead_zone_q: float
+    dead_zone_S: float
 
 
 class DeadZones(NamedTuple):
@@ -128,76 +128,86 @@ def follow_governed(reference: GovernorState, moving: bool) -> FollowedReference
 
 
 @compiled
-def planned(p: trajectory.AxisState, by: trajectory.Driven) -> FollowedReferences:
+def follow_trajectory(model: trajectory.AxisState, drive: trajectory.Driven) -> FollowedReferences:
     """Return the model of a plan: the loops count from it."""
-    reference = GovernorState(p.q, p.S)
+    reference = GovernorState(model.q, model.S)
     return FollowedReferences(
         reference=reference,
-        q=p.q,
-        S=p.S,
-        theta_A=p.theta_A,
-        theta_B=p.theta_B,
-        q_e=p.q_e,
-        S_e=p.S,
-        u_A=by.u_A,
-        u_B=by.u_B,
-        moving=by.moving,
+        q=model.q,
+        S=model.S,
+        theta_A=model.theta_A,
+        theta_B=model.theta_B,
+        q_e=model.q_e,
+        S_e=model.S,
+        u_A=drive.u_A,
+        u_B=drive.u_B,
+        moving=drive.moving,
     )
 
 
 @compiled
-def unseen(f: Following, e_q: float, e_S: float) -> bool:
+def is_within_dead_zone(f: Following, e_q: float, e_S: float) -> bool:
     """Whether the errors of position [rad] and stiffness [N·m/rad] are both so small that they are left alone."""
-    return abs(e_q) <= NEARLY * f.unseen_q and abs(e_S) <= f.unseen_S
+    return abs(e_q) <= REST_FACTOR * f.dead_zone_q and abs(e_S) <= f.dead_zone_S
 
 
 @compiled
-def near(f: Following, e_q: float, e_S: float) -> bool:
+def is_near_reference(f: Following, e_q: float, e_S: float) -> bool:
     """Whether errors of position [rad] and stiffness [N·m/rad] are those of a joint that has not been pushed away."""
-    return abs(e_q) <= LEFT_Q * f.unseen_q and abs(e_S) <= LEFT_S * f.unseen_S
+    return abs(e_q) <= NEAR_FACTOR_Q * f.dead_zone_q and abs(e_S) <= NEAR_FACTOR_S * f.dead_zone_S
 
 
 @compiled
-def unseen_open(f: Following, e_q: float, e_S: float) -> bool:
+def is_within_dead_zone_open_loop(f: Following, e_q: float, e_S: float) -> bool:
     """As ``unseen``, for an error of the equilibrium [rad] where the position loop is open."""
-    return abs(e_q) <= OPEN * f.unseen_q and abs(e_S) <= f.unseen_S
+    return abs(e_q) <= OPEN_LOOP_FACTOR * f.dead_zone_q and abs(e_S) <= f.dead_zone_S
 
 
 @compiled
-def patient(clipped_s: float, reserve: float, clipped: bool, moving: bool) -> tuple[float, float]:
+def update_voltage_reserve(clipped_s: float, reserve: float, clipped: bool, moving: bool) -> tuple[float, float]:
     """For how long voltage has been clipped on the way [s], and the share of the budget in use after this tick."""
     clipped_s = clipped_s + T_s if clipped and moving else 0.0
     reserve = reserve if moving else 1.0
-    return (0.0, reserve * LESS) if clipped_s > PATIENCE_S else (clipped_s, reserve)
+    return (0.0, reserve * BUDGET_REDUCTION) if clipped_s > CLIPPING_TIMEOUT_S else (clipped_s, reserve)
 
 
 @compiled
-def absolute(
+def convert_to_absolute(
     gains: pid.MotorPairGains,
     inner: pid.MotorPairState,
-    at: trajectory.AxisState,
+    model: trajectory.AxisState,
     u_A: float,
     u_B: float,
     m: Measurement,
 ) -> pid.MotorPairState:
     """Motor loops that count from zero, in place of the model, and give its voltages [V] too."""
     return pid.MotorPairState(
-        pid.carried(
-            gains=gains.A, state=inner.A, y=m.theta_A - at.theta_A, offset=at.theta_A, rate=at.omega_A, u_more=u_A
+        pid.rebase_i_pd(
+            gains=gains.A,
+            state=inner.A,
+            y=m.theta_A - model.theta_A,
+            offset=model.theta_A,
+            rate=model.omega_A,
+            u_added=u_A,
         ),
-        pid.carried(
-            gains=gains.B, state=inner.B, y=m.theta_B - at.theta_B, offset=at.theta_B, rate=at.omega_B, u_more=u_B
+        pid.rebase_i_pd(
+            gains=gains.B,
+            state=inner.B,
+            y=m.theta_B - model.theta_B,
+            offset=model.theta_B,
+            rate=model.omega_B,
+            u_added=u_B,
         ),
     )
 
 
 @compiled
-def dead_zones(f: Following, resting: bool, arrived: bool) -> DeadZones:
+def select_dead_zones(f: Following, resting: bool, arrived: bool) -> DeadZones:
     """Dead zones of the outer integrators: everything at rest, nothing on the way."""
     if resting:
         return DeadZones(math.inf, math.inf)
     if arrived:
-        return DeadZones(f.unseen_q, f.unseen_S)
+        return DeadZones(f.dead_zone_q, f.dead_zone_S)
     return DeadZones(0.0, 0.0)
 
 
@@ -222,16 +232,17 @@ class CascadeTuning(NamedTuple):
     omega_max: float
     u_max: float
     following: Following
-    rejection: disturbance_observer.Rejection
+    disturbance_feedforward: disturbance_observer.Rejection
 
 
 class CascadeState(NamedTuple):
     """Everything the cascade remembers from tick to tick.
 
-    With a plan (``follows``) the loops count from the model: ``position`` and ``stiffness`` give what is added to its
-    equilibrium. ``clipped_s`` [s]: for how long voltage has been clipped; ``reserve``: share of the budget in use.
-    ``alone``: the motor loops as they are for who takes them over, without a model. ``resting``: all integrators rest;
-    ``arrived``: they have, once, since the references have stood and the joint was not pushed away.
+    With a plan (``follows_trajectory``) the loops count from the model: ``position`` and ``stiffness`` give what is
+    added to its equilibrium. ``clipped_s`` [s]: for how long voltage has been clipped; ``reserve``: share of the budget
+    in use. ``standalone_motors``: the motor loops as they are for who takes them over, without a model. ``resting``:
+    all integrators rest; ``arrived``: they have, once, since the references have stood and the joint was not pushed
+    away.
     """
 
     governor: GovernorState
@@ -245,12 +256,12 @@ class CascadeState(NamedTuple):
     active: float
     correction_q: float
     correction_S: float
-    plan: trajectory.TrajectoryState
-    follows: bool
+    trajectory_state: trajectory.TrajectoryState
+    follows_trajectory: bool
     clipped_s: float
     reserve: float
-    alone: pid.MotorPairState
-    rejection: disturbance_observer.DisturbanceFeedforwardState
+    standalone_motors: pid.MotorPairState
+    disturbance_feedforward: disturbance_observer.DisturbanceFeedforwardState
     resting: bool
     arrived: bool
 
@@ -291,81 +302,106 @@ def step(
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
     # What a plan has set in motion it brings to a stand first: the loops alone let S run on by up to 0.5 N·m/rad.
-    follows = tuning.following.budget > 0.0 or (
-        state.follows and not trajectory.stands(tuning.following.model, state.plan)
+    follows_trajectory = tuning.following.budget > 0.0 or (
+        state.follows_trajectory and not trajectory.is_at_rest(tuning.following.model, state.trajectory_state)
     )
     tau_ext = tau_ext if position_loop and S > 0.0 else math.nan
-    if follows != state.follows:
-        state = _changed(tuning, state, S, position_loop, m)
-    is_at = trajectory.now(d, state.plan)
-    if follows:
+    if follows_trajectory != state.follows_trajectory:
+        state = _switch_following(tuning, state, S, position_loop, m)
+    model = trajectory.compute_axis_state(d, state.trajectory_state)
+    if follows_trajectory:
         budget = tuning.following.budget * state.reserve
-        by, way = trajectory.step(d=d, model=tuning.following.model, budget=budget, state=state.plan, at=is_at, r=r)
-        at = planned(is_at, by)
-        stands = not by.moving
+        drive, trajectory_state = trajectory.step(
+            d=d, model=tuning.following.model, budget=budget, state=state.trajectory_state, at=model, r=r
+        )
+        followed = follow_trajectory(model, drive)
+        is_standing = not drive.moving
     else:
         reference, governed = step_governor(d, tuning.omega_max, state.governor, r.q, r.S)
-        way = state.plan
-        at = follow_governed(reference, governed)
-        stands = reference.q_ref == state.governor.q_ref and reference.S_ref == state.governor.S_ref
-    r_q, r_S = at.reference.q_ref - at.q, at.reference.S_ref - at.S
-    y_q, y_S, y_A, y_B = m.q - at.q, S - at.S, m.theta_A - at.theta_A, m.theta_B - at.theta_B
+        trajectory_state = state.trajectory_state
+        followed = follow_governed(reference, governed)
+        is_standing = reference.q_ref == state.governor.q_ref and reference.S_ref == state.governor.S_ref
+    r_q, r_S = followed.reference.q_ref - followed.q, followed.reference.S_ref - followed.S
+    y_q, y_S, y_A, y_B = m.q - followed.q, S - followed.S, m.theta_A - followed.theta_A, m.theta_B - followed.theta_B
 
-    answered = disturbance_observer.changed(tuning.rejection, state.rejection, tau_ext)
-    before, by_now = disturbance_observer.answer(state.rejection, S), disturbance_observer.answer(answered, S)
-    answered = disturbance_observer.step_disturbance_feedforward(tuning.rejection, answered, tau_ext)
-    pushed = disturbance_observer.answer(answered, S)
-    active = select_entry(tuning.schedule, state.active, at.reference.S_ref)
+    feedforward = disturbance_observer.update_gain(
+        tuning.disturbance_feedforward, state.disturbance_feedforward, tau_ext
+    )
+    compensation_before, compensation_after_change = (
+        disturbance_observer.compute_compensation(state.disturbance_feedforward, S),
+        disturbance_observer.compute_compensation(feedforward, S),
+    )
+    feedforward = disturbance_observer.step_disturbance_feedforward(
+        tuning.disturbance_feedforward, feedforward, tau_ext
+    )
+    compensation = disturbance_observer.compute_compensation(feedforward, S)
+    active = select_entry(tuning.schedule, state.active, followed.reference.S_ref)
     gains_q, gains_S = interpolate_gains(tuning.schedule, active)
-    position = pid.bumpless_i_p(state.position_gains, gains_q, state.position, r_q, y_q - before.q)
-    position = pid.raised(position, before.q_e - by_now.q_e + gains_q.k_p * (before.q - by_now.q))
+    position = pid.bumpless_i_p(state.position_gains, gains_q, state.position, r_q, y_q - compensation_before.q)
+    position = pid.add_to_integral(
+        position,
+        compensation_before.q_e
+        - compensation_after_change.q_e
+        + gains_q.k_p * (compensation_before.q - compensation_after_change.q),
+    )
     stiffness = pid.bumpless_i_p(state.stiffness_gains, gains_S, state.stiffness, r_S, y_S)
     inner = pid.bumpless_motor_pair(state.motor_gains, tuning.motors, state.motors, y_A, y_B)
 
     if position_loop:
-        small = unseen(tuning.following, r_q - y_q, r_S - y_S)
+        is_small = is_within_dead_zone(tuning.following, r_q - y_q, r_S - y_S)
     else:
-        q_e = at.q_e if follows else at.reference.q_ref
-        small = unseen_open(tuning.following, q_e - decoupler.equilibrium(d, m.theta_A, m.theta_B), r_S - y_S)
-    resting = stands and small
-    arrived = resting or (stands and state.arrived and near(tuning.following, r_q - y_q, r_S - y_S))
-    dead = dead_zones(tuning.following, resting, follows or arrived)
-    more_q, position = pid.step_i_p(
-        gains=gains_q, state=position, r=r_q, y=y_q - pushed.q, correction=state.correction_q, unseen=dead.q
+        q_e = followed.q_e if follows_trajectory else followed.reference.q_ref
+        is_small = is_within_dead_zone_open_loop(
+            tuning.following, q_e - decoupler.equilibrium(d, m.theta_A, m.theta_B), r_S - y_S
+        )
+    resting = is_standing and is_small
+    arrived = resting or (is_standing and state.arrived and is_near_reference(tuning.following, r_q - y_q, r_S - y_S))
+    dead_zone = select_dead_zones(tuning.following, resting, follows_trajectory or arrived)
+    delta_q, position = pid.step_i_p(
+        gains=gains_q,
+        state=position,
+        r=r_q,
+        y=y_q - compensation.q,
+        correction=state.correction_q,
+        dead_zone=dead_zone.q,
     )
-    more_S, stiffness = pid.step_i_p(
-        gains=gains_S, state=stiffness, r=r_S, y=y_S, correction=state.correction_S, unseen=dead.S
+    delta_S, stiffness = pid.step_i_p(
+        gains=gains_S, state=stiffness, r=r_S, y=y_S, correction=state.correction_S, dead_zone=dead_zone.S
     )
-    q_c, S_c = at.q_e + more_q + pushed.q_e, at.S_e + more_S
+    q_c, S_c = followed.q_e + delta_q + compensation.q_e, followed.S_e + delta_S
     if not position_loop:
-        q_c = at.q_e if follows else at.reference.q_ref
-    allowed, within = step_envelope(
+        q_c = followed.q_e if follows_trajectory else followed.reference.q_ref
+    limited, envelope = step_envelope(
         envelope=tuning.envelope, d=d, state=state.envelope, q_c=q_c, S_c=S_c, F_A=m.F_A, F_B=m.F_B
     )
-    theta_A_ref, theta_B_ref = decoupler.motor_positions(d, allowed.q_c, allowed.S_c)
+    theta_A_ref, theta_B_ref = decoupler.motor_positions(d, limited.q_c, limited.S_c)
     motor, inner = pid.step_motor_pair(
         gains=tuning.motors,
         state=inner,
-        theta_A_ref=theta_A_ref - at.theta_A,
-        theta_B_ref=theta_B_ref - at.theta_B,
+        theta_A_ref=theta_A_ref - followed.theta_A,
+        theta_B_ref=theta_B_ref - followed.theta_B,
         theta_A=y_A,
         theta_B=y_B,
         u_max=tuning.u_max,
-        forward_A=at.u_A,
-        forward_B=at.u_B,
+        forward_A=followed.u_A,
+        forward_B=followed.u_B,
         resting=resting,
     )
 
     # A volt too many is worth 1/k_p radians of motor reference; the decoupler's inverse turns those into q and S.
-    back_A = motor.excess_A / tuning.motors.A.k_p / TRACKING_TIME_S
-    back_B = motor.excess_B / tuning.motors.B.k_p / TRACKING_TIME_S
-    clipped_q, clipped_S = decoupler.rates(d, theta_A_ref, theta_B_ref, -back_A, -back_B)
-    correction_q = clipped_q + (allowed.q_c - q_c) / TRACKING_TIME_S
-    correction_S = clipped_S + (allowed.S_c - S_c) / TRACKING_TIME_S
+    unwind_A = motor.excess_A / tuning.motors.A.k_p / TRACKING_TIME_S
+    unwind_B = motor.excess_B / tuning.motors.B.k_p / TRACKING_TIME_S
+    clipped_q, clipped_S = decoupler.rates(d, theta_A_ref, theta_B_ref, -unwind_A, -unwind_B)
+    correction_q = clipped_q + (limited.q_c - q_c) / TRACKING_TIME_S
+    correction_S = clipped_S + (limited.S_c - S_c) / TRACKING_TIME_S
 
-    alone = absolute(gains=tuning.motors, inner=inner, at=is_at, u_A=at.u_A, u_B=at.u_B, m=m) if follows else inner
+    standalone_motors = (
+        convert_to_absolute(gains=tuning.motors, inner=inner, model=model, u_A=followed.u_A, u_B=followed.u_B, m=m)
+        if follows_trajectory
+        else inner
+    )
     clipped = motor.excess_A != 0.0 or motor.excess_B != 0.0
-    clipped_s, reserve = patient(state.clipped_s, state.reserve, clipped, at.moving)
+    clipped_s, reserve = update_voltage_reserve(state.clipped_s, state.reserve, clipped, followed.moving)
 
     output = CascadeOutput(
         u_A=motor.u_A,
@@ -373,21 +409,21 @@ def step(
         theta_A_ref=theta_A_ref,
         theta_B_ref=theta_B_ref,
         S=S,
-        q_ref_gov=at.reference.q_ref,
-        S_ref_gov=at.reference.S_ref,
+        q_ref_gov=followed.reference.q_ref,
+        S_ref_gov=followed.reference.S_ref,
         bank_entry=active,
         clipped_A=motor.excess_A != 0.0,
         clipped_B=motor.excess_B != 0.0,
-        governed=at.moving,
-        at_floor=allowed.at_floor,
-        at_ceiling=allowed.at_ceiling,
-        at_range=allowed.at_range,
+        governed=followed.moving,
+        at_floor=limited.at_floor,
+        at_ceiling=limited.at_ceiling,
+        at_range=limited.at_range,
     )
     return output, CascadeState(
-        governor=at.reference,
+        governor=followed.reference,
         position=position,
         stiffness=stiffness,
-        envelope=within,
+        envelope=envelope,
         motors=inner,
         position_gains=gains_q,
         stiffness_gains=gains_S,
@@ -395,97 +431,117 @@ def step(
         active=active,
         correction_q=correction_q,
         correction_S=correction_S,
-        plan=way,
-        follows=follows,
+        trajectory_state=trajectory_state,
+        follows_trajectory=follows_trajectory,
         clipped_s=clipped_s,
         reserve=reserve,
-        alone=alone,
-        rejection=answered,
+        standalone_motors=standalone_motors,
+        disturbance_feedforward=feedforward,
         resting=resting,
         arrived=arrived,
     )
 
 
 @compiled
-def _changed(tuning: CascadeTuning, state: CascadeState, S: float, position_loop: bool, m: Measurement) -> CascadeState:
-    """State that goes on by the other of plan and governor, with the same voltages and, at rest, where it stands."""
-    d, q, S_loop = tuning.decoupler, state.position_gains, state.stiffness_gains
-    if state.follows:
-        at = trajectory.now(d, state.plan)
-        u_A, u_B = trajectory.voltages(d, tuning.following.model, state.plan, at)
-        return _with(
+def _switch_following(
+    tuning: CascadeTuning, state: CascadeState, S: float, position_loop: bool, m: Measurement
+) -> CascadeState:
+    """Switch between trajectory and governor without a change of the voltages or, at rest, of the position."""
+    d, position_gains, stiffness_gains = tuning.decoupler, state.position_gains, state.stiffness_gains
+    if state.follows_trajectory:
+        model_state = trajectory.compute_axis_state(d, state.trajectory_state)
+        u_A, u_B = trajectory.compute_voltages(d, tuning.following.model, state.trajectory_state, model_state)
+        return _with_following(
             state=state,
-            reference=GovernorState(at.q if position_loop else at.q_e, at.S),
-            position=pid.at_rest_i_p(q, at.q, m.q, at.q_e + state.position.integral - q.k_p * (m.q - at.q)),
-            stiffness=pid.at_rest_i_p(S_loop, at.S, S, at.S + state.stiffness.integral - S_loop.k_p * (S - at.S)),
-            inner=absolute(gains=state.motor_gains, inner=state.motors, at=at, u_A=u_A, u_B=u_B, m=m),
-            way=state.plan,
-            follows=False,
+            reference=GovernorState(model_state.q if position_loop else model_state.q_e, model_state.S),
+            position=pid.at_rest_i_p(
+                position_gains,
+                model_state.q,
+                m.q,
+                model_state.q_e + state.position.integral - position_gains.k_p * (m.q - model_state.q),
+            ),
+            stiffness=pid.at_rest_i_p(
+                stiffness_gains,
+                model_state.S,
+                S,
+                model_state.S + state.stiffness.integral - stiffness_gains.k_p * (S - model_state.S),
+            ),
+            inner=convert_to_absolute(
+                gains=state.motor_gains, inner=state.motors, model=model_state, u_A=u_A, u_B=u_B, m=m
+            ),
+            trajectory_state=state.trajectory_state,
+            follows_trajectory=False,
         )
     A, B = state.motor_gains.A, state.motor_gains.B
-    omega_A, omega_B = _standing(_speed(A, state.motors.A, m.theta_A), _speed(B, state.motors.B, m.theta_B))
+    omega_A, omega_B = _zero_standstill_speeds(
+        _compute_motor_speed(A, state.motors.A, m.theta_A), _compute_motor_speed(B, state.motors.B, m.theta_B)
+    )
     q_e = decoupler.equilibrium(d, m.theta_A, m.theta_B)
     # Without position loop the equilibrium is what is commanded, and the joint of the model stands there. A model that
     # begins at rest is where it is sent already.
     q_m, S_m = m.q if position_loop else q_e, S
     if state.resting:
         q_m, S_m = state.governor.q_ref, state.governor.S_ref
-    way = trajectory.begin(d=d, model=tuning.following.model, q=q_m, S=S_m, omega_A=omega_A, omega_B=omega_B)
-    at, model = trajectory.now(d, way), tuning.following.model
-    answered = disturbance_observer.answer(state.rejection, S)
+    trajectory_state = trajectory.begin_trajectory(
+        d=d, model=tuning.following.model, q=q_m, S=S_m, omega_A=omega_A, omega_B=omega_B
+    )
+    model_state, model = trajectory.compute_axis_state(d, trajectory_state), tuning.following.model
+    compensation = disturbance_observer.compute_compensation(state.disturbance_feedforward, S)
     # The loops' references were ahead of motors that moved; from here on the model's voltages move them. What the
     # motors are off from the model's, as under a push, the outer loops go on giving.
-    return _with(
+    return _with_following(
         state=state,
         reference=state.governor,
-        position=pid.at_rest_i_p(q, 0.0, m.q - at.q - answered.q, q_e - at.q_e - answered.q_e),
-        stiffness=pid.at_rest_i_p(S_loop, 0.0, S - at.S, S - at.S),
+        position=pid.at_rest_i_p(
+            position_gains, 0.0, m.q - model_state.q - compensation.q, q_e - model_state.q_e - compensation.q_e
+        ),
+        stiffness=pid.at_rest_i_p(stiffness_gains, 0.0, S - model_state.S, S - model_state.S),
         inner=pid.MotorPairState(
-            pid.carried(
+            pid.rebase_i_pd(
                 gains=A,
                 state=state.motors.A,
                 y=m.theta_A,
-                offset=-at.theta_A,
+                offset=-model_state.theta_A,
                 rate=-omega_A,
-                u_more=-omega_A / model.K_A,
+                u_added=-omega_A / model.K_A,
             ),
-            pid.carried(
+            pid.rebase_i_pd(
                 gains=B,
                 state=state.motors.B,
                 y=m.theta_B,
-                offset=-at.theta_B,
+                offset=-model_state.theta_B,
                 rate=-omega_B,
-                u_more=-omega_B / model.K_B,
+                u_added=-omega_B / model.K_B,
             ),
         ),
-        way=way,
-        follows=True,
+        trajectory_state=trajectory_state,
+        follows_trajectory=True,
     )
 
 
 @compiled
-def _standing(omega_A: float, omega_B: float) -> tuple[float, float]:
+def _zero_standstill_speeds(omega_A: float, omega_B: float) -> tuple[float, float]:
     """Speeds of both motors [rad/s]; zero where what is read of them is no more than a count that has just changed."""
-    if max(abs(omega_A), abs(omega_B)) < trajectory.STANDS:
+    if max(abs(omega_A), abs(omega_B)) < trajectory.STANDSTILL_RAD_S:
         return 0.0, 0.0
     return omega_A, omega_B
 
 
 @compiled
-def _speed(gains: pid.IPDGains, state: pid.IPDState, theta: float) -> float:
+def _compute_motor_speed(gains: pid.IPDGains, state: pid.IPDState, theta: float) -> float:
     """Speed of a motor [rad/s], from its loop's filter."""
     return (theta - state.y_f) / gains.t_f
 
 
 @compiled
-def _with(
+def _with_following(
     state: CascadeState,
     reference: GovernorState,
     position: pid.IPState,
     stiffness: pid.IPState,
     inner: pid.MotorPairState,
-    way: trajectory.TrajectoryState,
-    follows: bool,
+    trajectory_state: trajectory.TrajectoryState,
+    follows_trajectory: bool,
 ) -> CascadeState:
     return CascadeState(
         governor=reference,
@@ -499,12 +555,12 @@ def _with(
         active=state.active,
         correction_q=state.correction_q,
         correction_S=state.correction_S,
-        plan=way,
-        follows=follows,
+        trajectory_state=trajectory_state,
+        follows_trajectory=follows_trajectory,
         clipped_s=0.0,
         reserve=1.0,
-        alone=inner,
-        rejection=state.rejection,
+        standalone_motors=inner,
+        disturbance_feedforward=state.disturbance_feedforward,
         resting=state.resting,
         arrived=state.arrived,
     )
@@ -526,9 +582,12 @@ def initialize_bumpless(
     """
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
-    speed_A, speed_B = _speed(motor_gains.A, inner.A, m.theta_A), _speed(motor_gains.B, inner.B, m.theta_B)
-    stands = _standing(speed_A, speed_B) == (0.0, 0.0)
-    if stands:
+    speed_A, speed_B = (
+        _compute_motor_speed(motor_gains.A, inner.A, m.theta_A),
+        _compute_motor_speed(motor_gains.B, inner.B, m.theta_B),
+    )
+    is_standing = _zero_standstill_speeds(speed_A, speed_B) == (0.0, 0.0)
+    if is_standing:
         theta_A_ref, theta_B_ref = m.theta_A, m.theta_B
     active = select_entry(tuning.schedule, -1.0, S)
     gains_q, gains_S = interpolate_gains(tuning.schedule, active)
@@ -544,12 +603,14 @@ def initialize_bumpless(
         active=active,
         correction_q=0.0,
         correction_S=0.0,
-        plan=trajectory.begin(d=d, model=tuning.following.model, q=m.q, S=S, omega_A=0.0, omega_B=0.0),
-        follows=False,
+        trajectory_state=trajectory.begin_trajectory(
+            d=d, model=tuning.following.model, q=m.q, S=S, omega_A=0.0, omega_B=0.0
+        ),
+        follows_trajectory=False,
         clipped_s=0.0,
         reserve=1.0,
-        alone=inner,
-        rejection=disturbance_observer.IDLE,
-        resting=stands,
-        arrived=stands,
+        standalone_motors=inner,
+        disturbance_feedforward=disturbance_observer.IDLE,
+        resting=is_standing,
+        arrived=is_standing,
     )

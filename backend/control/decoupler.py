@@ -34,28 +34,28 @@ _POINTS = 4001
 Array = NDArray[np.float64]
 
 
-def equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j: float) -> Array:
+def build_equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j: float) -> Array:
     """Table (ROWS, 4), evenly spaced in θ_A + θ_B, from slack to where the first of the springs becomes solid.
 
     At rest F_A(x_A) = F_B(x_B) = F, S = r_j² (F_A'(x_A) + F_B'(x_B)) (equation 14, erratum E4), and
     θ_A + θ_B = (x_A + x_B)/r_m by equations 1 and 2, whatever q. The springs must stiffen
     (``plant.dynamics.require_stiffening``), so that S rises from row to row.
     """
-    x_A, F_A, slope_A = _sampled(spring_A)
-    x_B, F_B, slope_B = _sampled(spring_B)
+    x_A, F_A, slope_A = _sample_spring(spring_A)
+    x_B, F_B, slope_B = _sample_spring(spring_B)
     if F_A[-1] > F_B[-1]:
-        table = equilibrium_table(spring_B, spring_A, r_m, r_j)
+        table = build_equilibrium_table(spring_B, spring_A, r_m, r_j)
         table[:, OFFSET] *= -1.0
         return table
-    other = np.interp(F_A, F_B, x_B)
-    turned = (x_A + other) / r_m
+    x_B_at_F_A = np.interp(F_A, F_B, x_B)
+    angle_sum = (x_A + x_B_at_F_A) / r_m
     S = r_j**2 * (slope_A + np.interp(F_A, F_B, slope_B))
-    offset = (x_A - other) / (2.0 * r_m)
-    even = np.linspace(turned[0], turned[-1], ROWS)
-    return np.column_stack([even, *(np.interp(even, turned, column) for column in (S, offset, F_A))])
+    offset = (x_A - x_B_at_F_A) / (2.0 * r_m)
+    even = np.linspace(angle_sum[0], angle_sum[-1], ROWS)
+    return np.column_stack([even, *(np.interp(even, angle_sum, column) for column in (S, offset, F_A))])
 
 
-def _sampled(spring: Spring) -> tuple[Array, Array, Array]:
+def _sample_spring(spring: Spring) -> tuple[Array, Array, Array]:
     """Elongation, force and slope from slack to solid."""
     x = np.linspace(spring.x_slack, spring.x_solid, _POINTS)
     return x, np.array([spring_polynomial(spring, v) for v in x]), np.array([spring_slope(spring, v) for v in x])
@@ -67,8 +67,8 @@ def _sampled(spring: Spring) -> tuple[Array, Array, Array]:
 class Decoupler(NamedTuple):
     """Geometry and identified springs: ``r_m``, ``r_j`` [m]; ``k_0`` [N], ``k_1`` [N/m], ``k_2`` [N/m²] of like ones.
 
-    ``table`` is None for like quadratic springs; for any other pair it is what ``equilibrium_table`` gives, and k_0,
-    k_1, k_2 are nan.
+    ``table`` is None for like quadratic springs; for any other pair it is what ``build_equilibrium_table`` gives, and
+    k_0, k_1, k_2 are nan.
     """
 
     r_m: float
@@ -224,7 +224,7 @@ def build_decoupler(parameters: PlantParameters) -> Decoupler:
 @lru_cache(maxsize=8)
 def _table(A: SpringParameters, B: SpringParameters, r_m: float, r_j: float) -> NDArray[np.float64]:
     # Tuning asks for the decoupler at every λ it tries; the table takes 20 ms.
-    return equilibrium_table(A.make_spring(), B.make_spring(), r_m, r_j)
+    return build_equilibrium_table(A.make_spring(), B.make_spring(), r_m, r_j)
 
 
 # Envelope ------------------------------------------------------------------------------------------
@@ -252,9 +252,9 @@ class Envelope(NamedTuple):
 
 
 class EnvelopeState(NamedTuple):
-    """``pull``: F_A − F_B behind the low-pass [N]."""
+    """``force_difference``: F_A − F_B behind the low-pass [N]."""
 
-    pull: float
+    force_difference: float
 
 
 class EnvelopeOutput(NamedTuple):
@@ -272,13 +272,17 @@ def step_envelope(
     envelope: Envelope, d: Decoupler, state: EnvelopeState, q_c: float, S_c: float, F_A: float, F_B: float
 ) -> tuple[EnvelopeOutput, EnvelopeState]:
     """One tick: what the outer loops ask for and the load cells' readings [N] to what may be asked for."""
-    pull = state.pull + (1.0 - math.exp(-T_s / FILTER_TIME_S)) * (F_A - F_B - state.pull)
-    share = 0.5 * abs(pull)
+    force_difference = state.force_difference + (1.0 - math.exp(-T_s / FILTER_TIME_S)) * (
+        F_A - F_B - state.force_difference
+    )
+    share = 0.5 * abs(force_difference)
     lowest = stiffness_under(d, envelope.F_floor + share)
     highest = stiffness_under(d, envelope.F_ceiling - share)
-    S_held = min(max(S_c, lowest), highest)
-    q_held = min(max(q_c, -envelope.q_max), envelope.q_max)
-    return EnvelopeOutput(q_held, S_held, S_held > S_c, S_held < S_c, q_held != q_c), EnvelopeState(pull)
+    S_limited = min(max(S_c, lowest), highest)
+    q_limited = min(max(q_c, -envelope.q_max), envelope.q_max)
+    return EnvelopeOutput(q_limited, S_limited, S_limited > S_c, S_limited < S_c, q_limited != q_c), EnvelopeState(
+        force_difference
+    )
 
 
 # Limits --------------------------------------------------------------------------------------------
@@ -363,11 +367,11 @@ def select_entry(schedule: Schedule, active: float, S: float) -> float:
     nominal = schedule.entries[:, 0]
     last = nominal.shape[0] - 1
     if schedule.interpolate or active < 0.0 or active > last or active != math.floor(active):
-        place = 0.0
+        position = 0.0
         for lower in range(last):
             if nominal[lower] <= S:
-                place = lower + min((S - nominal[lower]) / (nominal[lower + 1] - nominal[lower]), 1.0)
-        return place if schedule.interpolate else math.floor(place + 0.5)
+                position = lower + min((S - nominal[lower]) / (nominal[lower + 1] - nominal[lower]), 1.0)
+        return position if schedule.interpolate else math.floor(position + 0.5)
     entry = int(active)
     while entry < last and 0.5 * (nominal[entry] + nominal[entry + 1]) + HYSTERESIS < S:
         entry += 1

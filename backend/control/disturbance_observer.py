@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.control.fault_detection import Tendons, tendons_for
-from backend.control.pid import beyond
+from backend.control.fault_detection import Tendons, build_tendons
+from backend.control.pid import apply_dead_zone
 from plant import Measurement, PlantParameters, T_s, compiled, tendon_tension
 
 # Rejection -----------------------------------------------------------------------------------------
@@ -25,14 +25,14 @@ from plant import Measurement, PlantParameters, T_s, compiled, tendon_tension
 class Rejection(NamedTuple):
     """``k_ext`` [1]: share of the push that is answered, 0 for none.
 
-    ``unseen`` [N·m]: torque that is left to the position loop, so that the estimate's noise moves nothing; ``most``
-    [N·m]: the largest that is answered. ``kept`` [1]: what one of the four lags keeps of itself over T_s.
+    ``dead_zone`` [N·m]: torque that is left to the position loop, so that the estimate's noise moves nothing;
+    ``tau_max`` [N·m]: the largest that is answered. ``kept`` [1]: what one of the four lags keeps of itself over T_s.
     """
 
     k_ext: float
-    unseen: float
-    most: float
-    kept: float
+    dead_zone: float
+    tau_max: float
+    lag_decay: float
 
 
 class DisturbanceFeedforwardState(NamedTuple):
@@ -57,19 +57,19 @@ class DisturbanceCompensation(NamedTuple):
     q: float
 
 
-NONE = DisturbanceCompensation(0.0, 0.0)
+NO_COMPENSATION = DisturbanceCompensation(0.0, 0.0)
 
 
 @compiled
-def answer(state: DisturbanceFeedforwardState, S: float) -> DisturbanceCompensation:
-    """Return what a state says at stiffness S [N·m/rad]."""
+def compute_compensation(state: DisturbanceFeedforwardState, S: float) -> DisturbanceCompensation:
+    """Return the compensation at stiffness S [N·m/rad]."""
     if state.k_ext == 0.0:
-        return NONE
+        return NO_COMPENSATION
     return DisturbanceCompensation(-state.k_ext * state.tau / S, state.k_ext * (state.tau - state.tau_f) / S)
 
 
 @compiled
-def changed(r: Rejection, state: DisturbanceFeedforwardState, tau_ext: float) -> DisturbanceFeedforwardState:
+def update_gain(r: Rejection, state: DisturbanceFeedforwardState, tau_ext: float) -> DisturbanceFeedforwardState:
     """Return the state for this tick's k_ext, idle for a torque [N·m] of nan.
 
     What begins takes the push that is there for balanced already.
@@ -80,7 +80,7 @@ def changed(r: Rejection, state: DisturbanceFeedforwardState, tau_ext: float) ->
     if k_ext == 0.0:
         return IDLE
     if state.k_ext == 0.0:
-        tau = _answered(r, tau_ext)
+        tau = _limit_torque(r, tau_ext)
         return DisturbanceFeedforwardState(k_ext=k_ext, tau=tau, lag_1=tau, lag_2=tau, lag_3=tau, tau_f=tau)
     return DisturbanceFeedforwardState(
         k_ext=k_ext, tau=state.tau, lag_1=state.lag_1, lag_2=state.lag_2, lag_3=state.lag_3, tau_f=state.tau_f
@@ -94,18 +94,18 @@ def step_disturbance_feedforward(
     """Take the torque of a tick [N·m], its bias taken off."""
     if state.k_ext == 0.0:
         return state
-    tau, kept = _answered(r, tau_ext), r.kept
-    lag_1 = tau + kept * (state.lag_1 - tau)
-    lag_2 = lag_1 + kept * (state.lag_2 - lag_1)
-    lag_3 = lag_2 + kept * (state.lag_3 - lag_2)
+    tau, decay = _limit_torque(r, tau_ext), r.lag_decay
+    lag_1 = tau + decay * (state.lag_1 - tau)
+    lag_2 = lag_1 + decay * (state.lag_2 - lag_1)
+    lag_3 = lag_2 + decay * (state.lag_3 - lag_2)
     return DisturbanceFeedforwardState(
-        k_ext=state.k_ext, tau=tau, lag_1=lag_1, lag_2=lag_2, lag_3=lag_3, tau_f=lag_3 + kept * (state.tau_f - lag_3)
+        k_ext=state.k_ext, tau=tau, lag_1=lag_1, lag_2=lag_2, lag_3=lag_3, tau_f=lag_3 + decay * (state.tau_f - lag_3)
     )
 
 
 @compiled
-def _answered(r: Rejection, tau_ext: float) -> float:
-    return min(max(beyond(tau_ext, r.unseen), -r.most), r.most)
+def _limit_torque(r: Rejection, tau_ext: float) -> float:
+    return min(max(apply_dead_zone(tau_ext, r.dead_zone), -r.tau_max), r.tau_max)
 
 
 # Touch ---------------------------------------------------------------------------------------------
@@ -155,13 +155,13 @@ class DisturbanceObserverState(NamedTuple):
     q: float
     q_dot: float
     tau_ext: float
-    pull: float
+    tendon_torque: float
     mean: float
     variance: float
 
 
 UNKNOWN = DisturbanceObserverState(
-    q=math.nan, q_dot=math.nan, tau_ext=math.nan, pull=math.nan, mean=math.nan, variance=math.nan
+    q=math.nan, q_dot=math.nan, tau_ext=math.nan, tendon_torque=math.nan, mean=math.nan, variance=math.nan
 )
 """Where joint or motors stand is not known."""
 
@@ -171,36 +171,38 @@ def step_disturbance_observer(
     observer: Observer, state: DisturbanceObserverState, m: Measurement
 ) -> DisturbanceObserverState:
     """Take the reading of a tick, motors from their zeros; one that is no number is passed over."""
-    pull = _pull(observer.tendons, m)
-    if not math.isfinite(pull):
+    tendon_torque = _compute_tendon_torque(observer.tendons, m)
+    if not math.isfinite(tendon_torque):
         return state
     if not math.isfinite(state.q):
-        return DisturbanceObserverState(q=m.q, q_dot=0.0, tau_ext=0.0, pull=pull, mean=0.0, variance=0.0)
-    tau = 0.5 * (state.pull + pull) + state.tau_ext
+        return DisturbanceObserverState(
+            q=m.q, q_dot=0.0, tau_ext=0.0, tendon_torque=tendon_torque, mean=0.0, variance=0.0
+        )
+    tau = 0.5 * (state.tendon_torque + tendon_torque) + state.tau_ext
     q = state.q + observer.q_of_q_dot * state.q_dot + observer.q_of_tau * tau
     q_dot = observer.q_dot_of_q_dot * state.q_dot + observer.q_dot_of_tau * tau
-    surprise = m.q - q
-    tau_ext = state.tau_ext + observer.L_tau * surprise
+    innovation = m.q - q
+    tau_ext = state.tau_ext + observer.L_tau * innovation
     mean = state.mean + _SHARE * (tau_ext - state.mean)
     variance = state.variance + _SHARE * ((tau_ext - mean) ** 2 - state.variance)
     return DisturbanceObserverState(
-        q=q + observer.L_q * surprise,
-        q_dot=q_dot + observer.L_q_dot * surprise,
+        q=q + observer.L_q * innovation,
+        q_dot=q_dot + observer.L_q_dot * innovation,
         tau_ext=tau_ext,
-        pull=pull,
+        tendon_torque=tendon_torque,
         mean=mean,
         variance=variance,
     )
 
 
 @compiled
-def force(observer: Observer, state: DisturbanceObserverState, bias: NDArray[np.float64], S: float) -> float:
+def estimate_force(observer: Observer, state: DisturbanceObserverState, bias: NDArray[np.float64], S: float) -> float:
     """F_ext_hat [N], tangential at r_j, with the bias (n, 2) of S [N·m/rad] and force [N] taken off; nan: not known."""
-    return state.tau_ext / observer.tendons.r_j - bias_at(bias, S)
+    return state.tau_ext / observer.tendons.r_j - interpolate_bias(bias, S)
 
 
 @compiled
-def bias_at(bias: NDArray[np.float64], S: float) -> float:
+def interpolate_bias(bias: NDArray[np.float64], S: float) -> float:
     """Bias [N] at S [N·m/rad] by points (n, 2): straight lines between them, the outermost beyond, 0 for none."""
     last = bias.shape[0] - 1
     if last < 0:
@@ -215,7 +217,7 @@ def bias_at(bias: NDArray[np.float64], S: float) -> float:
 
 
 @compiled
-def _pull(tendons: Tendons, m: Measurement) -> float:
+def _compute_tendon_torque(tendons: Tendons, m: Measurement) -> float:
     """Torque of both tendons [N·m] at the elongations that the encoders give.
 
     A spring that is solid counts with the force at which it became so: beyond it, one encoder count is 12 N.
@@ -227,17 +229,19 @@ def _pull(tendons: Tendons, m: Measurement) -> float:
     return tendons.r_j * (F_A - F_B) if math.isfinite(x_A + x_B) else math.nan
 
 
-def observer_for(parameters: PlantParameters, pole: float = POLE) -> Observer:
+def build_observer(parameters: PlantParameters, pole: float = POLE) -> Observer:
     """Return the observer of a parameter set's identified springs and joint, its poles all at −``pole`` [1/s]."""
     joint = parameters.make_identified_dynamics().joint
     b = joint.B_j / joint.J_j
-    kept = math.exp(-b * T_s)
-    moved = -math.expm1(-b * T_s) / b if b > 0.0 else T_s
-    pushed = (T_s - moved) / (b * joint.J_j) if b * T_s > 1e-6 else 0.5 * T_s**2 / joint.J_j
-    A = np.array([[1.0, moved, pushed], [0.0, kept, moved / joint.J_j], [0.0, 0.0, 1.0]])
+    decay = math.exp(-b * T_s)
+    q_from_q_dot = -math.expm1(-b * T_s) / b if b > 0.0 else T_s
+    q_from_tau = (T_s - q_from_q_dot) / (b * joint.J_j) if b * T_s > 1e-6 else 0.5 * T_s**2 / joint.J_j
+    A = np.array([[1.0, q_from_q_dot, q_from_tau], [0.0, decay, q_from_q_dot / joint.J_j], [0.0, 0.0, 1.0]])
     # Ackermann's formula for an observer that corrects by the newest reading: A − L C A has all three poles there.
     C = A[:1]
-    seen = np.vstack((C, C @ A, C @ A @ A))
-    wanted = np.linalg.matrix_power(A - math.exp(-pole * T_s) * np.eye(3), 3)
-    L = wanted @ np.linalg.solve(seen, np.array([0.0, 0.0, 1.0]))
-    return Observer(tendons_for(parameters), moved, pushed, kept, moved / joint.J_j, *map(float, L))
+    observability = np.vstack((C, C @ A, C @ A @ A))
+    polynomial = np.linalg.matrix_power(A - math.exp(-pole * T_s) * np.eye(3), 3)
+    L = polynomial @ np.linalg.solve(observability, np.array([0.0, 0.0, 1.0]))
+    return Observer(
+        build_tendons(parameters), q_from_q_dot, q_from_tau, decay, q_from_q_dot / joint.J_j, *map(float, L)
+    )

@@ -60,7 +60,7 @@ pretension, where an exact reading of nothing is true, ends after 0.9 rad."""
 
 _REVERSED_TICKS = round(REVERSED_S / T_s)
 
-CREDIBLE, JUMPED, REVERSED, UNMOVED, STUCK, CONTRADICTED = range(6)
+PLAUSIBLE, JUMPED, REVERSED, UNMOVED, STUCK, IMPLAUSIBLE = range(6)
 """What ``check_plausibility`` may say of the readings of a step."""
 
 _PAST, _UNCHANGED_S, _UNMOVED_S, _TURNED_FROM, _CONTRADICTED_S, _SIGN, _TICKS, _BEFORE, _MIDDLE = range(9)
@@ -98,14 +98,14 @@ class SensorVerdict(NamedTuple):
     where they contradict each other.
     """
 
-    what: int
+    kind: int
     which: int
     still: int
     excess: float
 
 
 @compiled
-def contradictions(tendons: Tendons, m: Measurement) -> tuple[float, float]:
+def compute_force_differences(tendons: Tendons, m: Measurement) -> tuple[float, float]:
     """Load cell minus spring force at the elongation that the encoders give [N], for tendons A and B.
 
     A spring that is solid counts with the force at which it became so: beyond it, one encoder count is 12 N.
@@ -117,8 +117,8 @@ def contradictions(tendons: Tendons, m: Measurement) -> tuple[float, float]:
     return m.F_A - F_A, m.F_B - F_B
 
 
-def nothing_remembered() -> NDArray[np.float64]:
-    """Make room for what ``check_plausibility`` remembers; it changes in place."""
+def make_reading_memory() -> NDArray[np.float64]:
+    """Return the memory of ``check_plausibility``, which changes in place."""
     return np.zeros((9, 5))
 
 
@@ -149,16 +149,16 @@ def check_plausibility(
     written in the tick before. All readings are numbers.
     """
     readings = raw.q, raw.theta_A, raw.theta_B, raw.F_A, raw.F_B
-    jumped = _jumped(limits, memory, readings, periods)
+    jump_index = _find_jump(limits, memory, readings, periods)
     for index in range(5):
         memory[_PAST, index] = readings[index]
-    if jumped >= 0:
-        return JUMPED, jumped, -1, 0.0
-    excess = contradictions(tendons, m) if zeroed else (0.0, 0.0)
-    turned, volts = (raw.theta_A, raw.theta_B), (command.u_A, command.u_B)
+    if jump_index >= 0:
+        return JUMPED, jump_index, -1, 0.0
+    excess = compute_force_differences(tendons, m) if zeroed else (0.0, 0.0)
+    theta, volts = (raw.theta_A, raw.theta_B), (command.u_A, command.u_B)
     for side in range(2):
         driven = volts[side] if abs(volts[side]) > limits.driven_V[side] else 0.0
-        if _is_reversed(memory, side, turned[side], driven):
+        if _is_reversed(memory, side, theta[side], driven):
             return REVERSED, side, -1, 0.0
     tensions = m.F_A, m.F_B
     for side in range(2):
@@ -168,17 +168,17 @@ def check_plausibility(
             return UNMOVED, side, -1, 0.0
         known_slack = zeroed and tensions[side] - excess[side] <= 0.0
         if memory[_UNCHANGED_S, 3 + side] == 0.0 or known_slack:
-            memory[_TURNED_FROM, side] = turned[side]
-        elif abs(turned[side] - memory[_TURNED_FROM, side]) > TURNED_RAD:
+            memory[_TURNED_FROM, side] = theta[side]
+        elif abs(theta[side] - memory[_TURNED_FROM, side]) > TURNED_RAD:
             return STUCK, side, -1, 0.0
     for side in range(2):
-        if _contradicts(memory, side, excess[side]):
-            return CONTRADICTED, side, _still(memory, side), excess[side]
-    return CREDIBLE, 0, -1, 0.0
+        if _update_contradiction(memory, side, excess[side]):
+            return IMPLAUSIBLE, side, _find_unchanged(memory, side), excess[side]
+    return PLAUSIBLE, 0, -1, 0.0
 
 
 @compiled
-def _jumped(
+def _find_jump(
     limits: SensorLimits, memory: NDArray[np.float64], readings: tuple[float, float, float, float, float], periods: int
 ) -> int:
     """Return the first reading that has moved further than it can, -1 for none."""
@@ -213,7 +213,7 @@ def _is_reversed(memory: NDArray[np.float64], side: int, theta: float, driven: f
 
 
 @compiled
-def _contradicts(memory: NDArray[np.float64], side: int, excess: float) -> bool:
+def _update_contradiction(memory: NDArray[np.float64], side: int, excess: float) -> bool:
     """Tell whether a load cell has differed from its spring to one side for CONTRADICTION_S."""
     lasting_s = memory[_CONTRADICTED_S, side]
     if excess > CONTRADICTION_N:
@@ -227,7 +227,7 @@ def _contradicts(memory: NDArray[np.float64], side: int, excess: float) -> bool:
 
 
 @compiled
-def _still(memory: NDArray[np.float64], side: int) -> int:
+def _find_unchanged(memory: NDArray[np.float64], side: int) -> int:
     """Return which of the readings that contradict each other has stood still for CONTRADICTION_S, -1 for none."""
     for index in (0, 1 + side, 3 + side):
         if memory[_UNCHANGED_S, index] > CONTRADICTION_S:
@@ -235,7 +235,7 @@ def _still(memory: NDArray[np.float64], side: int) -> int:
     return -1
 
 
-def tendons_for(parameters: PlantParameters) -> Tendons:
+def build_tendons(parameters: PlantParameters) -> Tendons:
     """Tendons of a parameter set, as the controller knows them."""
     geometry = parameters.geometry
     return Tendons(
@@ -243,14 +243,15 @@ def tendons_for(parameters: PlantParameters) -> Tendons:
     )
 
 
-def limits_for(parameters: PlantParameters) -> SensorLimits:
+def build_sensor_limits(parameters: PlantParameters) -> SensorLimits:
     """How far readings of a plant can move in a tick, and what is sure to turn its motors."""
     return SensorLimits(
-        _reach_in_a_tick(parameters), (_driving_voltage(parameters, "A"), _driving_voltage(parameters, "B"))
+        _compute_reach_per_tick(parameters),
+        (_compute_driving_voltage(parameters, "A"), _compute_driving_voltage(parameters, "B")),
     )
 
 
-def _reach_in_a_tick(parameters: PlantParameters) -> tuple[float, float, float, float, float]:
+def _compute_reach_per_tick(parameters: PlantParameters) -> tuple[float, float, float, float, float]:
     """How far q, theta_A, theta_B [rad], F_A, F_B [N] can move in a tick.
 
     The joint at the speed at which its damping takes up the largest tension; each motor at a multiple of its fastest;
@@ -266,11 +267,11 @@ def _reach_in_a_tick(parameters: PlantParameters) -> tuple[float, float, float, 
     return 1.2 * q_dot * T_s, A, B, F_A, F_B
 
 
-def _driving_voltage(parameters: PlantParameters, side: Side) -> float:
+def _compute_driving_voltage(parameters: PlantParameters, side: Side) -> float:
     """Voltage [V] that is sure to turn a motor under any tension."""
     motor = parameters.select_motor(side)
-    load = parameters.geometry.r_m * parameters.safety.F_max
-    return (load * (1.0 + motor.stiction * motor.c1) + motor.stiction * motor.c0) / motor.K_t + VOLTAGE_MARGIN
+    torque = parameters.geometry.r_m * parameters.safety.F_max
+    return (torque * (1.0 + motor.stiction * motor.c1) + motor.stiction * motor.c0) / motor.K_t + VOLTAGE_MARGIN
 
 
 # Checks --------------------------------------------------------------------------------------------
@@ -282,11 +283,11 @@ def _driving_voltage(parameters: PlantParameters, side: Side) -> float:
 SLACK_MAX_S = 0.1
 """How long a tendon may be slack while the loops are closed [s]."""
 
-NOTHING, NO_NUMBER, TRIPPED, OUT_OF_BOUNDS, INCREDIBLE, SLACK, MISSED = range(7)
+NO_FAULT, NOT_FINITE, TRIPPED, OUT_OF_BOUNDS, IMPLAUSIBLE_READING, SLACK, MISSED = range(7)
 """What may be found."""
 
 
-class Watched(NamedTuple):
+class FaultDetectionLimits(NamedTuple):
     """What the checks know of a plant.
 
     ``F_slack``, ``F_max`` [N], ``q_trip`` [rad]; ``missed_max``: so many deadlines in a row are too many.
@@ -303,12 +304,12 @@ class Watched(NamedTuple):
 class FaultDetectionState(NamedTuple):
     """What the checks remember: how long a tendon has been slack [s], and of the readings.
 
-    ``memory`` is of ``plausibility.look``; ``past``: the reading before the newest, where one has been ``seen``.
+    ``memory`` is that of ``check_plausibility``; ``previous``: the reading before the newest, if there ``has_reading``.
     """
 
     slack_s: float
-    seen: bool
-    past: Measurement
+    has_reading: bool
+    previous: Measurement
     newest: Measurement
     memory: NDArray[np.float64]
 
@@ -316,42 +317,42 @@ class FaultDetectionState(NamedTuple):
 class DetectedFault(NamedTuple):
     """What was found, and where readings cannot be true the words of ``plausibility.Verdict``."""
 
-    what: int
-    doubt: int
+    kind: int
+    verdict: int
     which: int
     still: int
     excess: float
 
 
-CLEAR = DetectedFault(NOTHING, CREDIBLE, 0, -1, 0.0)
+CLEAR = DetectedFault(NO_FAULT, PLAUSIBLE, 0, -1, 0.0)
 
 
 @compiled
-def check(
-    watched: Watched,
+def detect_fault(
+    fault_limits: FaultDetectionLimits,
     state: FaultDetectionState,
     raw: Measurement,
     m: Measurement,
     command: MotorCommand,
     zeroed: bool,
-    taut_wanted: bool,
+    tension_required: bool,
     missed: int,
 ) -> tuple[DetectedFault, FaultDetectionState]:
-    """Look at a measurement, and return the first fault found.
+    """Check a measurement; return the first fault found and the next state.
 
     ``raw`` is as read; in ``m`` the motor encoders have their zeros, which are known where ``zeroed``. ``command`` is
-    what was written last. ``taut_wanted``: the mode keeps tendons under tension; ``missed``: deadlines missed since
-    the last tick.
+    what was written last. ``tension_required``: the mode keeps tendons under tension; ``missed``: deadlines missed
+    since the last tick.
     """
     if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
-        return DetectedFault(NO_NUMBER, 0, 0, -1, 0.0), state
+        return DetectedFault(NOT_FINITE, 0, 0, -1, 0.0), state
     if m.safety_trip != 0.0:
         return DetectedFault(TRIPPED, 0, 0, -1, 0.0), state
-    doubt, which, still, excess = CREDIBLE, 0, -1, 0.0
-    if state.seen:
-        doubt, which, still, excess = check_plausibility(
-            limits=watched.limits,
-            tendons=watched.tendons,
+    verdict, which, still, excess = PLAUSIBLE, 0, -1, 0.0
+    if state.has_reading:
+        verdict, which, still, excess = check_plausibility(
+            limits=fault_limits.limits,
+            tendons=fault_limits.tendons,
             memory=state.memory,
             raw=raw,
             m=m,
@@ -361,28 +362,28 @@ def check(
         )
     else:
         remember_readings(state.memory, raw)
-    slack = taut_wanted and min(m.F_A, m.F_B) < watched.F_slack
+    slack = tension_required and min(m.F_A, m.F_B) < fault_limits.F_slack
     slack_s = state.slack_s + T_s if slack else 0.0
     after = FaultDetectionState(slack_s, True, state.newest, raw, state.memory)
-    out_of_bounds = max(m.F_A, m.F_B) > watched.F_max or abs(m.q) > watched.q_trip
-    what = NOTHING
-    if out_of_bounds and doubt != JUMPED:
-        what = OUT_OF_BOUNDS
-    elif doubt != CREDIBLE:
-        what = INCREDIBLE
+    out_of_bounds = max(m.F_A, m.F_B) > fault_limits.F_max or abs(m.q) > fault_limits.q_trip
+    kind = NO_FAULT
+    if out_of_bounds and verdict != JUMPED:
+        kind = OUT_OF_BOUNDS
+    elif verdict != PLAUSIBLE:
+        kind = IMPLAUSIBLE_READING
     elif slack_s > SLACK_MAX_S:
-        what = SLACK
-    elif missed >= watched.missed_max:
-        what = MISSED
-    return DetectedFault(what, doubt, which, still, excess), after
+        kind = SLACK
+    elif missed >= fault_limits.missed_max:
+        kind = MISSED
+    return DetectedFault(kind, verdict, which, still, excess), after
 
 
-def watched_for(parameters: PlantParameters, missed_max: int) -> Watched:
+def build_fault_limits(parameters: PlantParameters, missed_max: int) -> FaultDetectionLimits:
     """Return what the checks know of a parameter set."""
     bounds = compute_bounds(parameters)
-    tendons = tendons_for(parameters)
-    return Watched(
-        limits=limits_for(parameters),
+    tendons = build_tendons(parameters)
+    return FaultDetectionLimits(
+        limits=build_sensor_limits(parameters),
         tendons=tendons,
         F_slack=bounds.F_slack,
         F_max=bounds.F_max,

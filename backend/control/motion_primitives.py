@@ -11,10 +11,10 @@ from backend.control.motion_types import (
     ControlOutput,
     MotorLoopState,
     Setpoint,
-    driven,
     output_voltages,
+    step_along_line,
+    step_voltages,
     track_motors,
-    walk,
 )
 from plant import Measurement, T_s, compiled
 
@@ -134,26 +134,26 @@ class SoftStopState(NamedTuple):
 
 @compiled
 def step_soft_stop(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: SoftStopState, m: Measurement
+    tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: SoftStopState, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, SoftStopState]:
     """One tick of braking."""
     braked_A, braked_B, braking = step_brake(state.brake, m.theta_A, m.theta_B, tuning.u_max)
     elapsed_s = state.elapsed_s + T_s
-    left = math.exp(-elapsed_s / RELEASE_S)
-    u_A = _stepped(state.u_A, braked_A + left * state.began_A, tuning.u_max)
-    u_B = _stepped(state.u_B, braked_B + left * state.began_B, tuning.u_max)
-    decision = output_voltages(tuning.u_max, target, u_A, u_B, elapsed_s >= SOFT_STOP_S)
+    remaining = math.exp(-elapsed_s / RELEASE_S)
+    u_A = _limit_voltage_change(state.u_A, braked_A + remaining * state.began_A, tuning.u_max)
+    u_B = _limit_voltage_change(state.u_B, braked_B + remaining * state.began_B, tuning.u_max)
+    output = output_voltages(tuning.u_max, setpoint, u_A, u_B, elapsed_s >= SOFT_STOP_S)
     after = SoftStopState(
         brake=braking, elapsed_s=elapsed_s, u_A=u_A, u_B=u_B, began_A=state.began_A, began_B=state.began_B
     )
-    return decision, carry, after
+    return output, motor_loops, after
 
 
 @compiled
-def _stepped(before: float, wanted: float, u_max: float) -> float:
+def _limit_voltage_change(previous: float, requested: float, u_max: float) -> float:
     """Voltage [V] within ±u_max, as near to the wanted one as a tick allows."""
-    wanted = min(max(wanted, -u_max), u_max)
-    return before + min(max(wanted - before, -LARGEST_STEP_V), LARGEST_STEP_V)
+    requested = min(max(requested, -u_max), u_max)
+    return previous + min(max(requested - previous, -LARGEST_STEP_V), LARGEST_STEP_V)
 
 
 def begin_soft_stop(u_A: float, u_B: float, m: Measurement) -> SoftStopState:
@@ -169,7 +169,7 @@ def begin_soft_stop(u_A: float, u_B: float, m: Measurement) -> SoftStopState:
 # (figure 5).
 
 
-class Chips(NamedTuple):
+class ExcitationChips(NamedTuple):
     """An excitation: offsets of theta_A_ref [rad] of one period (n,), ticks of a chip and of the whole."""
 
     levels: NDArray[np.float64]
@@ -185,14 +185,18 @@ class TensionHoldState(NamedTuple):
     base_A: float
     base_B: float
     settle_ticks: int
-    chips: Chips
+    chips: ExcitationChips
     tick: int
     hold: pid.ForceHoldState
 
 
 @compiled
 def step_tension_hold(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: TensionHoldState, m: Measurement
+    tuning: cascade.CascadeTuning,
+    motor_loops: MotorLoopState,
+    setpoint: Setpoint,
+    state: TensionHoldState,
+    m: Measurement,
 ) -> tuple[ControlOutput, MotorLoopState, TensionHoldState]:
     """One tick: travel to the tension, settle, excite."""
     base_A, base_B, settle_ticks, tick = state.base_A, state.base_B, state.settle_ticks, state.tick
@@ -200,7 +204,7 @@ def step_tension_hold(
     arrived = base_A == state.goal_A and base_B == 0.0
     offset, done = 0.0, False
     if not arrived:
-        base_A, base_B = walk(base_A, base_B, state.goal_A, 0.0)
+        base_A, base_B = step_along_line(base_A, base_B, state.goal_A, 0.0)
     elif settle_ticks > 0:
         settle_ticks -= 1
     elif tick >= chips.ticks:
@@ -208,21 +212,21 @@ def step_tension_hold(
     else:
         offset = chips.levels[(tick // chips.chip_ticks) % chips.levels.shape[0]]
         tick += 1
-    trim, held = pid.step_force_hold(hold, state.F_ref, m.F_A, m.F_B)
+    trim, next_hold = pid.step_force_hold(hold, state.F_ref, m.F_A, m.F_B)
     if arrived:
-        hold = held
-    decision, carry = track_motors(
+        hold = next_hold
+    output, motor_loops = track_motors(
         tuning=tuning,
-        carry=carry,
-        target=target,
+        motor_loops=motor_loops,
+        setpoint=setpoint,
         theta_A_ref=base_A + trim + offset,
         theta_B_ref=base_B,
         m=m,
         done=done,
     )
     return (
-        decision,
-        carry,
+        output,
+        motor_loops,
         TensionHoldState(
             F_ref=state.F_ref,
             goal_A=state.goal_A,
@@ -256,12 +260,16 @@ class TensionSweepState(NamedTuple):
 
 @compiled
 def step_tension_sweep(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: TensionSweepState, m: Measurement
+    tuning: cascade.CascadeTuning,
+    motor_loops: MotorLoopState,
+    setpoint: Setpoint,
+    state: TensionSweepState,
+    m: Measurement,
 ) -> tuple[ControlOutput, MotorLoopState, TensionSweepState]:
     """One tick: to the start, settle, then along the legs."""
     goals, ticks, leg, elapsed, done = state.goals, state.ticks, state.leg, state.elapsed, False
     if leg < 0:
-        theta_A, theta_B = walk(carry.theta_A_ref, carry.theta_B_ref, goals[0, 0], goals[0, 1])
+        theta_A, theta_B = step_along_line(motor_loops.theta_A_ref, motor_loops.theta_B_ref, goals[0, 0], goals[0, 1])
         if theta_A == goals[0, 0] and theta_B == goals[0, 1]:
             elapsed += 1
             if elapsed >= state.settle_ticks:
@@ -275,10 +283,16 @@ def step_tension_sweep(
             done = leg + 1 == ticks.shape[0]
             if not done:
                 leg, elapsed = leg + 1, 0
-    decision, carry = track_motors(
-        tuning=tuning, carry=carry, target=target, theta_A_ref=theta_A, theta_B_ref=theta_B, m=m, done=done
+    output, motor_loops = track_motors(
+        tuning=tuning,
+        motor_loops=motor_loops,
+        setpoint=setpoint,
+        theta_A_ref=theta_A,
+        theta_B_ref=theta_B,
+        m=m,
+        done=done,
     )
-    return decision, carry, TensionSweepState(goals, ticks, state.settle_ticks, leg, elapsed)
+    return output, motor_loops, TensionSweepState(goals, ticks, state.settle_ticks, leg, elapsed)
 
 
 # Travel --------------------------------------------------------------------------------------------
@@ -296,18 +310,24 @@ class TravelState(NamedTuple):
 
 @compiled
 def step_travel(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: TravelState, m: Measurement
+    tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: TravelState, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, TravelState]:
     """One tick of walking, or of holding the goal."""
     theta_A, theta_B, settled_s = state.theta_A, state.theta_B, state.settled_s
-    theta_A_ref, theta_B_ref = walk(carry.theta_A_ref, carry.theta_B_ref, theta_A, theta_B)
+    theta_A_ref, theta_B_ref = step_along_line(motor_loops.theta_A_ref, motor_loops.theta_B_ref, theta_A, theta_B)
     if theta_A_ref == theta_A and theta_B_ref == theta_B:
         settled_s += T_s
     done = settled_s >= STANDSTILL_S
-    decision, carry = track_motors(
-        tuning=tuning, carry=carry, target=target, theta_A_ref=theta_A_ref, theta_B_ref=theta_B_ref, m=m, done=done
+    output, motor_loops = track_motors(
+        tuning=tuning,
+        motor_loops=motor_loops,
+        setpoint=setpoint,
+        theta_A_ref=theta_A_ref,
+        theta_B_ref=theta_B_ref,
+        m=m,
+        done=done,
     )
-    return decision, carry, TravelState(theta_A, theta_B, settled_s)
+    return output, motor_loops, TravelState(theta_A, theta_B, settled_s)
 
 
 # Velocity ------------------------------------------------------------------------------------------
@@ -352,7 +372,7 @@ STEP_BRAKING_S = 0.5
 _ZERO_TICKS = round(ZERO_VOLTS_S / T_s)
 _BRAKING_TICKS = round(STEP_BRAKING_S / T_s)
 _START, _VOLTS, _TICKS, _TRAVEL = range(4)
-CENTRED, _POSITIONED, _STANDING, _DRIVEN, _BRAKED = range(5)
+CENTRED, _POSITIONED, _AT_ZERO_VOLTS, _DRIVEN, _BRAKED = range(5)
 
 
 class VoltageMargin(NamedTuple):
@@ -372,7 +392,7 @@ class VoltageMargin(NamedTuple):
 class VoltageStepsState(NamedTuple):
     """``steps`` (n, 4): start [rad], volts, ticks, travel [rad]; the one that is made, its stage, and since when."""
 
-    room: VoltageMargin
+    margin: VoltageMargin
     steps: NDArray[np.float64]
     settle_ticks: int
     step: int
@@ -385,26 +405,32 @@ class VoltageStepsState(NamedTuple):
 
 @compiled
 def step_voltage_steps(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: VoltageStepsState, m: Measurement
+    tuning: cascade.CascadeTuning,
+    motor_loops: MotorLoopState,
+    setpoint: Setpoint,
+    state: VoltageStepsState,
+    m: Measurement,
 ) -> tuple[ControlOutput, MotorLoopState, VoltageStepsState]:
     """One tick of the stage in progress: walk to where the step starts, stand, zero volts, step, brake, and so on."""
-    room, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking = state
+    margin, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking = state
     ticks += 1
     theta_A = theta_B = u_A = u_B = 0.0
-    done, walks = False, stage in (CENTRED, _POSITIONED)
+    done, is_travelling = False, stage in (CENTRED, _POSITIONED)
     if stage == _DRIVEN:
         turned = max(abs(m.theta_A - began_A), abs(m.theta_B - began_B))
-        out_of_room = turned >= steps[at, _TRAVEL] or max(abs(m.theta_A), abs(m.theta_B)) > room.theta_max
-        if ticks > steps[at, _TICKS] or out_of_room or max(m.F_A, m.F_B) > room.F_slack:
+        is_out_of_margin = turned >= steps[at, _TRAVEL] or max(abs(m.theta_A), abs(m.theta_B)) > margin.theta_max
+        if ticks > steps[at, _TICKS] or is_out_of_margin or max(m.F_A, m.F_B) > margin.F_slack:
             stage, ticks, braking = _BRAKED, 0, BrakeState(m.theta_A, m.theta_B, 0.0, 0.0)
-    if walks:
-        goal_A, goal_B = (room.centre_A, room.centre_B) if stage == CENTRED else (steps[at, _START], steps[at, _START])
-        theta_A, theta_B = walk(carry.theta_A_ref, carry.theta_B_ref, goal_A, goal_B)
+    if is_travelling:
+        goal_A, goal_B = (
+            (margin.centre_A, margin.centre_B) if stage == CENTRED else (steps[at, _START], steps[at, _START])
+        )
+        theta_A, theta_B = step_along_line(motor_loops.theta_A_ref, motor_loops.theta_B_ref, goal_A, goal_B)
         if theta_A != goal_A or theta_B != goal_B:
             ticks = 0
         elif ticks >= settle_ticks:
             stage, ticks = stage + 1, 0
-    elif stage == _STANDING:
+    elif stage == _AT_ZERO_VOLTS:
         if ticks >= _ZERO_TICKS:
             stage, ticks, began_A, began_B = _DRIVEN, 0, m.theta_A, m.theta_B
     elif stage == _DRIVEN:
@@ -416,14 +442,20 @@ def step_voltage_steps(
             done = at == steps.shape[0]
             if not done:
                 stage, ticks = _POSITIONED, 0
-    if walks:
-        decision, carry = track_motors(
-            tuning=tuning, carry=carry, target=target, theta_A_ref=theta_A, theta_B_ref=theta_B, m=m, done=done
+    if is_travelling:
+        output, motor_loops = track_motors(
+            tuning=tuning,
+            motor_loops=motor_loops,
+            setpoint=setpoint,
+            theta_A_ref=theta_A,
+            theta_B_ref=theta_B,
+            m=m,
+            done=done,
         )
     else:
-        decision, carry = driven(tuning=tuning, target=target, u_A=u_A, u_B=u_B, m=m, done=done)
+        output, motor_loops = step_voltages(tuning=tuning, setpoint=setpoint, u_A=u_A, u_B=u_B, m=m, done=done)
     after = VoltageStepsState(
-        room=room,
+        margin=margin,
         steps=steps,
         settle_ticks=settle_ticks,
         step=at,
@@ -433,7 +465,7 @@ def step_voltage_steps(
         began_B=began_B,
         brake=braking,
     )
-    return decision, carry, after
+    return output, motor_loops, after
 
 
 # Winding -------------------------------------------------------------------------------------------
@@ -453,23 +485,23 @@ class WindingState(NamedTuple):
 
 @compiled
 def step_winding(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: WindingState, m: Measurement
+    tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: WindingState, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, WindingState]:
     """One tick of winding."""
-    wound = step_pretension(state.winding, PRETENSION_N, m.F_A, m.F_B)
-    done = wound.steady_s >= STANDSTILL_S
-    decision, carry = track_motors(
+    pretension = step_pretension(state.winding, PRETENSION_N, m.F_A, m.F_B)
+    done = pretension.steady_s >= STANDSTILL_S
+    output, motor_loops = track_motors(
         tuning=tuning,
-        carry=carry,
-        target=target,
-        theta_A_ref=wound.theta_A_ref,
-        theta_B_ref=wound.theta_B_ref,
+        motor_loops=motor_loops,
+        setpoint=setpoint,
+        theta_A_ref=pretension.theta_A_ref,
+        theta_B_ref=pretension.theta_B_ref,
         m=m,
         done=done,
     )
-    return decision, carry, WindingState(wound)
+    return output, motor_loops, WindingState(pretension)
 
 
-def begin_winding(carry: MotorLoopState) -> WindingState:
+def begin_winding(motor_loops: MotorLoopState) -> WindingState:
     """Wind from where the motors are sent now; the tendons are taken for slack."""
-    return WindingState(PretensionState(0.0, 0.0, carry.theta_A_ref, carry.theta_B_ref, 0.0))
+    return WindingState(PretensionState(0.0, 0.0, motor_loops.theta_A_ref, motor_loops.theta_B_ref, 0.0))

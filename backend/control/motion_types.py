@@ -16,8 +16,8 @@ VOLTAGE_A, VOLTAGE_B = int(Limit.VOLTAGE_A), int(Limit.VOLTAGE_B)
 class Setpoint(NamedTuple):
     """What is asked for in a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m].
 
-    ``tuning``, ``wall`` and ``touch`` are the numbers of the program's tuning, obstacle and touch that are wanted, 0
-    for those that it began with.
+    ``tuning``, ``obstacle`` and ``contact_detection`` are the numbers of the program's tuning, obstacle and touch that
+    are wanted, 0 for those that it began with.
     """
 
     q_ref: float
@@ -25,8 +25,8 @@ class Setpoint(NamedTuple):
     F_push: float
     load: ShaftLoad = NO_LOAD
     tuning: int = 0
-    wall: int = 0
-    touch: int = 0
+    obstacle: int = 0
+    contact_detection: int = 0
 
 
 class MotorLoopState(NamedTuple):
@@ -41,20 +41,20 @@ class MotorLoopState(NamedTuple):
 class ControlOutput(NamedTuple):
     """What a motion decided in one tick; ``limits`` are bits of ``backend.faults.Limit``.
 
-    ``pushes``: the plant's push and loads are to be the target's; else they are left alone. ``done``: the motion has
-    reached its end; it goes on holding there.
+    ``sets_disturbance``: the plant's push and loads are to be the target's; else they are left alone. ``done``: the
+    motion has reached its end; it goes on holding there.
     """
 
     u_A: float
     u_B: float
     theta_A_ref: float
     theta_B_ref: float
-    target: Setpoint
+    setpoint: Setpoint
     q_ref_gov: float
     S_ref_gov: float
     bank_entry: float
     limits: int
-    pushes: bool
+    sets_disturbance: bool
     done: bool
 
 
@@ -64,12 +64,12 @@ AT_REST = ControlOutput(
     u_B=0.0,
     theta_A_ref=math.nan,
     theta_B_ref=math.nan,
-    target=NO_REFERENCE,
+    setpoint=NO_REFERENCE,
     q_ref_gov=math.nan,
     S_ref_gov=math.nan,
     bank_entry=math.nan,
     limits=0,
-    pushes=False,
+    sets_disturbance=False,
     done=False,
 )
 """Zero volts, and nothing that is followed."""
@@ -78,8 +78,8 @@ AT_REST = ControlOutput(
 @compiled
 def track_motors(
     tuning: cascade.CascadeTuning,
-    carry: MotorLoopState,
-    target: Setpoint,
+    motor_loops: MotorLoopState,
+    setpoint: Setpoint,
     theta_A_ref: float,
     theta_B_ref: float,
     m: Measurement,
@@ -87,7 +87,7 @@ def track_motors(
 ) -> tuple[ControlOutput, MotorLoopState]:
     """One tick of both motor loops towards motor references [rad]."""
     gains = tuning.motors
-    state = pid.bumpless_motor_pair(carry.gains, gains, carry.state, m.theta_A, m.theta_B)
+    state = pid.bumpless_motor_pair(motor_loops.gains, gains, motor_loops.state, m.theta_A, m.theta_B)
     y, state = pid.step_motor_pair(
         gains=gains,
         state=state,
@@ -97,25 +97,25 @@ def track_motors(
         theta_B=m.theta_B,
         u_max=tuning.u_max,
     )
-    limits = clipped(y.excess_A != 0.0, y.excess_B != 0.0)
-    decision = ControlOutput(
+    limits = make_voltage_limit_flags(y.excess_A != 0.0, y.excess_B != 0.0)
+    output = ControlOutput(
         u_A=y.u_A,
         u_B=y.u_B,
         theta_A_ref=theta_A_ref,
         theta_B_ref=theta_B_ref,
-        target=target,
-        q_ref_gov=target.q_ref,
-        S_ref_gov=target.S_ref,
+        setpoint=setpoint,
+        q_ref_gov=setpoint.q_ref,
+        S_ref_gov=setpoint.S_ref,
         bank_entry=0.0,
         limits=limits,
-        pushes=False,
+        sets_disturbance=False,
         done=done,
     )
-    return decision, MotorLoopState(state, gains, theta_A_ref, theta_B_ref)
+    return output, MotorLoopState(state, gains, theta_A_ref, theta_B_ref)
 
 
 @compiled
-def output_voltages(u_max: float, target: Setpoint, u_A: float, u_B: float, done: bool) -> ControlOutput:
+def output_voltages(u_max: float, setpoint: Setpoint, u_A: float, u_B: float, done: bool) -> ControlOutput:
     """Return the output of a motion that has voltages [V] alone, without references of the motors."""
     nan = math.nan
     return ControlOutput(
@@ -123,34 +123,34 @@ def output_voltages(u_max: float, target: Setpoint, u_A: float, u_B: float, done
         u_B=u_B,
         theta_A_ref=nan,
         theta_B_ref=nan,
-        target=target,
+        setpoint=setpoint,
         q_ref_gov=nan,
         S_ref_gov=nan,
         bank_entry=nan,
-        limits=clipped(abs(u_A) == u_max, abs(u_B) == u_max),
-        pushes=False,
+        limits=make_voltage_limit_flags(abs(u_A) == u_max, abs(u_B) == u_max),
+        sets_disturbance=False,
         done=done,
     )
 
 
 @compiled
-def driven(
-    tuning: cascade.CascadeTuning, target: Setpoint, u_A: float, u_B: float, m: Measurement, done: bool
+def step_voltages(
+    tuning: cascade.CascadeTuning, setpoint: Setpoint, u_A: float, u_B: float, m: Measurement, done: bool
 ) -> tuple[ControlOutput, MotorLoopState]:
-    """One tick of bare voltages [V]; whatever comes next takes the motors over where they are, at these voltages."""
+    """Apply voltages [V] without a loop; the next motion takes over the motors at these voltages."""
     state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B)
-    decision = output_voltages(tuning.u_max, target, u_A, u_B, done)
-    return decision, MotorLoopState(state, tuning.motors, m.theta_A, m.theta_B)
+    output = output_voltages(tuning.u_max, setpoint, u_A, u_B, done)
+    return output, MotorLoopState(state, tuning.motors, m.theta_A, m.theta_B)
 
 
 @compiled
-def clipped(A: bool, B: bool) -> int:
+def make_voltage_limit_flags(A: bool, B: bool) -> int:
     """Limit flags of voltages that were clipped."""
     return (VOLTAGE_A if A else 0) | (VOLTAGE_B if B else 0)
 
 
 @compiled
-def walk(theta_A: float, theta_B: float, goal_A: float, goal_B: float) -> tuple[float, float]:
+def step_along_line(theta_A: float, theta_B: float, goal_A: float, goal_B: float) -> tuple[float, float]:
     """One tick along the straight line to the goal at TRAVEL_SPEED [rad/s]; exactly the goal at its end."""
     distance = max(abs(goal_A - theta_A), abs(goal_B - theta_B))
     reach = TRAVEL_SPEED * T_s

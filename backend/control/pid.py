@@ -11,12 +11,12 @@ from plant import T_s, compiled
 
 
 @compiled
-def beyond(e: float, unseen: float) -> float:
-    """Return what of the error ``e`` is beyond ±``unseen``, in the same unit.
+def apply_dead_zone(e: float, dead_zone: float) -> float:
+    """Return what of the error ``e`` is beyond ±``dead_zone``, in the same unit.
 
     It begins at zero, so that nothing jumps at the edge. For what is within an integrator would hunt against stiction.
     """
-    return e - min(max(e, -unseen), unseen)
+    return e - min(max(e, -dead_zone), dead_zone)
 
 
 # Force hold ----------------------------------------------------------------------------------------
@@ -68,15 +68,15 @@ class IPState(NamedTuple):
 
 @compiled
 def step_i_p(
-    gains: IPGains, state: IPState, r: float, y: float, correction: float, unseen: float = 0.0
+    gains: IPGains, state: IPState, r: float, y: float, correction: float, dead_zone: float = 0.0
 ) -> tuple[float, IPState]:
     """One tick of u = k_i ∫(r − y) dt + k_r r − k_p y.
 
     ``correction`` [unit of u per s] is what the anti-windup adds to the integral. As in the inner loop the error of
-    this tick shows in u from the next one on. Of the error the integral sees what is beyond ``unseen`` [unit of y].
+    this tick shows in u from the next one on. Of the error the integral sees what is beyond ``dead_zone`` [unit of y].
     """
     u = state.integral + gains.k_r * r - gains.k_p * y
-    return u, IPState(state.integral + T_s * (gains.k_i * beyond(r - y, unseen) + correction))
+    return u, IPState(state.integral + T_s * (gains.k_i * apply_dead_zone(r - y, dead_zone) + correction))
 
 
 @compiled
@@ -86,9 +86,9 @@ def bumpless_i_p(before: IPGains, after: IPGains, state: IPState, r: float, y: f
 
 
 @compiled
-def raised(state: IPState, more: float) -> IPState:
-    """State that gives ``more`` [unit of u] on top, for what is no longer added to u elsewhere."""
-    return IPState(state.integral + more)
+def add_to_integral(state: IPState, increment: float) -> IPState:
+    """State that gives ``increment`` [unit of u] on top, for what is no longer added to u elsewhere."""
+    return IPState(state.integral + increment)
 
 
 @compiled
@@ -105,7 +105,7 @@ def at_rest_i_p(gains: IPGains, r: float, y: float, u: float) -> IPState:
 TRACKING_TIME_S = 0.030
 """Time constant with which the clipped voltage bleeds the integrator (method section 5)."""
 
-HOLDS = 1.5
+HOLD_GAIN = 1.5
 """A motor that rests is held where it stands by so many times k_p more: what it creeps against friction, it creeps so
 much faster and less far. Without any friction its loop still has a damping ratio of 0.25."""
 
@@ -128,7 +128,7 @@ class IPDState(NamedTuple):
 
 
 @compiled
-def _filtered(gains: IPDGains, state: IPDState, y: float) -> tuple[float, float, float]:
+def _filter_output(gains: IPDGains, state: IPDState, y: float) -> tuple[float, float, float]:
     """Return u [V] before its limit, and the filtered integral and measurement it is made of.
 
     u = (k_i ∫(r − y) dt − k_p y − k_d dy/dt) / (t_f s + 1), with the derivative taken from the filter itself:
@@ -152,19 +152,19 @@ def step_i_pd(
     past of the error only and a change of gains cannot show in the tick it arrives. While it is ``resting`` it sees no
     error, and takes up what the motor turns instead.
     """
-    u, integral_f, y_f = _filtered(gains, state, y)
+    u, integral_f, y_f = _filter_output(gains, state, y)
     u += u_forward
     u_limited = min(max(u, -u_max), u_max)
-    e, held = (0.0, HOLDS * gains.k_p * (y_f - state.y_f)) if resting else (r - y, 0.0)
+    e, hold_correction = (0.0, HOLD_GAIN * gains.k_p * (y_f - state.y_f)) if resting else (r - y, 0.0)
     integral = state.integral + T_s * (gains.k_i * e + (u_limited - u) / TRACKING_TIME_S)
-    return u_limited, u - u_limited, IPDState(integral - held, integral_f - held, y_f)
+    return u_limited, u - u_limited, IPDState(integral - hold_correction, integral_f - hold_correction, y_f)
 
 
 @compiled
 def bumpless_i_pd(before: IPDGains, after: IPDGains, state: IPDState, y: float) -> IPDState:
     """State with which ``after`` gives the voltage that ``before`` would have given in this tick."""
-    u_before, _, _ = _filtered(before, state, y)
-    u_after, _, _ = _filtered(after, state, y)
+    u_before, _, _ = _filter_output(before, state, y)
+    u_after, _, _ = _filter_output(after, state, y)
     offset = u_before - u_after
     return IPDState(state.integral + offset, state.integral_f + offset, state.y_f)
 
@@ -176,16 +176,16 @@ def at_rest_i_pd(gains: IPDGains, y: float, u: float) -> IPDState:
 
 
 @compiled
-def carried(gains: IPDGains, state: IPDState, y: float, offset: float, rate: float, u_more: float) -> IPDState:
-    """State after y was counted anew: ``offset`` [rad] comes on top of it, ``rate`` [rad/s] on top of its speed.
+def rebase_i_pd(gains: IPDGains, state: IPDState, y: float, offset: float, rate: float, u_added: float) -> IPDState:
+    """Return the state for another origin of y: ``offset`` [rad] is added to it, ``rate`` [rad/s] to its speed.
 
-    With it this tick's voltage is the one from before and ``u_more`` [V].
+    With it this tick's voltage is the one from before and ``u_added`` [V].
     """
-    u, _, _ = _filtered(gains, state, y)
+    u, _, _ = _filter_output(gains, state, y)
     y_f = state.y_f + offset - gains.t_f * rate
-    after, _, _ = _filtered(gains, IPDState(state.integral, state.integral_f, y_f), y + offset)
-    more = u + u_more - after
-    return IPDState(state.integral + more, state.integral_f + more, y_f)
+    after, _, _ = _filter_output(gains, IPDState(state.integral, state.integral_f, y_f), y + offset)
+    increment = u + u_added - after
+    return IPDState(state.integral + increment, state.integral_f + increment, y_f)
 
 
 @compiled

@@ -15,14 +15,14 @@ from plant import ShaftLoad, T_s, compiled
 # Pure.
 
 
-FIRST = 1
+INITIAL_REGISTER = 1
 """What the register of a sequence holds before its first chip; any number but 0 would do."""
 
 TAPS = {4: 0xC, 5: 0x14, 6: 0x30, 7: 0x60, 8: 0xB8, 9: 0x110, 10: 0x240, 11: 0x500, 12: 0xE08}
 """Bits fed back into a register of so many, for the longest sequence: a primitive polynomial over two elements each."""
 
-LEAST_BITS, MOST_BITS = min(TAPS), max(TAPS)
-MOST_LINES = 40
+MIN_BITS, MAX_BITS = min(TAPS), max(TAPS)
+MAX_LINES = 40
 """Most harmonics of a multisine: each is a cosine in each tick."""
 
 
@@ -59,7 +59,7 @@ def next_register(register: int, bits: int) -> int:
 
 
 @compiled
-def level(register: int) -> float:
+def chip_level(register: int) -> float:
     """Return the level of a register's chip, 1 or −1."""
     return 1.0 if register & 1 else -1.0
 
@@ -71,7 +71,7 @@ def level(register: int) -> float:
 
 COLUMNS = 15
 _SHAPE, _TICKS, _DURATION, _Q, _S, _PUSH, _PERIOD, _LOAD_A, _LOAD_B, _PERIOD_END, _COUNT, _PEAK = range(12)
-_TUNING, _WALL, _TOUCH = range(12, COLUMNS)
+_TUNING, _OBSTACLE, _CONTACT_DETECTION = range(12, COLUMNS)
 STEP, RAMP, SINE, SWEEP, PRBS, MULTISINE = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 """Shapes of a segment, as its first column has them."""
 
@@ -93,8 +93,8 @@ class SetpointPlayer(NamedTuple):
 
 
 @compiled
-def play(player: SetpointPlayer, last: Setpoint) -> tuple[bool, Setpoint, SetpointPlayer]:
-    """Return whether the last segment has ended, the target, which is ``last`` then, and the player after it."""
+def step_setpoint_player(player: SetpointPlayer, previous: Setpoint) -> tuple[bool, Setpoint, SetpointPlayer]:
+    """Return whether the last segment has ended, the target, which is ``previous`` then, and the player after it."""
     segments, position, elapsed, register, start = (
         player.segments,
         player.position,
@@ -108,16 +108,16 @@ def play(player: SetpointPlayer, last: Setpoint) -> tuple[bool, Setpoint, Setpoi
             if segment[_SHAPE] == PRBS and elapsed > 0 and elapsed % round(segment[_PERIOD] / T_s) == 0:
                 register = next_register(register, int(segment[_COUNT]))
             elapsed += 1
-            target = within(segment, start, elapsed * T_s, register)
-            return False, target, SetpointPlayer(segments, position, elapsed, register, start)
-        start = after(segment, start)
+            setpoint = compute_setpoint(segment, start, elapsed * T_s, register)
+            return False, setpoint, SetpointPlayer(segments, position, elapsed, register, start)
+        start = compute_final_setpoint(segment, start)
         position += 1
-        elapsed, register = 0, FIRST
-    return True, last, SetpointPlayer(segments, position, elapsed, register, start)
+        elapsed, register = 0, INITIAL_REGISTER
+    return True, previous, SetpointPlayer(segments, position, elapsed, register, start)
 
 
 @compiled
-def announced(player: SetpointPlayer) -> tuple[float, float]:
+def find_ramp_end(player: SetpointPlayer) -> tuple[float, float]:
     """Return where a ramp that is played ends and stays, q_ref [rad] and S_ref [N·m/rad]: nan where that is not known.
 
     A ramp that the next segment takes further does not end there, nor is one that is over announced any more.
@@ -129,14 +129,14 @@ def announced(player: SetpointPlayer) -> tuple[float, float]:
         return math.nan, math.nan
     q_end, S_end = segment[_Q], segment[_S]
     if player.position + 1 < player.segments.shape[0]:
-        after = player.segments[player.position + 1]
-        q_end = q_end if after[_Q] == q_end else math.nan
-        S_end = S_end if after[_S] == S_end else math.nan
+        next_segment = player.segments[player.position + 1]
+        q_end = q_end if next_segment[_Q] == q_end else math.nan
+        S_end = S_end if next_segment[_S] == S_end else math.nan
     return q_end, S_end
 
 
 @compiled
-def within(segment: NDArray[np.float64], start: Setpoint, time_s: float, register: int) -> Setpoint:
+def compute_setpoint(segment: NDArray[np.float64], start: Setpoint, time_s: float, register: int) -> Setpoint:
     """Return the target ``time_s`` [s] into a segment that began at ``start``; ``register`` is that of a PRBS."""
     share = 1.0
     if segment[_SHAPE] == RAMP:
@@ -146,28 +146,30 @@ def within(segment: NDArray[np.float64], start: Setpoint, time_s: float, registe
     elif segment[_SHAPE] == SWEEP:
         share = sweep(time_s, segment[_PERIOD], segment[_PERIOD_END], segment[_DURATION])
     elif segment[_SHAPE] == PRBS:
-        share = level(register)
+        share = chip_level(register)
     elif segment[_SHAPE] == MULTISINE:
         share = multisine(time_s, segment[_PERIOD], int(segment[_COUNT]), segment[_PEAK])
-    return _at(segment, start, share)
+    return _interpolate_setpoint(segment, start, share)
 
 
 @compiled
-def after(segment: NDArray[np.float64], start: Setpoint) -> Setpoint:
+def compute_final_setpoint(segment: NDArray[np.float64], start: Setpoint) -> Setpoint:
     """Return what is left when a segment is over: an excitation leaves the references where they were."""
     if segment[_SHAPE] == SINE:
-        return _at(segment, start, sine(segment[_DURATION], segment[_PERIOD]))
-    return _at(segment, start, 1.0 if segment[_SHAPE] <= RAMP else 0.0)
+        return _interpolate_setpoint(segment, start, sine(segment[_DURATION], segment[_PERIOD]))
+    return _interpolate_setpoint(segment, start, 1.0 if segment[_SHAPE] <= RAMP else 0.0)
 
 
 @compiled
-def _at(segment: NDArray[np.float64], start: Setpoint, share: float) -> Setpoint:
+def _interpolate_setpoint(segment: NDArray[np.float64], start: Setpoint, share: float) -> Setpoint:
     return Setpoint(
         q_ref=start.q_ref + share * (segment[_Q] - start.q_ref),
         S_ref=start.S_ref + share * (segment[_S] - start.S_ref),
         F_push=start.F_push + share * (segment[_PUSH] - start.F_push),
         load=ShaftLoad(segment[_LOAD_A], segment[_LOAD_B]),
         tuning=int(segment[_TUNING]) if segment[_TUNING] > 0.0 else start.tuning,
-        wall=int(segment[_WALL]) if segment[_WALL] > 0.0 else start.wall,
-        touch=int(segment[_TOUCH]) if segment[_TOUCH] > 0.0 else start.touch,
+        obstacle=int(segment[_OBSTACLE]) if segment[_OBSTACLE] > 0.0 else start.obstacle,
+        contact_detection=int(segment[_CONTACT_DETECTION])
+        if segment[_CONTACT_DETECTION] > 0.0
+        else start.contact_detection,
     )

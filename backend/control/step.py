@@ -1,7 +1,8 @@
-"""One tick of the loop: detect faults, compute the motion's voltages, write the row. All in one control state.
+"""One control step: detect faults, compute the motion's voltages, write the sample row.
 
-What is rare stays with the interpreter, which gives its inputs before the tick and is told what came of it: a fault was
-found, a motion is done, its push has changed. Whoever steps the plant, a clock or a batch, calls the same functions.
+The step is compiled; its state is one ``ControlState`` block. Rare events (a fault, the end of a motion, a changed
+disturbance) are returned as bits and handled in Python by ``backend.realtime.control_loop``. The real-time loop and the
+batch simulator call the same functions.
 """
 
 import math
@@ -31,38 +32,39 @@ from plant import (
     store_compiled,
 )
 
-# Desk ----------------------------------------------------------------------------------------------
+# Step ----------------------------------------------------------------------------------------------
 
 
-QUIET, FOUND, DONE, PUSHES, TUNES, WALLS, FELT = 0, 1, 2, 4, 16, 32, 64
-"""What may come of a tick, as bits: a fault was found, before anything was decided; the motion is done; its push or
-load, its tuning, its obstacle (or touch) is not the one in force; a contact was felt, before anything was decided."""
+NO_EVENT, FAULT_DETECTED, MOTION_DONE, DISTURBANCE_CHANGED = 0, 1, 2, 4
+GAINS_CHANGED, OBSTACLE_CHANGED, CONTACT_DETECTED = 16, 32, 64
+"""Events of a step, as bits. After ``FAULT_DETECTED`` and ``CONTACT_DETECTED`` no control was computed. The others: the
+motion has ended; its push or load, its tuning, its obstacle or contact detection differs from the active one."""
 
 
 class StepInputs(NamedTuple):
-    """What the interpreter says of a tick.
+    """Inputs of a control step, set by the control loop.
 
-    Offsets of the motors' zeros and ``middle`` of the joint [rad], whether those zeros are known, whether slack would
-    be a fault; ``felt_from`` [N]: an outside force that is a contact, inf where none is; ``deaf``: the safety module's
-    trip is not heard, ``tripped``: it is in any case; ``reached``: that the motion is done is known. Push [N], loads
-    [N·m] and numbers of the program's tuning, obstacle and touch in force. Mode, run, λ [s] and fault as the row
-    shows them, and ``limits`` that act beside the motion's.
+    Offsets of the motors' zeros and ``joint_centre`` of the joint [rad], whether those zeros are known, whether slack
+    would be a fault; ``contact_threshold`` [N]: an outside force that is a contact, inf where none is;
+    ``ignores_safety_trip``: ``tripped`` replaces the safety module's signal; ``completion_reported``: the end of the
+    motion was reported already. Push [N], loads [N·m] and numbers of the program's active tuning, obstacle and contact
+    detection. Mode, run, λ [s] and fault for the sample row, and ``limits`` that act in addition to the motion's.
     """
 
     offset_A: float
     offset_B: float
-    middle: float
+    joint_centre: float
     zeroed: bool
-    taut_wanted: bool
-    felt_from: float
-    deaf: bool
+    tension_required: bool
+    contact_threshold: float
+    ignores_safety_trip: bool
     tripped: bool
-    reached: bool
+    completion_reported: bool
     F_push: float
     load: ShaftLoad
     tuning: int
-    wall: int
-    touch: int
+    obstacle: int
+    contact_detection: int
     mode: int
     run: int
     lam_q: float
@@ -74,18 +76,18 @@ class StepInputs(NamedTuple):
 NO_INPUTS = StepInputs(
     offset_A=0.0,
     offset_B=0.0,
-    middle=0.0,
+    joint_centre=0.0,
     zeroed=False,
-    taut_wanted=False,
-    felt_from=math.inf,
-    deaf=False,
+    tension_required=False,
+    contact_threshold=math.inf,
+    ignores_safety_trip=False,
     tripped=False,
-    reached=False,
+    completion_reported=False,
     F_push=0.0,
     load=NO_LOAD,
     tuning=0,
-    wall=0,
-    touch=0,
+    obstacle=0,
+    contact_detection=0,
     mode=0,
     run=0,
     lam_q=0.0,
@@ -93,7 +95,7 @@ NO_INPUTS = StepInputs(
     fault=0,
     limits=0,
 )
-"""Those of a loop that is just being made."""
+"""Inputs of a loop before its first step."""
 
 
 class ControlState(NamedTuple):
@@ -103,16 +105,16 @@ class ControlState(NamedTuple):
     """
 
     tuning: cascade.CascadeTuning
-    watched: fault_detection.Watched
+    fault_limits: fault_detection.FaultDetectionLimits
     inputs: StepInputs
-    checks: fault_detection.FaultDetectionState
-    found: fault_detection.DetectedFault
+    fault_state: fault_detection.FaultDetectionState
+    detected_fault: fault_detection.DetectedFault
     velocity: motion_primitives.VelocityState
     m: Measurement
     command: MotorCommand
-    decision: ControlOutput
+    output: ControlOutput
     observer: disturbance_observer.Observer
-    touch: disturbance_observer.DisturbanceObserverState
+    observer_state: disturbance_observer.DisturbanceObserverState
     bias: NDArray[np.float64]
     F_ext_hat: float
 
@@ -120,8 +122,8 @@ class ControlState(NamedTuple):
 class Moving(NamedTuple):
     """A motion under way: the motor loops, what is asked for, and the state of the motion's kind."""
 
-    carry: MotorLoopState
-    target: Setpoint
+    motor_loops: MotorLoopState
+    setpoint: Setpoint
     state: Any
 
 
@@ -132,15 +134,15 @@ class Resting(NamedTuple):
 
 
 @compiled
-def rest(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: Resting, m: Measurement
+def step_resting(
+    tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: Resting, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, Resting]:
     """Zero volts."""
-    return AT_REST, carry, state
+    return AT_REST, motor_loops, state
 
 
-KINDS: dict[type, Any] = {
-    Resting: rest,
+STEP_FUNCTIONS: dict[type, Any] = {
+    Resting: step_resting,
     motion_primitives.WindingState: motion_primitives.step_winding,
     motion_primitives.TravelState: motion_primitives.step_travel,
     motion_primitives.SoftStopState: motion_primitives.step_soft_stop,
@@ -154,33 +156,35 @@ KINDS: dict[type, Any] = {
 """The tick of each kind of motion, by its state."""
 
 
-def step(tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: Any, m: Measurement) -> Any:
+def step(
+    tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: Any, m: Measurement
+) -> Any:
     """One tick of a motion of whatever kind; compiled code has that of its kind alone."""
-    return KINDS[type(state)](tuning, carry, target, state, m)
+    return STEP_FUNCTIONS[type(state)](tuning, motor_loops, setpoint, state, m)
 
 
 @overload(step, cast(Any, STRICT), strict=False)
-def _step(tuning: Any, carry: Any, target: Any, state: Any, m: Any) -> Any:
-    return KINDS[state.instance_class].py_func  # as it is written: compiled here, it is compiled once
+def _overload_step(tuning: Any, motor_loops: Any, setpoint: Any, state: Any, m: Any) -> Any:
+    return STEP_FUNCTIONS[state.instance_class].py_func  # as it is written: compiled here, it is compiled once
 
 
 def with_outside_torque(state: Any, tau_ext: float) -> Any:
-    """State of a motion that is told of an outside torque [N·m]: the cascade alone wants to know."""
+    """Return a motion's state with an outside torque [N·m]; only the cascade uses it."""
     return state._replace(tau_ext=tau_ext) if isinstance(state, tracking.TrackingState) else state
 
 
 @overload(with_outside_torque, cast(Any, STRICT), strict=False)
-def _told(state: Any, tau_ext: Any) -> Any:
+def _overload_outside_torque(state: Any, tau_ext: Any) -> Any:
     if state.instance_class is tracking.TrackingState:
         return lambda state, tau_ext: tracking.TrackingState(
-            state.law, state.position_loop, state.plays, state.player, tau_ext
+            state.law, state.position_loop, state.has_program, state.player, tau_ext
         )
     return lambda state, tau_ext: state
 
 
 @compiled
 def detect_faults(control: StateBlock[ControlState], raw: Measurement, missed: int) -> int:
-    """Take in what is measured; FOUND where something is wrong with it, FELT where all is well but for a contact.
+    """Check a measurement; return FAULT_DETECTED, CONTACT_DETECTED or NO_EVENT.
 
     ``missed`` deadlines since the last tick.
     """
@@ -200,10 +204,10 @@ def detect_faults(control: StateBlock[ControlState], raw: Measurement, missed: i
     )
     store_compiled(control.m, m)
     store_compiled(control.velocity, motion_primitives.step_velocity(control.velocity.value, raw.q))
-    if inputs.deaf:
+    if inputs.ignores_safety_trip:
         trip = 1.0 if inputs.tripped else 0.0
-    q = raw.q - inputs.middle
-    heard = Measurement(
+    q = raw.q - inputs.joint_centre
+    checked = Measurement(
         q=q,
         theta_A=theta_A,
         theta_B=theta_B,
@@ -214,22 +218,22 @@ def detect_faults(control: StateBlock[ControlState], raw: Measurement, missed: i
         safety_trip=trip,
         F_wall=raw.F_wall,
     )
-    found, after = fault_detection.check(
-        watched=control.watched.value,
-        state=control.checks.value,
+    fault, next_state = fault_detection.detect_fault(
+        fault_limits=control.fault_limits.value,
+        state=control.fault_state.value,
         raw=raw,
-        m=heard,
+        m=checked,
         command=control.command.value,
         zeroed=inputs.zeroed,
-        taut_wanted=inputs.taut_wanted,
+        tension_required=inputs.tension_required,
         missed=missed,
     )
-    store_compiled(control.checks, after)
-    store_compiled(control.found, found)
+    store_compiled(control.fault_state, next_state)
+    store_compiled(control.detected_fault, fault)
     F_ext_hat = _estimate_outside_force(control, m, inputs.zeroed)
-    if found.what != fault_detection.NOTHING:
-        return FOUND
-    return FELT if abs(F_ext_hat) > inputs.felt_from else QUIET
+    if fault.kind != fault_detection.NO_FAULT:
+        return FAULT_DETECTED
+    return CONTACT_DETECTED if abs(F_ext_hat) > inputs.contact_threshold else NO_EVENT
 
 
 @compiled
@@ -237,40 +241,46 @@ def _estimate_outside_force(control: StateBlock[ControlState], m: Measurement, z
     """Outside force [N] in this tick; nan as long as it is not known where the motors stand."""
     observer, bias = control.observer.value, control.bias.value
     state = (
-        disturbance_observer.step_disturbance_observer(observer, control.touch.value, m)
+        disturbance_observer.step_disturbance_observer(observer, control.observer_state.value, m)
         if zeroed
         else disturbance_observer.UNKNOWN
     )
     S = decoupler.stiffness(control.tuning.decoupler.value, m.theta_A, m.theta_B)
-    F_ext_hat = disturbance_observer.force(observer, state, bias, S)
-    store_compiled(control.touch, state)
+    F_ext_hat = disturbance_observer.estimate_force(observer, state, bias, S)
+    store_compiled(control.observer_state, state)
     store_compiled(control.F_ext_hat, F_ext_hat)
     return F_ext_hat
 
 
 @compiled
 def compute_control(control: StateBlock[ControlState], moving: StateBlock[Moving]) -> tuple[int, float, float]:
-    """Let the motion decide; the bits of what came of it, and the voltages [V]."""
-    was, inputs = moving.value, control.inputs.value
+    """Step the motion; return the events as bits and the voltages [V]."""
+    motion, inputs = moving.value, control.inputs.value
     tau_ext = (
         control.F_ext_hat.value * control.observer.tendons.r_j.value if control.bias.value.shape[0] > 0 else math.nan
     )
-    decision, carry, state = step(
-        control.tuning.value, was.carry, was.target, with_outside_torque(was.state, tau_ext), control.m.value
+    output, motor_loops, state = step(
+        control.tuning.value,
+        motion.motor_loops,
+        motion.setpoint,
+        with_outside_torque(motion.state, tau_ext),
+        control.m.value,
     )
-    store_compiled(moving, Moving(carry, decision.target, state))
-    store_compiled(control.decision, decision)
-    came = DONE if decision.done and not inputs.reached else QUIET
-    target, load = decision.target, decision.target.load
-    other_push = target.F_push != inputs.F_push
-    other_load = load.load_A != inputs.load.load_A or load.load_B != inputs.load.load_B
-    if decision.pushes and (other_push or other_load):
-        came |= PUSHES
-    if decision.pushes and target.tuning != inputs.tuning:
-        came |= TUNES
-    if decision.pushes and (target.wall != inputs.wall or target.touch != inputs.touch):
-        came |= PUSHES | WALLS
-    return came, decision.u_A, decision.u_B
+    store_compiled(moving, Moving(motor_loops, output.setpoint, state))
+    store_compiled(control.output, output)
+    events = MOTION_DONE if output.done and not inputs.completion_reported else NO_EVENT
+    setpoint, load = output.setpoint, output.setpoint.load
+    push_changed = setpoint.F_push != inputs.F_push
+    load_changed = load.load_A != inputs.load.load_A or load.load_B != inputs.load.load_B
+    if output.sets_disturbance and (push_changed or load_changed):
+        events |= DISTURBANCE_CHANGED
+    if output.sets_disturbance and setpoint.tuning != inputs.tuning:
+        events |= GAINS_CHANGED
+    if output.sets_disturbance and (
+        setpoint.obstacle != inputs.obstacle or setpoint.contact_detection != inputs.contact_detection
+    ):
+        events |= DISTURBANCE_CHANGED | OBSTACLE_CHANGED
+    return events, output.u_A, output.u_B
 
 
 _TICK, _T, _MODE, _RUN = (INDEX[name] for name in ("tick", "t", "mode", "run"))
@@ -291,29 +301,34 @@ def write_row(
     control: StateBlock[ControlState],
     row: NDArray[np.float64],
     tick: int,
-    put: MotorCommand,
-    at_card: RawReading,
+    command: MotorCommand,
+    raw: RawReading,
     lateness_s: float,
     overruns: int,
 ) -> None:
-    """Put the tick into its row (``backend.sample``); ``put`` is what was written last, and is kept as that."""
-    inputs, m, y = control.inputs.value, control.m.value, control.decision.value
-    store_compiled(control.command, put)
+    """Write the step's sample row (``backend.sample``) and store ``command``, which was written last."""
+    inputs, m, y = control.inputs.value, control.m.value, control.output.value
+    store_compiled(control.command, command)
     row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, inputs.mode, inputs.run
-    row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = m.q, y.target.q_ref, y.q_ref_gov, control.velocity.q_dot.value
+    row[_Q], row[_Q_REF], row[_Q_REF_GOV], row[_Q_DOT] = (
+        m.q,
+        y.setpoint.q_ref,
+        y.q_ref_gov,
+        control.velocity.q_dot.value,
+    )
     row[_S] = math.nan
     if inputs.zeroed and not fault_detection.has_slack(control.observer.tendons.value, m):
         row[_S] = decoupler.stiffness(control.tuning.decoupler.value, m.theta_A, m.theta_B)
-    row[_S_REF], row[_S_REF_GOV], row[_S_TRUE] = y.target.S_ref, y.S_ref_gov, m.S_true
+    row[_S_REF], row[_S_REF_GOV], row[_S_TRUE] = y.setpoint.S_ref, y.S_ref_gov, m.S_true
     row[_THETA_A], row[_THETA_A_REF], row[_THETA_B], row[_THETA_B_REF] = (
         m.theta_A,
         y.theta_A_ref,
         m.theta_B,
         y.theta_B_ref,
     )
-    row[_F_A], row[_F_B], row[_U_A], row[_U_B] = m.F_A, m.F_B, put.u_A, put.u_B
+    row[_F_A], row[_F_B], row[_U_A], row[_U_B] = m.F_A, m.F_B, command.u_A, command.u_B
     row[_F_PUSH], row[_F_EXT_HAT], row[_F_WALL] = m.F_push, control.F_ext_hat.value, m.F_wall
-    row[_V_A], row[_V_B], row[_N_Q], row[_N_A], row[_N_B] = at_card
+    row[_V_A], row[_V_B], row[_N_Q], row[_N_A], row[_N_B] = raw
     row[_LAM_Q], row[_LAM_S], row[_BANK_ENTRY] = inputs.lam_q, inputs.lam_S, y.bank_entry
     row[_LIMITS], row[_FAULT], row[_LATENESS], row[_OVERRUNS] = (
         y.limits | inputs.limits, inputs.fault, lateness_s, overruns,
@@ -326,7 +341,7 @@ def write_row(
 # to.
 
 
-DECIDED = 8
+CONTROL_COMPUTED = 8
 """Of the tick after the last whole one: the motion has decided, and the rest is the interpreter's."""
 
 
@@ -345,36 +360,36 @@ def run_batch(
     moving: StateBlock[Moving],
     simulated: StateBlock[Simulated],
     m: Measurement,
-    stretch: TickRange,
+    tick_range: TickRange,
     rows: NDArray[np.float64],
 ) -> tuple[int, int, float, float, Measurement]:
     """Make ticks, each with its row in ``rows`` (capacity, n), at the place of its number; ``m`` is measured now.
 
-    Returns how many are whole, what came of the next one (QUIET: it was not begun; FOUND, FELT: it was looked at; DONE,
-    TUNES, WALLS, DECIDED: it was decided), its voltages [V], and what is measured then.
+    Returns how many are whole, what came of the next one (NO_EVENT: not begun; FAULT_DETECTED, CONTACT_DETECTED:
+    measured; with CONTROL_COMPUTED: its control was computed), its voltages [V], and what is measured then.
     """
-    for made in range(stretch.ticks):
-        seen = detect_faults(control, m, 0)
-        if seen != QUIET:
-            return made, seen, 0.0, 0.0, m
-        came, u_A, u_B = compute_control(control, moving)
-        if came & (DONE | TUNES | WALLS) or not math.isfinite(u_A + u_B):
-            return made, came | DECIDED, u_A, u_B, m
-        if came & PUSHES:
-            target = control.decision.target.value
-            store_compiled(control.inputs.F_push, target.F_push)
-            store_compiled(control.inputs.load, target.load)
-            store_compiled(simulated.F_push, target.F_push)
-            store_compiled(simulated.load, target.load)
-        m = simulate_period(simulated, u_A, u_B, stretch.period + made + 1)
-        number = stretch.first + made
+    for count in range(tick_range.ticks):
+        detected = detect_faults(control, m, 0)
+        if detected != NO_EVENT:
+            return count, detected, 0.0, 0.0, m
+        events, u_A, u_B = compute_control(control, moving)
+        if events & (MOTION_DONE | GAINS_CHANGED | OBSTACLE_CHANGED) or not math.isfinite(u_A + u_B):
+            return count, events | CONTROL_COMPUTED, u_A, u_B, m
+        if events & DISTURBANCE_CHANGED:
+            setpoint = control.output.setpoint.value
+            store_compiled(control.inputs.F_push, setpoint.F_push)
+            store_compiled(control.inputs.load, setpoint.load)
+            store_compiled(simulated.F_push, setpoint.F_push)
+            store_compiled(simulated.load, setpoint.load)
+        m = simulate_period(simulated, u_A, u_B, tick_range.period + count + 1)
+        number = tick_range.first + count
         write_row(
             control=control,
             row=rows[number % rows.shape[0]],
             tick=number,
-            put=MotorCommand(u_A, u_B),
-            at_card=NO_RAW,
+            command=MotorCommand(u_A, u_B),
+            raw=NO_RAW,
             lateness_s=0.0,
-            overruns=stretch.overruns,
+            overruns=tick_range.overruns,
         )
-    return stretch.ticks, QUIET, 0.0, 0.0, m
+    return tick_range.ticks, NO_EVENT, 0.0, 0.0, m

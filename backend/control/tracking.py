@@ -6,7 +6,7 @@ from typing import NamedTuple
 from backend.control import baselines, cascade, decoupler, pid
 from backend.control.decoupler import Bounds
 from backend.control.motion_types import VOLTAGE_A, VOLTAGE_B, ControlOutput, MotorLoopState, Setpoint
-from backend.control.setpoint_player import SetpointPlayer, announced, play
+from backend.control.setpoint_player import SetpointPlayer, find_ramp_end, step_setpoint_player
 from backend.control.trajectory import LoopReferences
 from backend.faults import Limit
 from plant import Measurement, compiled
@@ -22,59 +22,64 @@ _GOVERNOR, _FLOOR, _CEILING, _RANGE = (
 
 
 class TrackingState(NamedTuple):
-    """``position_loop``: closed; without it the decoupler's geometry alone positions the joint. ``plays`` a program.
+    """State of the cascade that follows references or a program.
+
+    ``position_loop``: closed; without it the decoupler's geometry alone positions the joint. ``has_program``: it plays
+    one.
 
     ``tau_ext`` [N·m]: outside torque in this tick, nan as long as its bias is not known.
     """
 
     law: cascade.CascadeState
     position_loop: bool
-    plays: bool
+    has_program: bool
     player: SetpointPlayer
     tau_ext: float = math.nan
 
 
 @compiled
 def step(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: TrackingState, m: Measurement
+    tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: TrackingState, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, TrackingState]:
     """One tick of the cascade."""
     done, player, q_end, S_end = False, state.player, math.nan, math.nan
-    if state.plays:
-        done, target, player = play(player, target)
-        q_end, S_end = announced(player)
-    references = LoopReferences(target.q_ref, target.S_ref, q_end, S_end)
+    if state.has_program:
+        done, setpoint, player = step_setpoint_player(player, setpoint)
+        q_end, S_end = find_ramp_end(player)
+    references = LoopReferences(setpoint.q_ref, setpoint.S_ref, q_end, S_end)
     y, law = cascade.step(
         tuning=tuning, state=state.law, r=references, position_loop=state.position_loop, m=m, tau_ext=state.tau_ext
     )
-    carry = MotorLoopState(law.alone, tuning.motors, y.theta_A_ref, y.theta_B_ref)
+    motor_loops = MotorLoopState(law.standalone_motors, tuning.motors, y.theta_A_ref, y.theta_B_ref)
     return (
-        decided(y, target, state.plays, done),
-        carry,
-        TrackingState(law, state.position_loop, state.plays, player, state.tau_ext),
+        make_control_output(y, setpoint, state.has_program, done),
+        motor_loops,
+        TrackingState(law, state.position_loop, state.has_program, player, state.tau_ext),
     )
 
 
 @compiled
-def decided(y: cascade.CascadeOutput, target: Setpoint, pushes: bool, done: bool) -> ControlOutput:
+def make_control_output(
+    y: cascade.CascadeOutput, setpoint: Setpoint, sets_disturbance: bool, done: bool
+) -> ControlOutput:
     """Decision of a law of position and stiffness."""
     return ControlOutput(
         u_A=y.u_A,
         u_B=y.u_B,
         theta_A_ref=y.theta_A_ref,
         theta_B_ref=y.theta_B_ref,
-        target=target,
+        setpoint=setpoint,
         q_ref_gov=y.q_ref_gov,
         S_ref_gov=y.S_ref_gov,
         bank_entry=y.bank_entry,
-        limits=acting(y),
-        pushes=pushes,
+        limits=make_limit_flags(y),
+        sets_disturbance=sets_disturbance,
         done=done,
     )
 
 
 @compiled
-def acting(y: cascade.CascadeOutput) -> int:
+def make_limit_flags(y: cascade.CascadeOutput) -> int:
     """Limit flags of a tick."""
     return (
         (VOLTAGE_A if y.clipped_A else 0)
@@ -86,7 +91,9 @@ def acting(y: cascade.CascadeOutput) -> int:
     )
 
 
-def here(tuning: cascade.CascadeTuning, m: Measurement, bounds: Bounds, *, position_loop: bool = True) -> Setpoint:
+def find_resting_setpoint(
+    tuning: cascade.CascadeTuning, m: Measurement, bounds: Bounds, *, position_loop: bool = True
+) -> Setpoint:
     """Return references with which nothing has to move, as far as references may go.
 
     Without position loop q_ref is the equilibrium of the motors [rad], and not where a push holds the joint.
@@ -121,26 +128,38 @@ class FeedbackLinearization(NamedTuple):
 
 @compiled
 def step_single_loop(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: SingleLoop, m: Measurement
+    tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: SingleLoop, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, SingleLoop]:
     """One tick; the cascade's tuning is only what the next motion takes over."""
-    done, target, player = play(state.player, target)
-    y, law = baselines.step_single_loop(state.tuning, state.law, target.q_ref, target.S_ref, m)
-    return decided(y, target, True, done), _left(tuning, y, m), SingleLoop(state.tuning, law, player)
+    done, setpoint, player = step_setpoint_player(state.player, setpoint)
+    y, law = baselines.step_single_loop(state.tuning, state.law, setpoint.q_ref, setpoint.S_ref, m)
+    return (
+        make_control_output(y, setpoint, True, done),
+        _hold_motors(tuning, y, m),
+        SingleLoop(state.tuning, law, player),
+    )
 
 
 @compiled
 def step_feedback_linearization(
-    tuning: cascade.CascadeTuning, carry: MotorLoopState, target: Setpoint, state: FeedbackLinearization, m: Measurement
+    tuning: cascade.CascadeTuning,
+    motor_loops: MotorLoopState,
+    setpoint: Setpoint,
+    state: FeedbackLinearization,
+    m: Measurement,
 ) -> tuple[ControlOutput, MotorLoopState, FeedbackLinearization]:
     """One tick; the cascade's tuning is only what the next motion takes over."""
-    done, target, player = play(state.player, target)
-    y, law = baselines.step_feedback_linearization(state.tuning, state.law, target.q_ref, target.S_ref, m)
-    return decided(y, target, True, done), _left(tuning, y, m), FeedbackLinearization(state.tuning, law, player)
+    done, setpoint, player = step_setpoint_player(state.player, setpoint)
+    y, law = baselines.step_feedback_linearization(state.tuning, state.law, setpoint.q_ref, setpoint.S_ref, m)
+    return (
+        make_control_output(y, setpoint, True, done),
+        _hold_motors(tuning, y, m),
+        FeedbackLinearization(state.tuning, law, player),
+    )
 
 
 @compiled
-def _left(tuning: cascade.CascadeTuning, y: cascade.CascadeOutput, m: Measurement) -> MotorLoopState:
+def _hold_motors(tuning: cascade.CascadeTuning, y: cascade.CascadeOutput, m: Measurement) -> MotorLoopState:
     """Motor loops that hold the joint where the law has left it."""
     state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, y.u_A, y.u_B)
     return MotorLoopState(state, tuning.motors, m.theta_A, m.theta_B)

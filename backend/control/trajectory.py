@@ -16,13 +16,13 @@ from plant import T_s, compiled
 LANDING_S = 0.010
 """Time constant with which an axis comes to rest at its target, where the braking curve has no finite slope."""
 
-BRAKING = 0.98
+BRAKING_SHARE = 0.98
 """Share of the budget that braking counts on: what is left keeps an axis on its curve."""
 
 HALVINGS = 24
 """Steps of a bisection."""
 
-LEAST_V = 1e-3
+MIN_VOLTAGE_V = 1e-3
 """An axis that has nothing left of the budget [V] is planned with this."""
 
 
@@ -44,13 +44,13 @@ class Lagged(NamedTuple):
 class Goal(NamedTuple):
     """Where an axis is sent [rad], how fast that moves [rad/s], 0 where it has jumped, and where it will stand [rad].
 
-    ``end`` nan: nobody has announced one. ``moved`` [rad]: since the tick before.
+    ``end`` nan: nobody has announced one. ``displacement`` [rad]: since the tick before.
     """
 
     theta: float
     rate: float
     end: float = math.nan
-    moved: float = 0.0
+    displacement: float = 0.0
 
 
 @compiled
@@ -70,17 +70,17 @@ def braking_speed(V: float, T: float, distance: float) -> float:
 
 
 @compiled
-def least_voltage(K: float, T: float, omega: float, distance: float, most: float) -> float:
+def least_voltage(K: float, T: float, omega: float, distance: float, U_max: float) -> float:
     """Least voltage [V], ``most`` where that is not enough, that stops an axis within ``distance`` [rad] ahead of it.
 
     ``omega`` [rad/s] is the speed in that direction: nothing is needed by an axis that stands or goes the other way.
     """
     if omega <= 0.0:
         return 0.0
-    low, high = 0.0, most
+    low, high = 0.0, U_max
     for _ in range(HALVINGS):
         U = 0.5 * (low + high)
-        if braking_distance(BRAKING * K * U, T, omega) > distance:
+        if braking_distance(BRAKING_SHARE * K * U, T, omega) > distance:
             low = U
         else:
             high = U
@@ -88,7 +88,7 @@ def least_voltage(K: float, T: float, omega: float, distance: float, most: float
 
 
 @compiled
-def duration(V: float, T: float, distance: float, omega: float) -> float:
+def compute_duration(V: float, T: float, distance: float, omega: float) -> float:
     """Least time [s] from speed ``omega`` [rad/s] to rest ``distance`` [rad] away, with at most V/K volts.
 
     Full voltage one way, then the other (T θ'' + θ' = K u, |K u| ≤ V).
@@ -107,26 +107,26 @@ def duration(V: float, T: float, distance: float, omega: float) -> float:
 
 
 @compiled
-def toward(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
+def compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
     """Voltage [V] of this tick, within ±U: up to the speed from which the axis still stops at its goal.
 
     With a goal that moves that is as fast as the goal, and no faster than what still stops at the goal's end.
     """
-    U = max(U, LEAST_V)
-    u = _toward(K, T, U, axis, goal)
+    U = max(U, MIN_VOLTAGE_V)
+    u = _compute_approach_voltage(K, T, U, axis, goal)
     if goal.rate == 0.0 or math.isnan(goal.end):
         return u
-    to_end = _toward(K, T, U, axis, Goal(goal.end, 0.0, math.nan, 0.0))
+    to_end = _compute_approach_voltage(K, T, U, axis, Goal(goal.end, 0.0, math.nan, 0.0))
     return min(u, to_end) if goal.rate > 0.0 else max(u, to_end)
 
 
 @compiled
-def _toward(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
+def _compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
     """Voltage [V] of this tick, within ±U, with which the axis comes to its goal no faster than that moves."""
     e, w = goal.theta - axis.theta, axis.omega - goal.rate
     e -= T_s * w  # as it will be when this voltage has acted
     s = 1.0 if e >= 0.0 else -1.0
-    V = max(K * BRAKING * U + s * goal.rate, 0.05 * K * U)
+    V = max(K * BRAKING_SHARE * U + s * goal.rate, 0.05 * K * U)
     a = V / T
     landing = a * LANDING_S**2
     wanted = abs(e) / LANDING_S if abs(e) <= landing else braking_speed(V, T, abs(e) - 0.5 * landing)
@@ -136,24 +136,24 @@ def _toward(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float
 
 
 @compiled
-def turned(K: float, T: float, axis: AxisMotion, u: float) -> AxisMotion:
+def advance_axis(K: float, T: float, axis: AxisMotion, u: float) -> AxisMotion:
     """Axis one tick later under u [V], exactly: T θ'' + θ' = K u."""
     g = math.exp(-T_s / T)
-    over = axis.omega - K * u
-    return AxisMotion(axis.theta + K * u * T_s + over * T * (1.0 - g), K * u + over * g)
+    transient = axis.omega - K * u
+    return AxisMotion(axis.theta + K * u * T_s + transient * T * (1.0 - g), K * u + transient * g)
 
 
 @compiled
-def turned_lagged(K: float, T: float, tau_e: float, axis: Lagged, u: float) -> Lagged:
+def advance_lagged_axis(K: float, T: float, tau_e: float, axis: Lagged, u: float) -> Lagged:
     """Axis one tick later under u [V], exactly: T θ'' + θ' = K v, τ_e v' + v = u."""
     if abs(T - tau_e) < 1e-7 * T:
         tau_e *= 1.0 + 1e-7  # the solution below is for two different lags
     g, h = math.exp(-T_s / T), math.exp(-T_s / tau_e)
-    left = K * (axis.u - u) * tau_e / (tau_e - T)
-    over = axis.omega - K * u - left
+    lagged = K * (axis.u - u) * tau_e / (tau_e - T)
+    transient = axis.omega - K * u - lagged
     return Lagged(
-        axis.theta + K * u * T_s + left * tau_e * (1.0 - h) + over * T * (1.0 - g),
-        K * u + left * h + over * g,
+        axis.theta + K * u * T_s + lagged * tau_e * (1.0 - h) + transient * T * (1.0 - g),
+        K * u + lagged * h + transient * g,
         u + (axis.u - u) * h,
     )
 
@@ -163,7 +163,7 @@ def turned_lagged(K: float, T: float, tau_e: float, axis: Lagged, u: float) -> L
 # Where the two axes of a plan are sent, how fast that moves, and where it is going to stand.
 
 
-LEAST_RAD_S = 1e-3
+MIN_SPEED_RAD_S = 1e-3
 """An axis that has nothing left of the budget brakes with this, as speed [rad/s]."""
 
 
@@ -180,67 +180,71 @@ class LoopReferences(NamedTuple):
 
 
 @compiled
-def goals(d: Decoupler, before_d: Goal, before_c: Goal, r: LoopReferences, V: float) -> tuple[Goal, Goal]:
+def compute_goals(d: Decoupler, before_d: Goal, before_c: Goal, r: LoopReferences, V: float) -> tuple[Goal, Goal]:
     """Goals of difference and common axis after those of the tick before, for motors that reach V [rad/s]."""
     theta_A, theta_B = decoupler.motor_positions(d, r.q, r.S)
-    end_d, end_c = _ends(d, r)
+    end_d, end_c = _compute_goal_ends(d, r)
     return (
-        _goal(before_d, 0.5 * (theta_A - theta_B), end_d, V),
-        _goal(before_c, 0.5 * (theta_A + theta_B), end_c, V),
+        _make_goal(before_d, 0.5 * (theta_A - theta_B), end_d, V),
+        _make_goal(before_c, 0.5 * (theta_A + theta_B), end_c, V),
     )
 
 
 @compiled
-def jumps(before: Goal, goal: Goal) -> bool:
+def has_jumped(before: Goal, goal: Goal) -> bool:
     """Whether a goal is not where the one before was, and has not gone there in steps that a motor could follow."""
     return goal.theta != before.theta and (goal.rate == 0.0 or before.rate == 0.0)
 
 
 @compiled
-def soonest_stand(
+def plan_fastest_stop(
     K: float, T: float, U: float, d: AxisMotion, c: AxisMotion, goal_d: Goal, goal_c: Goal
 ) -> tuple[Goal, Goal, float]:
-    """Where both axes come to stand soonest within U [V], none beyond where it was sent; share of the difference axis.
+    """Goals at which both axes stop soonest within U [V], none beyond its old goal; share of the difference axis.
 
     Each is given volts as it is fast, or what it takes to stop where it was sent: the common axis first.
     """
-    before_d, before_c = _sent_before(d, goal_d), _sent_before(c, goal_c)
+    remaining_d, remaining_c = _compute_remaining_distance(d, goal_d), _compute_remaining_distance(c, goal_c)
     w_d, w_c = abs(d.omega), abs(c.omega)
     share = w_d / (w_d + w_c) if w_d + w_c > 0.0 else 0.5
-    share = max(share, least_voltage(K, T, w_d, before_d, U) / U)
-    share = min(share, 1.0 - least_voltage(K, T, w_c, before_c, U) / U)
-    return _stopped(K * share * U, T, d, before_d), _stopped(K * (1.0 - share) * U, T, c, before_c), share
+    share = max(share, least_voltage(K, T, w_d, remaining_d, U) / U)
+    share = min(share, 1.0 - least_voltage(K, T, w_c, remaining_c, U) / U)
+    return (
+        _make_stopping_goal(K * share * U, T, d, remaining_d),
+        _make_stopping_goal(K * (1.0 - share) * U, T, c, remaining_c),
+        share,
+    )
 
 
 @compiled
-def _sent_before(axis: AxisMotion, goal: Goal) -> float:
-    """How far [rad] ahead of an axis lies where it was sent to stand; inf: nowhere ahead of it, or not known."""
+def _compute_remaining_distance(axis: AxisMotion, goal: Goal) -> float:
+    """Distance [rad] from an axis to the end of its goal; inf where that is behind it or not known."""
     ahead = math.copysign(1.0, axis.omega) * ((goal.theta if goal.rate == 0.0 else goal.end) - axis.theta)
     return ahead if ahead > 0.0 else math.inf
 
 
 @compiled
-def _stopped(V: float, T: float, axis: AxisMotion, most: float) -> Goal:
-    """Where an axis stands once V [rad/s] have stopped it, ``most`` [rad] ahead of where it is."""
-    V = max(BRAKING * V, LEAST_RAD_S)
+def _make_stopping_goal(V: float, T: float, axis: AxisMotion, distance_max: float) -> Goal:
+    """Return the goal at which V [rad/s] stops an axis, ``most`` [rad] ahead of where it is."""
+    V = max(BRAKING_SHARE * V, MIN_SPEED_RAD_S)
     landing = 0.5 * V / T * LANDING_S**2
-    way = min(braking_distance(V, T, abs(axis.omega)) + landing, most)
-    return Goal(axis.theta + math.copysign(way, axis.omega), 0.0, math.nan, 0.0)
+    distance = min(braking_distance(V, T, abs(axis.omega)) + landing, distance_max)
+    return Goal(axis.theta + math.copysign(distance, axis.omega), 0.0, math.nan, 0.0)
 
 
 @compiled
-def _goal(before: Goal, theta: float, end: float, V: float) -> Goal:
+def _make_goal(before: Goal, theta: float, end: float, V: float) -> Goal:
     """Goal of this tick: one that has gone no further than a motor could follow is moving, any other has jumped.
 
     So has one that begins to move, as a small step cannot be told from a ramp in its first tick.
     """
-    moved, reach = theta - before.theta, V * T_s
-    moves = 0.0 < abs(before.moved) <= reach and abs(moved) <= reach
-    return Goal(theta, moved / T_s if moves else 0.0, end, moved)
+    displacement, reach = theta - before.theta, V * T_s
+    is_moving = 0.0 < abs(before.displacement) <= reach and abs(displacement) <= reach
+    return Goal(theta, displacement / T_s if is_moving else 0.0, end, displacement)
 
 
 @compiled
-def _ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]:
+def _compute_goal_ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]:
     """Return the ends [rad] of difference and common axis; nan where that of its own reference is not known."""
     if math.isnan(r.q_end) and math.isnan(r.S_end):
         return math.nan, math.nan
@@ -264,23 +268,23 @@ def _ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]:
 # needed go straight to the motors (model following: the paper's loops act on the rest).
 
 
-SMOOTHED = 10
+WINDOW_TICKS = 10
 """Ticks over which the voltages are averaged: the end point and the bound stay, a full reversal takes 10 ms."""
 
-NEAR = 0.05
+NEAR_TARGET_RAD = 0.05
 """An axis so near its target [rad] leaves the voltage that it does not use to the other one."""
 
-STANDING = 1e-3
+ARRIVED_RAD = 1e-3
 """An axis so near its target [rad] has arrived."""
 
-GENTLE = 0.2
+SMALL_MOVE_RAD = 0.2
 """A move of both axes together [rad] from which on the whole budget is used, 0.02 rad of the joint; of a smaller one
 the share (move/GENTLE)²: one count of the joint's encoder is no reason for a kick of 8 V."""
 
-GENTLE_LEAST_V = 0.05
+SMALL_MOVE_MIN_V = 0.05
 """The smallest move is made with this [V]."""
 
-STANDS = 0.05
+STANDSTILL_RAD_S = 0.05
 """A model whose axes are so slow [rad/s], and driven no faster, stands."""
 
 
@@ -310,9 +314,9 @@ class TrajectoryState(NamedTuple):
     """The model and its way.
 
     ``d``, ``c``: difference and common axis before smoothing; ``smooth_d``, ``smooth_c`` behind it and behind the
-    electrical lag, where the motors of the model are. ``share`` of the budget is the difference axis's; ``asked`` [V]
-    of it is what the tuning has, ``allowed`` [V] what is in use: more where axes that move could not be stopped in time
-    with less. ``q`` [rad], ``q_dot`` [rad/s]: joint of the model. ``F_held`` [N]: tension that the motor loops'
+    electrical lag, where the motors of the model are. ``share`` of the budget is the difference axis's; ``budget`` [V]
+    of it is what the tuning has, ``voltage_limit`` [V] what is in use: more where axes that move could not be stopped
+    in time with less. ``q`` [rad], ``q_dot`` [rad/s]: joint of the model. ``F_held`` [N]: tension that the motor loops'
     integrators carry already.
     """
 
@@ -325,8 +329,8 @@ class TrajectoryState(NamedTuple):
     smooth_d: Lagged
     smooth_c: Lagged
     share: float
-    asked: float
-    allowed: float
+    budget: float
+    voltage_limit: float
     q: float
     q_dot: float
     F_held_A: float
@@ -354,7 +358,9 @@ class Driven(NamedTuple):
 
 
 @compiled
-def begin(d: Decoupler, model: TrajectoryModel, q: float, S: float, omega_A: float, omega_B: float) -> TrajectoryState:
+def begin_trajectory(
+    d: Decoupler, model: TrajectoryModel, q: float, S: float, omega_A: float, omega_B: float
+) -> TrajectoryState:
     """Return a model at ``q`` [rad] and ``S`` [N·m/rad] whose motors move at ``omega`` [rad/s], sent nowhere else.
 
     Its motors are where they hold its joint, moving or at rest. What the actuator's motors are off from there, because
@@ -365,20 +371,20 @@ def begin(d: Decoupler, model: TrajectoryModel, q: float, S: float, omega_A: flo
     theta_A, theta_B = decoupler.motor_positions(d, q_e, S)
     difference = AxisMotion(0.5 * (theta_A - theta_B), 0.5 * (omega_A - omega_B))
     common = AxisMotion(0.5 * (theta_A + theta_B), 0.5 * (omega_A + omega_B))
-    F_A, F_B = _tensions(d, q_e, S, q)
+    F_A, F_B = _compute_tensions(d, q_e, S, q)
     K = min(model.K_A, model.K_B)
     return TrajectoryState(
         goal_d=Goal(difference.theta, 0.0, math.nan, 0.0),
         goal_c=Goal(common.theta, 0.0, math.nan, 0.0),
         d=difference,
         c=common,
-        window_d=_filled(difference.omega / K),
-        window_c=_filled(common.omega / K),
+        window_d=_fill_window(difference.omega / K),
+        window_c=_fill_window(common.omega / K),
         smooth_d=Lagged(difference.theta, difference.omega, difference.omega / K),
         smooth_c=Lagged(common.theta, common.omega, common.omega / K),
         share=0.5,
-        asked=-1.0,
-        allowed=(abs(difference.omega) + abs(common.omega)) / K,
+        budget=-1.0,
+        voltage_limit=(abs(difference.omega) + abs(common.omega)) / K,
         q=q,
         q_dot=q_dot,
         F_held_A=F_A,
@@ -387,20 +393,22 @@ def begin(d: Decoupler, model: TrajectoryModel, q: float, S: float, omega_A: flo
 
 
 @compiled
-def now(d: Decoupler, state: TrajectoryState) -> AxisState:
+def compute_axis_state(d: Decoupler, state: TrajectoryState) -> AxisState:
     """Return where the model is."""
-    A, B = _motors(state.smooth_d, state.smooth_c)
+    A, B = _combine_axes(state.smooth_d, state.smooth_c)
     q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
     return AxisState(theta_A=A.theta, theta_B=B.theta, omega_A=A.omega, omega_B=B.omega, q=state.q, q_e=q_e, S=S)
 
 
 @compiled
-def stands(model: TrajectoryModel, state: TrajectoryState) -> bool:
+def is_at_rest(model: TrajectoryModel, state: TrajectoryState) -> bool:
     """Whether the model moves no more, or not yet."""
     K = min(model.K_A, model.K_B)
     speed = max(abs(state.smooth_d.omega), abs(state.smooth_c.omega))
-    driven = max(abs(_mean(state.window_d)), abs(_mean(state.window_c)), abs(state.smooth_d.u), abs(state.smooth_c.u))
-    return max(speed, K * driven) < STANDS
+    mean_voltage = max(
+        abs(_mean(state.window_d)), abs(_mean(state.window_c)), abs(state.smooth_d.u), abs(state.smooth_c.u)
+    )
+    return max(speed, K * mean_voltage) < STANDSTILL_RAD_S
 
 
 @compiled
@@ -410,47 +418,47 @@ def step(
     """One tick towards the references from ``at``, within ``budget`` [V] for both axes together; 0 V: to a stand."""
     K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
     if budget > 0.0:
-        goal_d, goal_c = goals(d, state.goal_d, state.goal_c, r, K * budget)
+        goal_d, goal_c = compute_goals(d, state.goal_d, state.goal_c, r, K * budget)
     else:
         goal_d, goal_c = state.goal_d, state.goal_c
-    share, allowed = state.share, state.allowed
+    share, voltage_limit = state.share, state.voltage_limit
     distance = abs(goal_d.theta - state.smooth_d.theta) + abs(goal_c.theta - state.smooth_c.theta)
     if budget == 0.0:
-        if state.asked != 0.0:
-            goal_d, goal_c, share = soonest_stand(
-                K=K, T=T, U=allowed, d=state.d, c=state.c, goal_d=goal_d, goal_c=goal_c
+        if state.budget != 0.0:
+            goal_d, goal_c, share = plan_fastest_stop(
+                K=K, T=T, U=voltage_limit, d=state.d, c=state.c, goal_d=goal_d, goal_c=goal_c
             )
-    elif budget != state.asked or jumps(state.goal_d, goal_d) or jumps(state.goal_c, goal_c):
-        share, allowed = shared(
+    elif budget != state.budget or has_jumped(state.goal_d, goal_d) or has_jumped(state.goal_c, goal_c):
+        share, voltage_limit = share_budget(
             K=K,
             T=T,
-            usable=_usable(budget, state, goal_d, goal_c),
+            usable=_compute_usable_voltage(budget, state, goal_d, goal_c),
             budget=budget,
             state=state,
             goal_d=goal_d,
             goal_c=goal_c,
         )
-    elif distance < STANDING:
-        allowed = min(allowed, budget)
-    held_d, held_c = abs(goal_d.rate) / K, abs(goal_c.rate) / K
-    free = max(allowed - held_d - held_c, 0.0)
-    most_d = held_d + share * free
-    if abs(goal_c.theta - state.c.theta) < NEAR:  # what the common axis has no use for now
-        most_d = max(most_d, allowed - abs(state.window_c[0]))
-    most_d = min(most_d, allowed)
-    u_d = toward(K, T, most_d, state.d, goal_d)
-    u_c = toward(K, T, allowed - abs(u_d), state.c, goal_c)
-    window_d, window_c = _pushed(state.window_d, u_d), _pushed(state.window_c, u_c)
+    elif distance < ARRIVED_RAD:
+        voltage_limit = min(voltage_limit, budget)
+    tracking_d, tracking_c = abs(goal_d.rate) / K, abs(goal_c.rate) / K
+    free = max(voltage_limit - tracking_d - tracking_c, 0.0)
+    limit_d = tracking_d + share * free
+    if abs(goal_c.theta - state.c.theta) < NEAR_TARGET_RAD:  # what the common axis has no use for now
+        limit_d = max(limit_d, voltage_limit - abs(state.window_c[0]))
+    limit_d = min(limit_d, voltage_limit)
+    u_d = compute_approach_voltage(K, T, limit_d, state.d, goal_d)
+    u_c = compute_approach_voltage(K, T, voltage_limit - abs(u_d), state.c, goal_c)
+    window_d, window_c = _shift_window(state.window_d, u_d), _shift_window(state.window_c, u_c)
     mean_d, mean_c = _mean(window_d), _mean(window_c)
     tau_e = max(model.tau_e_A, model.tau_e_B)
-    smooth_d = turned_lagged(K, T, tau_e, state.smooth_d, mean_d)
-    smooth_c = turned_lagged(K, T, tau_e, state.smooth_c, mean_c)
+    smooth_d = advance_lagged_axis(K, T, tau_e, state.smooth_d, mean_d)
+    smooth_c = advance_lagged_axis(K, T, tau_e, state.smooth_c, mean_c)
 
-    A, B = _motors(smooth_d, smooth_c)
+    A, B = _combine_axes(smooth_d, smooth_c)
     q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
-    q, q_dot = _swung(model=model, q=state.q, q_dot=state.q_dot, q_e=at.q_e, S=at.S, q_e_next=q_e, S_next=S)
+    q, q_dot = _advance_joint(model=model, q=state.q, q_dot=state.q_dot, q_e=at.q_e, S=at.S, q_e_next=q_e, S_next=S)
 
-    forward = TrajectoryState(
+    feedforward_state = TrajectoryState(
         goal_d=goal_d,
         goal_c=goal_c,
         d=state.d,
@@ -460,28 +468,28 @@ def step(
         smooth_d=state.smooth_d,
         smooth_c=state.smooth_c,
         share=share,
-        asked=budget,
-        allowed=allowed,
+        budget=budget,
+        voltage_limit=voltage_limit,
         q=state.q,
         q_dot=state.q_dot,
         F_held_A=state.F_held_A,
         F_held_B=state.F_held_B,
     )
-    u_A, u_B = voltages(d, model, forward, at)
-    moving = distance > STANDING or goal_d.rate != 0.0 or goal_c.rate != 0.0
-    driven = Driven(u_A, u_B, moving)
-    return driven, TrajectoryState(
+    u_A, u_B = compute_voltages(d, model, feedforward_state, at)
+    moving = distance > ARRIVED_RAD or goal_d.rate != 0.0 or goal_c.rate != 0.0
+    drive = Driven(u_A, u_B, moving)
+    return drive, TrajectoryState(
         goal_d=goal_d,
         goal_c=goal_c,
-        d=turned(K, T, state.d, u_d),
-        c=turned(K, T, state.c, u_c),
+        d=advance_axis(K, T, state.d, u_d),
+        c=advance_axis(K, T, state.c, u_c),
         window_d=window_d,
         window_c=window_c,
         smooth_d=smooth_d,
         smooth_c=smooth_c,
         share=share,
-        asked=budget,
-        allowed=allowed,
+        budget=budget,
+        voltage_limit=voltage_limit,
         q=q,
         q_dot=q_dot,
         F_held_A=state.F_held_A,
@@ -490,8 +498,10 @@ def step(
 
 
 @compiled
-def voltages(d: Decoupler, model: TrajectoryModel, state: TrajectoryState, at: AxisState) -> tuple[float, float]:
-    """Voltages [V] of the two motors for what the axes' windows say, and for the tension that has come since ``begin``.
+def compute_voltages(
+    d: Decoupler, model: TrajectoryModel, state: TrajectoryState, at: AxisState
+) -> tuple[float, float]:
+    """Voltages [V] of both motors for the axes' windows, and for the tension that was added since ``begin_trajectory``.
 
     The axes are driven as by one motor; each of the two needs what its own constants ask for at the same motion:
     u − F r_m/K_t = (ω + (T + τ_e) dω/dt + T τ_e d²ω/dt²)/K, and a change of tension is answered ahead of the lag τ_e.
@@ -501,7 +511,7 @@ def voltages(d: Decoupler, model: TrajectoryModel, state: TrajectoryState, at: A
     turning_c = (K * state.smooth_c.u - state.smooth_c.omega) / T
     jerk_d = (K * (_mean(state.window_d) - state.smooth_d.u) / tau_e - turning_d) / T
     jerk_c = (K * (_mean(state.window_c) - state.smooth_c.u) / tau_e - turning_c) / T
-    F_A, F_B = _tensions(d, at.q_e, at.S, at.q)
+    F_A, F_B = _compute_tensions(d, at.q_e, at.S, at.q)
     tendon = 0.5 * at.S / (d.r_j * d.r_j)
     F_A += model.tau_e_A * tendon * (d.r_m * at.omega_A - d.r_j * state.q_dot)
     F_B += model.tau_e_B * tendon * (d.r_m * at.omega_B + d.r_j * state.q_dot)
@@ -515,16 +525,16 @@ def voltages(d: Decoupler, model: TrajectoryModel, state: TrajectoryState, at: A
 
 
 @compiled
-def _usable(budget: float, state: TrajectoryState, goal_d: Goal, goal_c: Goal) -> float:
+def _compute_usable_voltage(budget: float, state: TrajectoryState, goal_d: Goal, goal_c: Goal) -> float:
     """Voltage [V] of the budget that a move of this length is made with; all of it for goals that move."""
     if goal_d.rate != 0.0 or goal_c.rate != 0.0:
         return budget
-    share = (abs(goal_d.theta - state.d.theta) + abs(goal_c.theta - state.c.theta)) / GENTLE
-    return min(max(budget * share * share, GENTLE_LEAST_V), budget)
+    share = (abs(goal_d.theta - state.d.theta) + abs(goal_c.theta - state.c.theta)) / SMALL_MOVE_RAD
+    return min(max(budget * share * share, SMALL_MOVE_MIN_V), budget)
 
 
 @compiled
-def shared(
+def share_budget(
     K: float, T: float, usable: float, budget: float, state: TrajectoryState, goal_d: Goal, goal_c: Goal
 ) -> tuple[float, float]:
     """Share of the budget for the difference axis with which both axes arrive together, and what is allowed [V].
@@ -533,40 +543,42 @@ def shared(
     solid springs. So more than is ``usable`` of the ``budget`` [V], or than a budget that has just become less, may be
     allowed for a while.
     """
-    most = max(budget, state.allowed)
-    needs_c = _needed(K=K, T=T, axis=state.c, before=state.goal_c, goal=goal_c, most=most)
-    needs_d = _needed(K=K, T=T, axis=state.d, before=state.goal_d, goal=goal_d, most=most - needs_c)
-    allowed = max(usable, needs_c + needs_d)
-    low, high = needs_d / allowed, 1.0 - needs_c / allowed
+    voltage_max = max(budget, state.voltage_limit)
+    needs_c = _compute_stopping_voltage(K=K, T=T, axis=state.c, before=state.goal_c, goal=goal_c, U_max=voltage_max)
+    needs_d = _compute_stopping_voltage(
+        K=K, T=T, axis=state.d, before=state.goal_d, goal=goal_d, U_max=voltage_max - needs_c
+    )
+    voltage_limit = max(usable, needs_c + needs_d)
+    low, high = needs_d / voltage_limit, 1.0 - needs_c / voltage_limit
     far_d, far_c = goal_d.theta - state.d.theta, goal_c.theta - state.c.theta
     w_d, w_c = state.d.omega - goal_d.rate, state.c.omega - goal_c.rate
-    free = max(K * allowed - abs(goal_d.rate) - abs(goal_c.rate), 0.0)
+    free = max(K * voltage_limit - abs(goal_d.rate) - abs(goal_c.rate), 0.0)
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
-        if duration(share * free, T, far_d, w_d) > duration((1.0 - share) * free, T, far_c, w_c):
+        if compute_duration(share * free, T, far_d, w_d) > compute_duration((1.0 - share) * free, T, far_c, w_c):
             low = share
         else:
             high = share
-    return 0.5 * (low + high), allowed
+    return 0.5 * (low + high), voltage_limit
 
 
 @compiled
-def _needed(K: float, T: float, axis: AxisMotion, before: Goal, goal: Goal, most: float) -> float:
+def _compute_stopping_voltage(K: float, T: float, axis: AxisMotion, before: Goal, goal: Goal, U_max: float) -> float:
     """Least voltage [V] that still stops an axis where it was or is sent, whichever is farther on its way."""
     w = axis.omega - goal.rate
     s = 1.0 if w >= 0.0 else -1.0
     ahead = max(s * (before.theta - axis.theta), s * (goal.theta - axis.theta))
-    return least_voltage(K, T, s * w, ahead, most)
+    return least_voltage(K, T, s * w, ahead, U_max)
 
 
 @compiled
-def _motors(d: Lagged, c: Lagged) -> tuple[AxisMotion, AxisMotion]:
+def _combine_axes(d: Lagged, c: Lagged) -> tuple[AxisMotion, AxisMotion]:
     """Motors A and B of the two axes."""
     return AxisMotion(c.theta + d.theta, c.omega + d.omega), AxisMotion(c.theta - d.theta, c.omega - d.omega)
 
 
 @compiled
-def _swung(
+def _advance_joint(
     model: TrajectoryModel, q: float, q_dot: float, q_e: float, S: float, q_e_next: float, S_next: float
 ) -> tuple[float, float]:
     """Joint one tick later: J_j q'' = S (q_e − q) − B_j q', a Runge-Kutta step with q_e and S in between."""
@@ -583,19 +595,19 @@ def _swung(
 
 
 @compiled
-def _tensions(d: Decoupler, q_e: float, S: float, q: float) -> tuple[float, float]:
+def _compute_tensions(d: Decoupler, q_e: float, S: float, q: float) -> tuple[float, float]:
     """Tensions [N] with the joint q_e − q [rad] off rest: half of S (q_e − q)/r_j on top of one, off the other."""
     F, pull = decoupler.tension_under(d, S), 0.5 * S * (q_e - q) / d.r_j
     return F + pull, F - pull
 
 
 @compiled
-def _filled(u: float) -> Window:
+def _fill_window(u: float) -> Window:
     return (u, u, u, u, u, u, u, u, u, u)
 
 
 @compiled
-def _pushed(window: Window, u: float) -> Window:
+def _shift_window(window: Window, u: float) -> Window:
     return (u, *window[:-1])
 
 
@@ -604,4 +616,4 @@ def _mean(window: Window) -> float:
     total = 0.0
     for u in window:
         total += u
-    return total / SMOOTHED
+    return total / WINDOW_TICKS

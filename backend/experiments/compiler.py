@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from backend.banks import TuningSettings
-from backend.control import LEAST_BITS, MOST_BITS, MOST_LINES, compute_bounds
+from backend.control import MAX_BITS, MAX_LINES, MIN_BITS, compute_bounds
 from backend.errors import Path, check_range
 from backend.experiments import schema
 from backend.experiments.parser import (
@@ -474,7 +474,7 @@ class _Layout(Numbers):
     @_lay.register
     def _prbs(self, part: schema.Prbs) -> None:
         chip_s = round(self._number("chip_s", part.chip_s, 0.001, 60.0, "s"), 3)
-        bits = self._whole("bits", part.bits, LEAST_BITS, MOST_BITS)
+        bits = self._whole("bits", part.bits, MIN_BITS, MAX_BITS)
         periods = self._whole("periods", part.periods, 1, 1000)
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
         duration_s = self._time(periods * (2**bits - 1) * chip_s, "chip_s", "time of all chips")
@@ -483,7 +483,7 @@ class _Layout(Numbers):
     @_lay.register
     def _multisine(self, part: schema.Multisine) -> None:
         period_s = round(self._number("period_s", part.period_s, 0.1, LONGEST_PART_S, "s"), 3)
-        lines = self._whole("lines", part.lines, 1, MOST_LINES)
+        lines = self._whole("lines", part.lines, 1, MAX_LINES)
         with error_context((*self._path, "lines"), self._lines):
             fastest = f"{_FASTEST_HZ:g} Hz is the fastest: take fewer lines or a longer period"
             check_range(

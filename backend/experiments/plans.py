@@ -316,13 +316,13 @@ def build_profile(program: Program, q_ref: float, S_ref: float) -> Profile:
     for segment, row in zip(program.segments, make_segment_player(program.segments, start).segments, strict=True):
         ticks = round(segment.duration_s / T_s)
         chip = max(1, round(segment.period_s / T_s)) if segment.shape is Shape.PRBS else ticks + 1
-        register, advanced = setpoint_player.FIRST, 0
+        register, advanced = setpoint_player.INITIAL_REGISTER, 0
         for tick in sorted({1, *range(every, ticks, every), ticks}):
             while advanced < (tick - 1) // chip:
                 register, advanced = setpoint_player.next_register(register, segment.count), advanced + 1
-            target = setpoint_player.within(row, start, tick * T_s, register)
+            target = setpoint_player.compute_setpoint(row, start, tick * T_s, register)
             points.append(((begun + tick) * T_s, target.q_ref, target.S_ref, target.F_push))
-        start, begun = setpoint_player.after(row, start), begun + ticks
+        start, begun = setpoint_player.compute_final_setpoint(row, start), begun + ticks
     return Profile(*np.array(points, dtype=np.float64).reshape(-1, 4).T)
 
 

@@ -248,12 +248,12 @@ class MotorTrial(CommissioningMotion):
             u_B=u_B,
             theta_A_ref=nan,
             theta_B_ref=nan,
-            target=self.target,
+            setpoint=self.target,
             q_ref_gov=nan,
             S_ref_gov=nan,
             bank_entry=nan,
             limits=0,
-            pushes=False,
+            sets_disturbance=False,
             done=False,
         )
 
@@ -326,11 +326,11 @@ class ModuleTrial(PythonMotion):
             u_B=self._u_B,
             theta_A_ref=nan,
             theta_B_ref=nan,
-            target=self.target,
+            setpoint=self.target,
             q_ref_gov=nan,
             S_ref_gov=nan,
             bank_entry=nan,
             limits=0,
-            pushes=False,
+            sets_disturbance=False,
             done=self.done,
         )

@@ -99,7 +99,7 @@ class Contact:
         bias = np.array(command.bias, dtype=np.float64).reshape(-1, 2)
         if not np.all(np.isfinite(bias)) or np.any(np.diff(bias[:, 0]) <= 0.0):
             raise ValueError("the bias of the outside force is to rise in S from point to point: it was left as it is")
-        if len(bias) == 0 and self._tunings.gains.rejection.k_ext > 0.0:
+        if len(bias) == 0 and self._tunings.gains.disturbance_feedforward.k_ext > 0.0:
             raise CommandRejectedError("pushes are rejected by what was learned: set k_ext to 0 before it is forgotten")
         if command.contact_N != 0.0:
             check_range(
@@ -369,12 +369,12 @@ class ProgramDisturbances:
 
     def act(self, target: Setpoint, tick: int) -> None:
         """Push, load, obstruct and feel from now on as a program's target says. Raises PlantError."""
-        if target.touch != self.touch:
-            self.touch = target.touch
-            self._contact.use(target.touch)
-        if target.wall != self.wall:
-            self.wall = target.wall
-            self._put(self._walls[target.wall], target.wall, tick)
+        if target.contact_detection != self.touch:
+            self.touch = target.contact_detection
+            self._contact.use(target.contact_detection)
+        if target.obstacle != self.wall:
+            self.wall = target.obstacle
+            self._put(self._walls[target.obstacle], target.obstacle, tick)
         self._act(target.F_push, target.load)
 
     def acting(self, tuning: int) -> ActiveInputs:

@@ -9,15 +9,15 @@ import numpy as np
 
 from backend.control import (
     AT_REST,
-    DECIDED,
-    DONE,
-    FELT,
-    FOUND,
+    CONTACT_DETECTED,
+    CONTROL_COMPUTED,
+    DISTURBANCE_CHANGED,
+    FAULT_DETECTED,
+    GAINS_CHANGED,
+    MOTION_DONE,
+    NO_EVENT,
     NO_REFERENCE,
-    PUSHES,
-    QUIET,
     SLACK_MAX_S,
-    TUNES,
     DetectedFault,
     FaultDetectionState,
     StepInputs,
@@ -199,18 +199,18 @@ def make_step_inputs(machine: ModeManager) -> StepInputs:
     return StepInputs(
         offset_A=zeros.offset_A,
         offset_B=zeros.offset_B,
-        middle=zeros.middle,
+        joint_centre=zeros.middle,
         zeroed=zeros.motors_known,
-        taut_wanted=machine.keeps_taut,
-        felt_from=machine.contact.felt_from(motion),
-        deaf=trial,
+        tension_required=machine.keeps_taut,
+        contact_threshold=machine.contact.felt_from(motion),
+        ignores_safety_trip=trial,
         tripped=trial and motion is not None and motion.done,
-        reached=machine.reached_told,
+        completion_reported=machine.reached_told,
         F_push=push.F_push,
         load=push.load,
         tuning=machine.tunings.number,
-        wall=push.wall,
-        touch=push.touch,
+        obstacle=push.wall,
+        contact_detection=push.touch,
         mode=MODE_CODE[machine.mode],
         run=machine.run,
         lam_q=lambdas.lam_q,
@@ -276,16 +276,16 @@ def describe_fault(
     ``past`` and ``raw`` are as read, before and now; ``m`` has the zeros; ``command`` was written in between.
     """
     side, still = found.which, found.still
-    if found.doubt == fault_detection.JUMPED:
+    if found.verdict == fault_detection.JUMPED:
         way = f"{past[side]:.3f} to {raw[side]:.3f} {_UNITS[side]}"
         return Fault.SENSOR_JUMP, f"{_NAMES[side]} went from {way}"
     theta, F = _NAMES[1 + side], _NAMES[3 + side]
-    if found.doubt == fault_detection.REVERSED:
+    if found.verdict == fault_detection.REVERSED:
         return Fault.MOTOR_REVERSED, f"{theta} runs away from {command[side]:.1f} V, faster and faster"
-    if found.doubt == fault_detection.UNMOVED:
+    if found.verdict == fault_detection.UNMOVED:
         stands = f"{theta} stands at {raw[1 + side]:.3f} rad although its motor gets {command[side]:.1f} V"
         return Fault.SENSOR_STUCK, stands
-    if found.doubt == fault_detection.STUCK:
+    if found.verdict == fault_detection.STUCK:
         turned = f"although its motor turned by {fault_detection.TURNED_RAD:g} rad"
         return Fault.SENSOR_STUCK, f"{F} stands at {raw[3 + side]:.2f} N {turned}"
     seen = f"{F} = {m[3 + side]:.1f} N, but the encoders stretch that spring to {m[3 + side] - found.excess:.1f} N"
@@ -321,14 +321,14 @@ class Checks:
         ``m`` has the motors' zeros, ``heard`` is that from the joint's middle; ``at_card`` is what they were made from,
         ``missed`` the deadlines since the last tick.
         """
-        match found.what:
-            case fault_detection.NO_NUMBER | fault_detection.OUT_OF_BOUNDS:
+        match found.kind:
+            case fault_detection.NOT_FINITE | fault_detection.OUT_OF_BOUNDS:
                 return self.standing(heard, at_card)
             case fault_detection.TRIPPED:
                 read = _read("F_A", m.F_A, ".1f", "N"), _read("F_B", m.F_B, ".1f", "N"), _read("q", m.q, "", "rad")
                 return Fault.SAFETY_MODULE, f"the loop read {', '.join(read)} then"
-            case fault_detection.INCREDIBLE:
-                return describe_fault(found, seen.past, seen.newest, m, command)
+            case fault_detection.IMPLAUSIBLE_READING:
+                return describe_fault(found, seen.previous, seen.newest, m, command)
             case fault_detection.SLACK:
                 F_slack = self._bounds.F_slack
                 slack, taut = _parted(m, lambda F: F_slack > F)
@@ -539,7 +539,7 @@ class Loop:
         self._tick += made
         self._newest_tick = self._tick - 1
         self._command = step.command
-        if came == QUIET:
+        if came == NO_EVENT:
             return made
         self._make_tick((came, u_A, u_B), 0.0, self._overruns)
         return made + 1
@@ -553,7 +553,7 @@ class Loop:
         command, has_changed = ZERO_VOLTS, self._changed
         try:
             came, u_A, u_B = begun or self._begin_tick(missed)
-            if came not in (QUIET, DECIDED) or machine.interpreted is not None:
+            if came not in (NO_EVENT, CONTROL_COMPUTED) or machine.interpreted is not None:
                 u_A, u_B = self._attend(came, missed)
                 self._changed = True
             if machine.mode not in (Mode.OFF, Mode.TRIPPED):
@@ -587,7 +587,7 @@ class Loop:
         step, raw = self._step, self._plant.read()
         self._update_inputs()
         found = step.detect_faults(raw, missed)
-        if found != QUIET or self._machine.interpreted is not None:
+        if found != NO_EVENT or self._machine.interpreted is not None:
             return found, 0.0, 0.0
         return step.compute_control()
 
@@ -599,24 +599,24 @@ class Loop:
     def _attend(self, came: int, missed: int) -> tuple[float, float]:
         """See to what came of a tick that was looked at; return the voltages [V] that are decided then."""
         machine, step = self._machine, self._step
-        if came & FOUND:
+        if came & FAULT_DETECTED:
             self._react(missed)
-        elif came & FELT:
+        elif came & CONTACT_DETECTED:
             machine.give_way(TickContext(self._newest_tick, step.m))
         step.set_inputs(make_step_inputs(machine))
         if machine.interpreted is not None:
             decision = step.decision = machine.interpreted.step(machine.tunings.gains, step.m)
-            came = DONE if machine.interpreted.done else QUIET
+            came = MOTION_DONE if machine.interpreted.done else NO_EVENT
         else:
-            if came & (FOUND | FELT):
+            if came & (FAULT_DETECTED | CONTACT_DETECTED):
                 came, _, _ = step.compute_control()
             decision = step.decision
-        if came & PUSHES:
-            machine.push.act(decision.target, self._newest_tick)
-        if came & TUNES:
-            machine.tunings.use(decision.target.tuning, self._newest_tick)
+        if came & DISTURBANCE_CHANGED:
+            machine.push.act(decision.setpoint, self._newest_tick)
+        if came & GAINS_CHANGED:
+            machine.tunings.use(decision.setpoint.tuning, self._newest_tick)
         motion, m = machine.motion, step.m
-        if came & DONE and motion is not None:
+        if came & MOTION_DONE and motion is not None:
             motion.done = True
             zero_where_homed(motion, machine, self._plant, step)
             step.m = machine.end_motion(TickContext(self._newest_tick, m))

@@ -124,7 +124,7 @@ class ActiveGains:
 
     def _require_learned(self, gains: CascadeTuning) -> None:
         """Raise CommandRejectedError for a rejection of what is not known."""
-        if gains.rejection.k_ext > 0.0 and not self._step.learned:
+        if gains.disturbance_feedforward.k_ext > 0.0 and not self._step.learned:
             raise CommandRejectedError(NOT_LEARNED)
 
     def reject_nothing(self) -> None:
@@ -154,7 +154,7 @@ class ActiveGains:
 
 
 def _rejecting_nothing(gains: CascadeTuning) -> CascadeTuning:
-    return gains._replace(rejection=gains.rejection._replace(k_ext=0.0))
+    return gains._replace(disturbance_feedforward=gains.disturbance_feedforward._replace(k_ext=0.0))
 
 
 def tunings_of(program: Program, known: PlantModel) -> tuple[GainsInUse, ...]:

@@ -70,7 +70,11 @@ def make_segment_player(segments: Sequence[Segment], start: Setpoint) -> setpoin
         for segment in segments
     ]
     return setpoint_player.SetpointPlayer(
-        np.array(rows, dtype=np.float64).reshape(-1, setpoint_player.COLUMNS), 0, 0, setpoint_player.FIRST, start
+        np.array(rows, dtype=np.float64).reshape(-1, setpoint_player.COLUMNS),
+        0,
+        0,
+        setpoint_player.INITIAL_REGISTER,
+        start,
     )
 
 
@@ -81,7 +85,7 @@ def tension_hold_of(
     amplitude = excitation.amplitude_rad
     levels = np.array([amplitude if level == "+" else -amplitude for level in excitation.levels])
     chip_ticks = max(round(excitation.chip_s / T_s), 1)
-    chips = motion_primitives.Chips(levels, chip_ticks, excitation.periods * len(levels) * chip_ticks)
+    chips = motion_primitives.ExcitationChips(levels, chip_ticks, excitation.periods * len(levels) * chip_ticks)
     base = carry.theta_A_ref, carry.theta_B_ref
     settle_ticks = round(program.settle_s / T_s)
     return motion_primitives.TensionHoldState(
@@ -102,7 +106,7 @@ def voltage_steps_of(program: Program, room: motion_primitives.VoltageMargin) ->
     still = motion_primitives.BrakeState(0.0, 0.0, 0.0, 0.0)
     first = motion_primitives.CENTRED
     return motion_primitives.VoltageStepsState(
-        room=room,
+        margin=room,
         steps=steps,
         settle_ticks=round(program.settle_s / T_s),
         step=0,
@@ -146,12 +150,12 @@ class Motion:
 
     def carry(self) -> MotorLoopState:
         """Return the motor loops for the next motion."""
-        return self.now.carry
+        return self.now.motor_loops
 
     def aim(self, target: Setpoint) -> None:
         """Go for another target from the next tick on."""
         if self._cell is not None:
-            self._cell.field("target").set(target)
+            self._cell.field("setpoint").set(target)
 
 
 def _held(carry: MotorLoopState, m: Measurement, u_max: float) -> tuple[float, float]:
@@ -224,7 +228,7 @@ class Tracking(Motion):
         gives_way: bool = False,
     ) -> None:
         """Begin where nothing has to move; a joint that ``gives_way`` is to rest where it is now."""
-        here = tracking.here(tuning, m, bounds, position_loop=position_loop or gives_way)
+        here = tracking.find_resting_setpoint(tuning, m, bounds, position_loop=position_loop or gives_way)
         player = make_segment_player(() if program is None else program.segments, here)
         references = carry.theta_A_ref, carry.theta_B_ref
         law = cascade.initialize_bumpless(tuning, carry.state, carry.gains, *references, m, here.q_ref)
@@ -233,7 +237,7 @@ class Tracking(Motion):
 
 def _single_loop(parameters: PlantParameters, lambdas: TuningParameters, u: tuple[float, float], m: Measurement) -> Any:
     tuning = make_single_loop_tuning(parameters, lambdas)
-    return tracking.SingleLoop, tuning, baselines.take_over_single_loop(tuning, *u, m)
+    return tracking.SingleLoop, tuning, baselines.initialize_single_loop(tuning, *u, m)
 
 
 def _feedback_linearization(
@@ -243,7 +247,7 @@ def _feedback_linearization(
     return (
         tracking.FeedbackLinearization,
         tuning,
-        baselines.take_over_feedback_linearization(tuning, *u, m),
+        baselines.initialize_feedback_linearization(tuning, *u, m),
     )
 
 
@@ -268,7 +272,7 @@ class Baseline(Motion):
         bounds: Bounds,
     ) -> None:
         """Raise TuningError where the law has no gains for these λ."""
-        here = tracking.here(tuning, m, bounds)
+        here = tracking.find_resting_setpoint(tuning, m, bounds)
         kind, own, law = BASELINES[program.law](parameters, lambdas, _held(carry, m, tuning.u_max), m)
         super().__init__(carry, kind(own, law, make_segment_player(program.segments, here)), here)
 
@@ -295,8 +299,8 @@ class PythonMotion(Motion):
         """One tick of both motor loops towards motor references [rad]."""
         decision, self._carry = track_motors(
             tuning=tuning,
-            carry=self._carry,
-            target=self.target,
+            motor_loops=self._carry,
+            setpoint=self.target,
             theta_A_ref=theta_A_ref,
             theta_B_ref=theta_B_ref,
             m=m,

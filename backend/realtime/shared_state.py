@@ -65,28 +65,28 @@ class StepContext:
         self.cell = cell = StateBlock(
             ControlState(
                 tuning=tuning,
-                watched=fault_detection.watched_for(parameters, round(unattended_max_s / T_s)),
+                fault_limits=fault_detection.build_fault_limits(parameters, round(unattended_max_s / T_s)),
                 inputs=NO_INPUTS,
-                checks=fault_detection.FaultDetectionState(
-                    0.0, False, NOT_MEASURED, NOT_MEASURED, fault_detection.nothing_remembered()
+                fault_state=fault_detection.FaultDetectionState(
+                    0.0, False, NOT_MEASURED, NOT_MEASURED, fault_detection.make_reading_memory()
                 ),
-                found=fault_detection.CLEAR,
+                detected_fault=fault_detection.CLEAR,
                 velocity=motion_primitives.VelocityState(0.0, math.nan),
                 m=NOT_MEASURED,
                 command=ZERO_VOLTS,
-                decision=AT_REST,
-                observer=disturbance_observer.observer_for(parameters),
-                touch=disturbance_observer.UNKNOWN,
+                output=AT_REST,
+                observer=disturbance_observer.build_observer(parameters),
+                observer_state=disturbance_observer.UNKNOWN,
                 bias=np.zeros((0, 2)),
                 F_ext_hat=math.nan,
             )
         )
         self._tuning, self._inputs_cell, self._m = cell.field("tuning"), cell.field("inputs"), cell.field("m")
         self._command, self._decision, self._velocity = (
-            cell.field("command"), cell.field("decision"), cell.field("velocity"),
+            cell.field("command"), cell.field("output"), cell.field("velocity"),
         )  # fmt: skip
-        self._found, self._checks = cell.field("found"), cell.field("checks")
-        self._touch, self._bias, self._F_ext_hat = (cell.field(name) for name in ("touch", "bias", "F_ext_hat"))
+        self._found, self._checks = cell.field("detected_fault"), cell.field("fault_state")
+        self._touch, self._bias, self._F_ext_hat = (cell.field(name) for name in ("observer_state", "bias", "F_ext_hat"))
         self._inputs = NO_INPUTS
         self._places: dict[type, tuple[StateBlock[Moving], _ComputeControl]] = {}
         row = np.zeros(len(FIELDS))

@@ -398,7 +398,7 @@ class Touching:
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"nothing was learned: {why}")
         S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
         bias = np.array([(point.S, point.F) for point in self._points], dtype=np.float64).reshape(-1, 2)
-        return TouchPoint(S=S, F=float(F.mean()) + disturbance_observer.bias_at(bias, S), std_N=float(F.std()))
+        return TouchPoint(S=S, F=float(F.mean()) + disturbance_observer.interpolate_bias(bias, S), std_N=float(F.std()))
 
     def _hear(self, event: Event | LoopExited) -> None:
         match event:

@@ -380,5 +380,5 @@ def combine_tuning(
         omega_max=bounds.omega_max,
         u_max=bounds.u_max,
         following=following(known, u_plan),
-        rejection=rejection(known, inner, k_ext),
+        disturbance_feedforward=rejection(known, inner, k_ext),
     )

@@ -287,7 +287,7 @@ class TuningPreviewer:
             return step_forecast(plant=plant, tuning=tuning, q=q, S=S_ref, seconds=seconds, entry=active, rig=rig)
 
         def pushed(share: float) -> PushForecast:
-            rejecting = tuning._replace(rejection=rejection(known, tuning.motors, share))
+            rejecting = tuning._replace(disturbance_feedforward=rejection(known, tuning.motors, share))
             return push_forecast(
                 self._parameters, rejecting, S, lambdas.lam_q, F_push, entry=active, rig=rig, held=held
             )

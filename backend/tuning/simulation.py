@@ -293,7 +293,7 @@ def simulate_cascade(
     inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
     line, out = empty_arrays(q_ref.size)
     if learned_at is not None:
-        observer = disturbance_observer.observer_for(parameters)
+        observer = disturbance_observer.build_observer(parameters)
         return trajectory_of(
             out,
             simulate_feeling(
@@ -524,7 +524,7 @@ def axis_response(model: trajectory.TrajectoryModel, f: Array) -> AxisResponse:
     ahead = T_s / LANDING_S
     asked = (1.0 - 1.0 / z) / T_s * (1.0 + ahead) + 1.0 / LANDING_S
     reached = (z - 1.0) * (z + ahead) / turning + 1.0 / LANDING_S
-    averaged = sum(z**-ticks for ticks in range(trajectory.SMOOTHED)) / trajectory.SMOOTHED
+    averaged = sum(z**-ticks for ticks in range(trajectory.WINDOW_TICKS)) / trajectory.WINDOW_TICKS
     driven = asked / reached * (z - 1.0) / turning * (z - kept) / (1.0 - kept) * averaged
     tau_e = max(model.tau_e_A, model.tau_e_B)
     behind = np.exp(-T_s / tau_e)
@@ -769,7 +769,7 @@ def push_forecast(
     simulated: the deviation has fallen to a hundredth by then. Where they are at hand, ``rig`` is that of the expected
     plant, and ``held`` is ``held_plant`` at S.
     """
-    rejects = tuning.rejection.k_ext > 0.0
+    rejects = tuning.disturbance_feedforward.k_ext > 0.0
     rest, pushed = round((LEARNED_S if rejects else HELD_S) / T_s), round((2.0 + _LASTS * lam_q) / T_s)
     force = np.repeat((0.0, F_push), (rest, pushed))
     trajectory = simulate_cascade(
@@ -788,7 +788,9 @@ def push_forecast(
     back_s = back * T_s if back < off.size else np.nan
     shown = shown_ticks(off.size, back_s)
     closed = make_sampled_loop(parameters, tuning, S, plant=held).closed
-    felt_slow, felt_fast = map(float, np.abs(felt_stiffness(closed, tuning.rejection, S, np.array(FELT_HZ))))
+    felt_slow, felt_fast = map(
+        float, np.abs(felt_stiffness(closed, tuning.disturbance_feedforward, S, np.array(FELT_HZ)))
+    )
     give = float(np.nanmax(np.abs(off)))
     return PushForecast(
         give=give,
@@ -808,10 +810,10 @@ def disturbance_response(r: Rejection, tau: Array, S: float) -> tuple[Array, Arr
     q_e, q_off = np.zeros(tau.size), np.zeros(tau.size)
     if r.k_ext == 0.0:
         return q_e, q_off
-    state, estimate = disturbance_observer.changed(r, disturbance_observer.IDLE, 0.0), estimated(tau)
+    state, estimate = disturbance_observer.update_gain(r, disturbance_observer.IDLE, 0.0), estimated(tau)
     for k, seen in enumerate(estimate):
         state = disturbance_observer.step_disturbance_feedforward(r, state, float(seen))
-        q_e[k], q_off[k] = disturbance_observer.answer(state, S)
+        q_e[k], q_off[k] = disturbance_observer.compute_compensation(state, S)
     return q_e, q_off
 
 
@@ -834,7 +836,7 @@ def felt_stiffness(closed: Sampled, r: Rejection, S: float, f: Array) -> Complex
     z = np.exp(2j * np.pi * np.asarray(f) * T_s)
     kept = np.exp(-disturbance_observer.POLE * T_s)
     estimate = ((1.0 - kept) / (1.0 - kept / z)) ** 3 / z
-    behind = ((1.0 - r.kept) / (1.0 - r.kept / z)) ** 4
+    behind = ((1.0 - r.lag_decay) / (1.0 - r.lag_decay / z)) ** 4
     H = closed.response(f)[:, OUTPUTS.q, :]
     share = r.k_ext * estimate / S
     return np.asarray(

@@ -114,7 +114,7 @@ def test_the_bias_is_known_between_the_points_and_S_is_as_it_was(database: Datab
             await parts.supervisor.advance(4.0)
             row = parts.supervisor.ring.newest()
             assert row is not None
-            off.append(disturbance_observer.bias_at(bias, float(row[INDEX["S"]])) - await truth.at_rest(parts))
+            off.append(disturbance_observer.interpolate_bias(bias, float(row[INDEX["S"]])) - await truth.at_rest(parts))
 
     stepped(database, parameters, learn, plant)
     error = np.array(off)

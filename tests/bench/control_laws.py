@@ -123,7 +123,7 @@ def references(plan: ExperimentPlan) -> tuple[Array, Array]:
     playing = make_segment_player(segments, target)
     targets: list[Setpoint] = []
     while True:
-        ended, target, playing = setpoint_player.play(playing, target)
+        ended, target, playing = setpoint_player.step_setpoint_player(playing, target)
         if ended:
             return np.array([target.q_ref for target in targets]), np.array([target.S_ref for target in targets])
         targets.append(target)

@@ -77,7 +77,7 @@ def run_single_loop(
 ) -> Trajectory:
     """As ``closed_loop.run``, under the single loop."""
     rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
-    controller = baselines.take_over_single_loop(tuning, u_A, u_B, m)
+    controller = baselines.initialize_single_loop(tuning, u_A, u_B, m)
     line, out = empty_arrays(q_ref.size)
     inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
     return trajectory_of(out, _single_loop(rig, tuning, x, controller, inputs, line, out))
@@ -93,7 +93,7 @@ def run_feedback_linearization(
 ) -> Trajectory:
     """As ``closed_loop.run``, under feedback linearisation."""
     rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
-    controller = baselines.take_over_feedback_linearization(tuning, u_A, u_B, m)
+    controller = baselines.initialize_feedback_linearization(tuning, u_A, u_B, m)
     line, out = empty_arrays(q_ref.size)
     inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
     return trajectory_of(out, _feedback_linearization(rig, tuning, x, controller, inputs, line, out))

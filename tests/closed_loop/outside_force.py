@@ -31,14 +31,14 @@ def _each(
         state = disturbance_observer.step_disturbance_observer(
             observer, state, Measurement(q[k], theta_A[k], theta_B[k], 0.0, 0.0, 0.0, 0.0, 0.0)
         )
-        out[k] = disturbance_observer.force(observer, state, bias, S[k])
+        out[k] = disturbance_observer.estimate_force(observer, state, bias, S[k])
 
 
 def felt(parameters: PlantParameters, y: Trajectory, bias: Array = NO_BIAS) -> Array:
     """Outside force [N] by tick, as the tick computes it."""
     out = np.empty(y.q.size)
     q, theta_A, theta_B, S = (np.ascontiguousarray(column) for column in (y.q, y.theta_A, y.theta_B, y.S))
-    _each(disturbance_observer.observer_for(parameters), q, theta_A, theta_B, S, bias, out)
+    _each(disturbance_observer.build_observer(parameters), q, theta_A, theta_B, S, bias, out)
     return out
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from backend.control import cascade
-from backend.control.trajectory import SMOOTHED, TrajectoryState
+from backend.control.trajectory import WINDOW_TICKS, TrajectoryState
 from backend.tuning import simulation
 from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from backend.tuning.preview import usual_budget
@@ -177,8 +177,8 @@ def test_the_paper_s_law_goes_over_to_a_plan_without_a_bump(at: int) -> None:
     without, with_plan, _, _, after = without_and_with(
         make_cascade_tuning(ideal, LAMBDAS), make_cascade_tuning(ideal, LAMBDAS, u_plan=8.5), at
     )
-    d, c = after.plan.window_d, after.plan.window_c
-    own = np.array([c[0] - c[1] + d[0] - d[1], c[0] - c[1] - d[0] + d[1]]) / SMOOTHED
+    d, c = after.trajectory_state.window_d, after.trajectory_state.window_c
+    own = np.array([c[0] - c[1] + d[0] - d[1], c[0] - c[1] - d[0] + d[1]]) / WINDOW_TICKS
     assert np.max(np.abs(with_plan - without - own)) < 1e-3
     assert np.max(np.abs(own)) < 2.0
 
@@ -189,10 +189,10 @@ def test_a_plan_goes_over_to_the_paper_s_law_without_a_bump(at: int) -> None:
     without, by_governor, _, planned, after = without_and_with(
         make_cascade_tuning(ideal, LAMBDAS, u_plan=8.5), make_cascade_tuning(ideal, LAMBDAS), at
     )
-    own = mean_voltages(after.plan) - mean_voltages(planned.plan)
+    own = mean_voltages(after.trajectory_state) - mean_voltages(planned.trajectory_state)
     assert np.max(np.abs(by_governor - without - own)) < 1e-3
     assert np.max(np.abs(own)) < 2.0
-    assert after.follows == (at in (230, 700, 1500))
+    assert after.follows_trajectory == (at in (230, 700, 1500))
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -213,7 +213,7 @@ def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tupl
         x, law, _, _ = play(planned, x, law, 15)
         _, stood, tripped, _ = play(governed, x, law, 220)
         assert tripped == -1
-        assert not stood.follows
+        assert not stood.follows_trajectory
         _, _, tripped, out = play(governed, x, law, 2000)
         assert tripped == -1
         S = out[:, simulation.COLUMNS.index("S")]

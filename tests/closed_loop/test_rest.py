@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backend.control import cascade, decoupler
-from backend.control.pid import beyond
+from backend.control.pid import apply_dead_zone
 from backend.control.trajectory import LoopReferences
 from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from backend.tuning.preview import usual_budget
@@ -70,7 +70,7 @@ def after_move(
     ticks = 1000, 1000 * (settled_s + HOLD_S)
     tuning = make_cascade_tuning(plant, LAMBDAS, u_plan=budget)
     if not rests:
-        tuning = tuning._replace(following=tuning.following._replace(unseen_q=0.0, unseen_S=0.0))
+        tuning = tuning._replace(following=tuning.following._replace(dead_zone_q=0.0, dead_zone_S=0.0))
     states = true_states.run(plant, tuning, np.repeat([q_0, q], ticks), np.repeat([S_0, S], ticks))
     return held(states, 1000 * (1 + settled_s), q)
 
@@ -128,7 +128,7 @@ def test_rest_does_not_change_the_approach_in_lambda() -> None:
     for degrees in (1.0, 5.0, 20.0):
         for known in (plant, without_friction):
             tuning = make_cascade_tuning(known, TuningParameters(lam_q=lam))
-            restless = tuning._replace(following=tuning.following._replace(unseen_q=0.0, unseen_S=0.0))
+            restless = tuning._replace(following=tuning.following._replace(dead_zone_q=0.0, dead_zone_S=0.0))
             q_ref = np.repeat([0.0, math.radians(degrees)], (1000, 6000))
             t_90 = []
             for law in (tuning, restless):
@@ -186,6 +186,6 @@ def test_motors_rest_where_position_and_stiffness_are_as_wanted(
 
 @pytest.mark.parametrize(("e", "seen"), [(0.0, 0.0), (0.3, 0.0), (-0.5, 0.0), (0.7, 0.2), (-2.0, -1.5)])
 def test_what_an_integrator_sees_begins_at_the_edge_of_its_dead_zone(e: float, seen: float) -> None:
-    assert beyond(e, 0.5) == pytest.approx(seen, abs=1e-15)
-    assert beyond(e, 0.0) == e
-    assert beyond(e, math.inf) == 0.0
+    assert apply_dead_zone(e, 0.5) == pytest.approx(seen, abs=1e-15)
+    assert apply_dead_zone(e, 0.0) == e
+    assert apply_dead_zone(e, math.inf) == 0.0

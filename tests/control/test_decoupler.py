@@ -13,8 +13,8 @@ from backend.control.decoupler import (
     SUM,
     Decoupler,
     build_decoupler,
+    build_equilibrium_table,
     equilibrium,
-    equilibrium_table,
     motor_positions,
     rates,
     stiffness,
@@ -103,7 +103,7 @@ def test_the_joint_rests_there_with_that_stiffness(
 
 def test_for_like_quadratic_springs_the_table_says_what_the_closed_form_says() -> None:
     spring = load_parameters("ideal").make_identified_spring("A")
-    by_table = Decoupler(r_m, r_j, np.nan, np.nan, np.nan, equilibrium_table(spring, spring, r_m, r_j))
+    by_table = Decoupler(r_m, r_j, np.nan, np.nan, np.nan, build_equilibrium_table(spring, spring, r_m, r_j))
     for q, S in ((0.0, 8.24), (1.0, 10.55), (-0.7, 12.43), (0.2, 14.06)):
         assert motor_positions(by_table, q, S) == pytest.approx(motor_positions(PAPER, q, S), abs=1e-7)
 
@@ -122,7 +122,7 @@ def test_two_springs_have_the_same_table_whichever_of_them_is_called_A(more: flo
     stronger = k_0, (1.0 + more) * k_1, (1.0 + more) * k_2, (1.0 + more) * k_3
     pair = with_springs(CUBIC, stronger)
     A, B = pair.make_identified_spring("A"), pair.make_identified_spring("B")
-    there, back = equilibrium_table(A, B, r_m, r_j), equilibrium_table(B, A, r_m, r_j)
+    there, back = build_equilibrium_table(A, B, r_m, r_j), build_equilibrium_table(B, A, r_m, r_j)
     back[:, OFFSET] *= -1.0
     np.testing.assert_array_equal(there, back)
 

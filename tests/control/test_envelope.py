@@ -11,7 +11,7 @@ from backend.control.decoupler import (
     Envelope,
     EnvelopeState,
     build_decoupler,
-    equilibrium_table,
+    build_equilibrium_table,
     stiffness_under,
 )
 from plant.parameters import load_parameters
@@ -29,7 +29,7 @@ def test_nominal_points_of_the_paper(tension: float, S: float) -> None:
 
 def test_table_says_what_the_closed_form_says() -> None:
     spring = PARAMETERS.make_identified_spring("A")
-    table = equilibrium_table(spring, spring, D.r_m, D.r_j)
+    table = build_equilibrium_table(spring, spring, D.r_m, D.r_j)
     by_table = Decoupler(D.r_m, D.r_j, math.nan, math.nan, math.nan, table)
     for tension in np.linspace(0.5, 49.5, 50):
         assert stiffness_under(by_table, tension) == pytest.approx(stiffness_under(D, tension), abs=1e-5)
@@ -69,4 +69,4 @@ def test_the_pull_follows_the_load_cells_within_its_time() -> None:
     state = AT_REST
     for _ in range(50):
         _, state = decoupler.step_envelope(BOUNDS, D, state, 0.0, 10.0, 15.0, 5.0)
-    assert state.pull == pytest.approx(10.0 * (1.0 - math.exp(-1.0)))
+    assert state.force_difference == pytest.approx(10.0 * (1.0 - math.exp(-1.0)))

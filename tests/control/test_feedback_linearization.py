@@ -119,7 +119,7 @@ def test_a_spring_of_third_order_is_linearised_too() -> None:
 def test_measurement_corrects_the_model() -> None:
     tuning = make_feedback_linearization_tuning(IDEAL, TuningParameters())
     m = Measurement(0.1, 12.0, 10.0, 20.0, 20.0, 10.5, 0.0, 0.0)
-    state = baselines.take_over_feedback_linearization(tuning, 0.7, 0.4, m._replace(theta_A=12.1))
+    state = baselines.initialize_feedback_linearization(tuning, 0.7, 0.4, m._replace(theta_A=12.1))
     _, after = baselines.step_feedback_linearization(tuning, state, 0.1, 10.5, m)
     assert 12.0 < after.x.theta_A < 12.1
     assert after.x.omega_A < 0.0
@@ -131,7 +131,7 @@ def test_a_model_that_stands_elsewhere_is_drawn_to_what_is_measured_at_each_enco
     for angle in ("q", "theta_A", "theta_B"):
         for off in (0.01, -0.01):
             begun = m._replace(**{angle: getattr(m, angle) + off})
-            state = baselines.take_over_feedback_linearization(tuning, 0.7, 0.4, begun)
+            state = baselines.initialize_feedback_linearization(tuning, 0.7, 0.4, begun)
             _, after = baselines.step_feedback_linearization(tuning, state, 0.1, 10.5, m)
             left = (getattr(after.x, angle) - getattr(m, angle)) / off
             assert 0.0 < left < 1.0

@@ -86,7 +86,7 @@ def test_a_motor_that_rests_is_held_where_it_stands(k: int) -> None:
     left, _, _ = pid.step_i_pd(gains, before, 3.5, 3.0 + delta, 10.0)
     assert left == u
     if k > 300:
-        assert u == pytest.approx(0.25 - (1.0 + pid.HOLDS) * gains.k_p * delta, abs=1e-6)
+        assert u == pytest.approx(0.25 - (1.0 + pid.HOLD_GAIN) * gains.k_p * delta, abs=1e-6)
 
 
 def test_a_motor_that_rests_without_friction_is_damped() -> None:

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from backend.control import decoupler, trajectory
 from backend.control.decoupler import build_decoupler
-from backend.control.trajectory import LoopReferences, soonest_stand
+from backend.control.trajectory import LoopReferences, plan_fastest_stop
 from backend.tuning.gains import collect_plant_knowledge
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -52,7 +52,9 @@ def least_time(far: float, omega: float, U: float) -> float:
     ("far", "omega"), [(20.94, 0.0), (4.16, 0.0), (0.5, 0.0), (10.0, 6.0), (3.0, 15.0), (-5.0, 8.0), (1.0, -12.0)]
 )
 def test_the_duration_is_the_least_there_is(far: float, omega: float) -> None:
-    assert trajectory.duration(K * BUDGET, T, far, omega) == pytest.approx(least_time(far, omega, BUDGET), abs=1e-6)
+    assert trajectory.compute_duration(K * BUDGET, T, far, omega) == pytest.approx(
+        least_time(far, omega, BUDGET), abs=1e-6
+    )
 
 
 @given(st.floats(0.5, 40.0), st.floats(0.05, 1.0), st.floats(0.0, 60.0))
@@ -71,39 +73,41 @@ def test_an_axis_behind_the_electrical_lag_turns_as_integrated_by_somebody_else(
         return [x[1], (K * x[2] - x[1]) / T, (u - x[2]) / tau_e]
 
     for u in (8.5, 8.5, -4.0, -8.5, 0.0):
-        at = trajectory.turned_lagged(K, T, tau_e, at, u)
+        at = trajectory.advance_lagged_axis(K, T, tau_e, at, u)
         path = solve_ivp(rate, (0.0, T_s), x, args=(u,), rtol=1e-11, atol=1e-12, method="DOP853")
         x = path.y[:, -1]
     np.testing.assert_allclose(at, x, rtol=1e-7, atol=1e-8)
 
 
 def standing(q: float, stiffness: float) -> trajectory.TrajectoryState:
-    return trajectory.begin(D, MODEL, q, stiffness, 0.0, 0.0)
+    return trajectory.begin_trajectory(D, MODEL, q, stiffness, 0.0, 0.0)
 
 
 def step(
     state: trajectory.TrajectoryState, q_ref: float, S_ref: float, budget: float = BUDGET
 ) -> tuple[trajectory.Driven, trajectory.TrajectoryState]:
-    return trajectory.step(D, MODEL, budget, state, trajectory.now(D, state), LoopReferences(q_ref, S_ref))
+    return trajectory.step(
+        D, MODEL, budget, state, trajectory.compute_axis_state(D, state), LoopReferences(q_ref, S_ref)
+    )
 
 
 @pytest.mark.parametrize(("q", "stiffness"), [(1.0, 10.0), (0.0, 14.0), (-0.8, 13.0), (0.02, 10.0)])
 def test_a_step_takes_little_more_than_the_least_time_and_does_not_overshoot(q: float, stiffness: float) -> None:
     state = standing(0.0, 10.0)
     goal = np.array(decoupler.motor_positions(D, q, stiffness))
-    start = np.array([trajectory.now(D, state).theta_A, trajectory.now(D, state).theta_B])
+    start = np.array([trajectory.compute_axis_state(D, state).theta_A, trajectory.compute_axis_state(D, state).theta_B])
     far = (goal - start) @ np.array([[0.5, 0.5], [-0.5, 0.5]])
     goals = trajectory.Goal(state.d.theta + far[0], 0.0), trajectory.Goal(state.c.theta + far[1], 0.0)
-    share, allowed = trajectory.shared(K, T, BUDGET, BUDGET, state, *goals)
+    share, allowed = trajectory.share_budget(K, T, BUDGET, BUDGET, state, *goals)
     assert allowed == BUDGET
     least = max(
-        trajectory.duration(K * BUDGET * part, T, way, 0.0) if abs(way) > 1e-9 else 0.0
+        trajectory.compute_duration(K * BUDGET * part, T, way, 0.0) if abs(way) > 1e-9 else 0.0
         for part, way in ((share, far[0]), (1.0 - share, far[1]))
     )
     path = []
     for _ in range(round(least / T_s) + 120):
         _, state = step(state, q, stiffness)
-        at = trajectory.now(D, state)
+        at = trajectory.compute_axis_state(D, state)
         path.append((at.theta_A, at.theta_B))
     left = np.abs(np.array(path) - goal).max(axis=1)
     assert left[-1] < 1e-4
@@ -119,7 +123,7 @@ def test_the_budget_is_kept_and_all_is_finite(ways: list[tuple[float, float, int
         for _ in range(ticks):
             driven, state = step(state, q, stiffness, budget)
             assert math.isfinite(driven.u_A + driven.u_B)
-            assert abs(state.window_d[0]) + abs(state.window_c[0]) <= budget + 2.0 * trajectory.LEAST_V
+            assert abs(state.window_d[0]) + abs(state.window_c[0]) <= budget + 2.0 * trajectory.MIN_VOLTAGE_V
             assert math.isfinite(state.q + state.q_dot)
 
 
@@ -129,10 +133,10 @@ def test_what_moves_is_stopped_where_it_was_sent_whatever_comes() -> None:
         state, highest = standing(0.3, 9.0), 0.0
         for k in range(6000):
             _, state = step(state, 0.3 if k < ticks else q, 15.0, BUDGET if k < ticks else budget)
-            highest = max(highest, trajectory.now(D, state).S)
+            highest = max(highest, trajectory.compute_axis_state(D, state).S)
         assert highest < 15.02, (ticks, q, budget)
-        assert state.allowed == budget
-        assert pytest.approx(15.0, abs=1e-3) == trajectory.now(D, state).S
+        assert state.voltage_limit == budget
+        assert pytest.approx(15.0, abs=1e-3) == trajectory.compute_axis_state(D, state).S
 
 
 @given(
@@ -144,7 +148,7 @@ def test_a_stand_is_where_full_reverse_voltage_stops_both_axes_or_where_they_wer
     """Each goal is ahead, no farther than the target; at one of less than that, its share of the voltage stops it."""
     d, c = trajectory.AxisMotion(1.0, w_d), trajectory.AxisMotion(8.0, w_c)
     sent = [trajectory.Goal(a.theta + math.copysign(far, a.omega), 0.0) for a, far in ((d, far_d), (c, far_c))]
-    goal_d, goal_c, share = soonest_stand(K, T, U, d, c, sent[0], sent[1])
+    goal_d, goal_c, share = plan_fastest_stop(K, T, U, d, c, sent[0], sent[1])
     assert 0.0 <= share <= 1.0
     for a, goal, far, part in ((d, goal_d, far_d, share), (c, goal_c, far_c, 1.0 - share)):
         way, speed, V = math.copysign(1.0, a.omega) * (goal.theta - a.theta), abs(a.omega), K * part * U
@@ -161,9 +165,9 @@ def test_an_axis_on_a_goal_that_moves_is_stopped_before_its_end_where_that_is_kn
     c, far = trajectory.AxisMotion(8.0, 10.0), trajectory.braking_distance(K * 6.0, T, 10.0)
     for end, bound in ((8.0 + far, True), (math.nan, False), (7.0, False)):
         sent = trajectory.Goal(0.0, 10.0), trajectory.Goal(8.0 + 0.5 * far, 10.0, end)
-        _, goal, share = soonest_stand(K, T, 8.5, trajectory.AxisMotion(0.0, 10.0), c, *sent)
+        _, goal, share = plan_fastest_stop(K, T, 8.5, trajectory.AxisMotion(0.0, 10.0), c, *sent)
         assert (goal.theta <= 8.0 + far + 1e-9) == bound
-        assert share == pytest.approx(1.0 - 6.0 / (trajectory.BRAKING * 8.5) if bound else 0.5, abs=1e-6)
+        assert share == pytest.approx(1.0 - 6.0 / (trajectory.BRAKING_SHARE * 8.5) if bound else 0.5, abs=1e-6)
 
 
 @given(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 3.0), st.floats(0.0, 3.0))
@@ -175,13 +179,13 @@ def test_a_target_that_moves_in_each_tick_keeps_the_budget(
         q = start + rate * period * math.sin(k * T_s / period)
         driven, state = step(state, min(max(q, -1.4), 1.4), min(10.0 + S_rate * k * T_s, 15.0))
         assert math.isfinite(driven.u_A + driven.u_B)
-        assert abs(state.window_d[0]) + abs(state.window_c[0]) <= BUDGET + 2.0 * trajectory.LEAST_V
+        assert abs(state.window_d[0]) + abs(state.window_c[0]) <= BUDGET + 2.0 * trajectory.MIN_VOLTAGE_V
 
 
 def test_the_model_moves_as_motors_and_joint_do_under_its_voltages() -> None:
     """Motors with electrical lag and joint, integrated by another method under the plan's voltages, end where it is."""
     state = standing(-0.6, 9.0)
-    first = trajectory.now(D, state)
+    first = trajectory.compute_axis_state(D, state)
     x = np.array([first.theta_A, 0.0, first.theta_B, 0.0, first.q, 0.0, 0.0, 0.0])
     held = [D.r_m * F / K_t for F, K_t in ((state.F_held_A, MODEL.K_t_A), (state.F_held_B, MODEL.K_t_B))]
 
@@ -205,7 +209,7 @@ def test_the_model_moves_as_motors_and_joint_do_under_its_voltages() -> None:
         driven, state = step(state, 0.5, 13.0)
         path = solve_ivp(rate, (0.0, T_s), x, args=(driven.u_A, driven.u_B), rtol=1e-9, atol=1e-12, method="DOP853")
         x = path.y[:, -1]
-    at = trajectory.now(D, state)
+    at = trajectory.compute_axis_state(D, state)
     np.testing.assert_allclose([x[0], x[2]], [at.theta_A, at.theta_B], atol=0.002)
     assert x[4] == pytest.approx(at.q, abs=2e-4)
 

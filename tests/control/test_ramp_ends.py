@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.control.motion_types import Setpoint
-from backend.control.setpoint_player import announced, play
+from backend.control.setpoint_player import find_ramp_end, step_setpoint_player
 from backend.realtime.commands import Accepted, RunProgram
 from backend.realtime.gains import make_tuning_command
 from backend.realtime.motions import make_segment_player
@@ -38,16 +38,16 @@ def test_an_end_is_announced_where_the_references_stay(
     segments: tuple[Segment, ...], q_end: float, S_end: float
 ) -> None:
     start = Setpoint(0.0, 10.0, 0.0)
-    _, _, player = play(make_segment_player(segments, start), start)
-    np.testing.assert_equal(announced(player), (q_end, S_end))
+    _, _, player = step_setpoint_player(make_segment_player(segments, start), start)
+    np.testing.assert_equal(find_ramp_end(player), (q_end, S_end))
 
 
 def test_nothing_is_announced_after_the_program() -> None:
     start = Setpoint(0.0, 10.0, 0.0)
     player, done = make_segment_player((RAMP,), start), False
     while not done:
-        done, _, player = play(player, start)
-    np.testing.assert_equal(announced(player), (math.nan, math.nan))
+        done, _, player = step_setpoint_player(player, start)
+    np.testing.assert_equal(find_ramp_end(player), (math.nan, math.nan))
 
 
 @pytest.mark.parametrize(("speed", "S"), [(0.5, 10.0), (1.0, 10.0), (-1.0, 10.0), (0.8, 14.0), (2.5, 10.0)])
@@ -103,10 +103,10 @@ def test_what_follows_an_excitation_begins_where_that_began(excitation: Segment)
     """Told by a ramp behind it; a sine of whole periods ends there by itself."""
     start, ramp = Setpoint(0.1, 10.0, 0.0), Segment(0.02, 0.3, 14.0, shape=Shape.RAMP)
     player = make_segment_player((excitation, ramp), start)
-    targets, (done, target, player) = [], play(player, start)
+    targets, (done, target, player) = [], step_setpoint_player(player, start)
     while not done:
         targets.append((target.q_ref, target.S_ref))
-        done, target, player = play(player, target)
+        done, target, player = step_setpoint_player(player, target)
     share = np.arange(1, 21) / 20.0
     line = np.column_stack((0.1 + 0.2 * share, 10.0 + 4.0 * share))
     np.testing.assert_allclose(targets[-20:], line, atol=1e-12)

@@ -19,17 +19,17 @@ IDEAL = load_parameters("ideal")
 def answer_to(
     r: Rejection, tau: float, ticks: int, state: DisturbanceFeedforwardState = IDLE
 ) -> tuple[DisturbanceFeedforwardState, disturbance_observer.DisturbanceCompensation]:
-    state = disturbance_observer.changed(r, state, 0.0)
+    state = disturbance_observer.update_gain(r, state, 0.0)
     for _ in range(ticks):
         state = disturbance_observer.step_disturbance_feedforward(r, state, tau)
-    return state, disturbance_observer.answer(state, S)
+    return state, disturbance_observer.compute_compensation(state, S)
 
 
 @pytest.mark.parametrize("k_ext", [0.3, 1.0])
 def test_a_push_is_balanced_at_once_and_the_joint_expected_back_behind_four_lags(k_ext: float) -> None:
     """Statics δq_e = −τ/S (equation 14); four equal lags answer a step by 1 − e^{−x}(1 + x + x²/2 + x³/6)."""
     lam, tau = 0.1, 0.4
-    r = make_cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=k_ext).rejection
+    r = make_cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=k_ext).disturbance_feedforward
     beyond = tau - UNSEEN_F * R_J
     for ticks in (1, 50, 200, 400, 900):
         _, answer = answer_to(r, tau, ticks)
@@ -43,35 +43,35 @@ def test_a_push_is_balanced_at_once_and_the_joint_expected_back_behind_four_lags
 def test_the_lags_are_those_that_the_motor_loops_were_given(lam: float) -> None:
     gains = make_motor_loops(IDEAL, lam)
     assert motor_lag(gains.A, IDEAL.select_identified("A").T_m) == pytest.approx(lam, rel=1e-12)
-    r = make_cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=1.0).rejection
-    assert r.kept == pytest.approx(math.exp(-T_S / lam), rel=1e-12)
+    r = make_cascade_tuning(IDEAL, TuningParameters(lam_motor=lam), k_ext=1.0).disturbance_feedforward
+    assert r.lag_decay == pytest.approx(math.exp(-T_S / lam), rel=1e-12)
 
 
 def test_what_is_small_is_left_and_what_is_large_is_bounded() -> None:
-    r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=1.0).rejection
+    r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=1.0).disturbance_feedforward
     for sign in (1.0, -1.0):
         assert answer_to(r, sign * 0.99 * UNSEEN_F * R_J, 500)[1] == (0.0, 0.0)
         assert answer_to(r, sign * 100.0, 1)[1].q_e == pytest.approx(-sign * MOST_F * R_J / S, rel=1e-12)
 
 
 def test_nothing_is_answered_that_is_not_known_or_not_asked_for() -> None:
-    r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).rejection
+    r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).disturbance_feedforward
     begun, _ = answer_to(r, 0.4, 100)
     for asked, tau in ((r._replace(k_ext=0.0), 0.4), (r, math.nan)):
-        assert disturbance_observer.changed(asked, IDLE, tau) == IDLE
-        assert disturbance_observer.changed(asked, begun, tau) == IDLE
-    assert disturbance_observer.answer(IDLE, S) == (0.0, 0.0)
+        assert disturbance_observer.update_gain(asked, IDLE, tau) == IDLE
+        assert disturbance_observer.update_gain(asked, begun, tau) == IDLE
+    assert disturbance_observer.compute_compensation(IDLE, S) == (0.0, 0.0)
     assert disturbance_observer.step_disturbance_feedforward(r, IDLE, math.nan) == IDLE
 
 
 def test_what_begins_under_a_push_takes_it_for_balanced() -> None:
-    r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).rejection
-    begun = disturbance_observer.changed(r, IDLE, 0.4)
-    assert disturbance_observer.answer(begun, S).q == 0.0
-    assert disturbance_observer.answer(begun, S).q_e < 0.0
-    weaker = disturbance_observer.changed(r._replace(k_ext=0.2), begun, 9.9)
-    assert disturbance_observer.answer(weaker, S).q_e == pytest.approx(
-        0.25 * disturbance_observer.answer(begun, S).q_e, rel=1e-12
+    r = make_cascade_tuning(IDEAL, TuningParameters(), k_ext=0.8).disturbance_feedforward
+    begun = disturbance_observer.update_gain(r, IDLE, 0.4)
+    assert disturbance_observer.compute_compensation(begun, S).q == 0.0
+    assert disturbance_observer.compute_compensation(begun, S).q_e < 0.0
+    weaker = disturbance_observer.update_gain(r._replace(k_ext=0.2), begun, 9.9)
+    assert disturbance_observer.compute_compensation(weaker, S).q_e == pytest.approx(
+        0.25 * disturbance_observer.compute_compensation(begun, S).q_e, rel=1e-12
     )
 
 
@@ -117,4 +117,4 @@ def test_without_it_an_outside_torque_changes_no_bit() -> None:
         y, law = cascade.step(tuning, law, r, True, m)
         y_told, told = cascade.step(tuning, told, r, True, m, 0.5)
         assert y_told == y
-    assert told.rejection == IDLE
+    assert told.disturbance_feedforward == IDLE

@@ -59,7 +59,7 @@ def test_clipped_voltage_does_not_wind_up_the_single_loop() -> None:
 def test_the_single_loop_takes_over_the_voltages_in_force() -> None:
     tuning = make_single_loop_tuning(IDEAL, TuningParameters())
     m = Measurement(0.1, 12.0, 10.0, 20.0, 20.0, 10.5, 0.0, 0.0)
-    state = baselines.take_over_single_loop(tuning, 0.7, 0.4, m)
+    state = baselines.initialize_single_loop(tuning, 0.7, 0.4, m)
     y, _ = baselines.step_single_loop(
         tuning, state, 0.1, decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B), m
     )

@@ -36,7 +36,7 @@ def test_a_step_of_torque_comes_through_three_equal_lags(pole: float) -> None:
     """A free joint under a constant torque: q in closed form; what is said of it is 1 − e^{−pt}(1 + pt + (pt)²/2)."""
     parameters = load_parameters("ideal")
     joint, tau = parameters.make_identified_dynamics().joint, 0.2
-    observer = disturbance_observer.observer_for(parameters, pole)
+    observer = disturbance_observer.build_observer(parameters, pole)
     b = joint.B_j / joint.J_j
     state = disturbance_observer.step_disturbance_observer(
         observer, disturbance_observer.UNKNOWN, reading(0.0, -1.0, -1.0)
@@ -94,8 +94,8 @@ def test_no_random_move_is_taken_for_a_contact(name: str) -> None:
 
 
 def test_readings_that_are_no_numbers_are_passed_over_and_what_is_not_known_is_said(lab: PlantParameters) -> None:
-    observer = disturbance_observer.observer_for(lab)
-    assert math.isnan(disturbance_observer.force(observer, disturbance_observer.UNKNOWN, NO_BIAS, 10.0))
+    observer = disturbance_observer.build_observer(lab)
+    assert math.isnan(disturbance_observer.estimate_force(observer, disturbance_observer.UNKNOWN, NO_BIAS, 10.0))
     state = disturbance_observer.step_disturbance_observer(
         observer, disturbance_observer.UNKNOWN, reading(0.0, 1.0, 1.0)
     )
@@ -104,17 +104,17 @@ def test_readings_that_are_no_numbers_are_passed_over_and_what_is_not_known_is_s
 
 
 def test_between_what_was_learned_the_bias_is_a_straight_line_and_beyond_it_the_outermost(lab: PlantParameters) -> None:
-    observer = disturbance_observer.observer_for(lab)
+    observer = disturbance_observer.build_observer(lab)
     state = disturbance_observer.DisturbanceObserverState(0.0, 0.0, 2.0 * R_J, 0.0, 0.0, 0.0)
     points = np.array([[8.0, 0.5], [10.0, 1.0], [14.0, -1.0]])
     for S, off in ((6.0, 0.5), (8.0, 0.5), (9.0, 0.75), (10.0, 1.0), (12.0, 0.0), (14.0, -1.0), (20.0, -1.0)):
-        assert disturbance_observer.force(observer, state, points, S) == pytest.approx(2.0 - off)
-    assert disturbance_observer.force(observer, state, points[:1], 20.0) == pytest.approx(1.5)
-    assert disturbance_observer.force(observer, state, NO_BIAS, 20.0) == pytest.approx(2.0)
+        assert disturbance_observer.estimate_force(observer, state, points, S) == pytest.approx(2.0 - off)
+    assert disturbance_observer.estimate_force(observer, state, points[:1], 20.0) == pytest.approx(1.5)
+    assert disturbance_observer.estimate_force(observer, state, NO_BIAS, 20.0) == pytest.approx(2.0)
 
 
 def test_mean_and_variance_at_rest_are_those_of_its_samples_the_older_the_less(lab: PlantParameters) -> None:
-    observer, state, seen = disturbance_observer.observer_for(lab), disturbance_observer.UNKNOWN, []
+    observer, state, seen = disturbance_observer.build_observer(lab), disturbance_observer.UNKNOWN, []
     q = 1e-3 * np.random.default_rng(7).standard_normal(4000)
     for tick in range(q.size):
         state = disturbance_observer.step_disturbance_observer(observer, state, reading(q[tick], -9.0, -9.0))
@@ -129,7 +129,7 @@ def test_a_joint_without_damping_is_the_limit_of_one_that_has_little(lab: PlantP
     """Below what the closed form can tell, q under a torque of its own is T_s²/(2 J_j), as of any mass."""
     g = lab.geometry
     observers = [
-        disturbance_observer.observer_for(replace(lab, geometry=replace(g, B_j=g.J_j * b))) for b in (0.0, 1e-4, 0.1)
+        disturbance_observer.build_observer(replace(lab, geometry=replace(g, B_j=g.J_j * b))) for b in (0.0, 1e-4, 0.1)
     ]
     for observer in observers:
         assert observer.q_of_tau == pytest.approx(0.5 * T_S**2 / g.J_j, rel=1e-4)

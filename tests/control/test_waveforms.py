@@ -9,13 +9,13 @@ from backend.control import setpoint_player
 
 @pytest.mark.parametrize("bits", setpoint_player.TAPS)
 def test_a_register_goes_through_all_its_states_and_comes_back(bits: int) -> None:
-    seen, register = [], setpoint_player.FIRST
+    seen, register = [], setpoint_player.INITIAL_REGISTER
     for _ in range(2**bits - 1):
         seen.append(register)
         register = setpoint_player.next_register(register, bits)
-    assert register == setpoint_player.FIRST
+    assert register == setpoint_player.INITIAL_REGISTER
     assert sorted(seen) == list(range(1, 2**bits))
-    levels = np.array([setpoint_player.level(state) for state in seen])
+    levels = np.array([setpoint_player.chip_level(state) for state in seen])
     # what tells a maximum-length sequence: one mean, and one autocorrelation but at no shift
     assert abs(levels.sum()) == 1.0
     shifted = {round(float(levels @ np.roll(levels, shift))) for shift in range(1, levels.size)}

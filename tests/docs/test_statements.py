@@ -11,7 +11,7 @@ import pytest
 from backend import main
 from backend.auth import control_lease
 from backend.control import fault_detection, motion_primitives, motion_types
-from backend.control.step import KINDS, Resting
+from backend.control.step import STEP_FUNCTIONS, Resting
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.realtime import commands, control_loop, heartbeat, process, supervisor, timing  # noqa: F401  # with what it plays
 from backend.realtime.motions import PythonMotion
@@ -100,7 +100,7 @@ def test_a_signal_is_defined_where_the_architecture_says() -> None:
 
 
 def test_motions_live_in_the_files_that_the_architecture_names() -> None:
-    compiled = {step.__module__ for kind, step in KINDS.items() if kind is not Resting}
+    compiled = {step.__module__ for kind, step in STEP_FUNCTIONS.items() if kind is not Resting}
     sentence = re.search(r"Each mode has a motion: a state and a pure step \((.*?)\)", ARCHITECTURE)
     assert sentence is not None
     assert set(re.findall(r"`(\w+)\.py`", sentence[1])) == {name.rpartition(".")[2] for name in compiled}

@@ -33,7 +33,7 @@ def played(program: Program, q_ref: float, S_ref: float) -> np.ndarray:
     now = make_segment_player(program.segments, last)
     rows: list[tuple[float, float]] = []
     while True:
-        over, last, now = setpoint_player.play(now, last)
+        over, last, now = setpoint_player.step_setpoint_player(now, last)
         if over:
             return np.array(rows)
         rows.append((last.q_ref, last.S_ref))

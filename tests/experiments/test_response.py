@@ -16,7 +16,7 @@ from backend.analysis.frequency_metrics import (
 )
 from backend.analysis.step_metrics import NoSamplesError, excitations
 from backend.control.motion_types import Setpoint
-from backend.control.setpoint_player import play
+from backend.control.setpoint_player import step_setpoint_player
 from backend.realtime.motions import make_segment_player
 from backend.realtime.program import Program
 from plant.interface import T_s
@@ -34,7 +34,7 @@ def references(program: Program) -> tuple[Array, Array]:
     rows = []
     done = False
     while not done:
-        done, target, player = play(player, target)
+        done, target, player = step_setpoint_player(player, target)
         if not done:
             rows.append((target.q_ref, target.S_ref))
     both = np.array(rows)

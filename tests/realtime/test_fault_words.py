@@ -65,7 +65,7 @@ def test_a_stop_that_was_pressed_says_no_more_than_that(lab: PlantParameters) ->
 
 
 def test_a_reading_that_is_no_number_is_told_without_a_unit(lab: PlantParameters) -> None:
-    tripped = CLEAR._replace(what=TRIPPED)
+    tripped = CLEAR._replace(kind=TRIPPED)
     seen = FaultDetectionState(*(len(FaultDetectionState._fields) * [None]))  # type: ignore[arg-type]
     m = NOT_MEASURED._replace(F_B=12.0)
     _, detail = Checks(lab).told(tripped, seen, m, m, MotorCommand(0.0, 0.0), NO_RAW, 0)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from backend.control import QUIET
+from backend.control import NO_EVENT
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Accepted, Refused, Reset, SetMode, SetReferences, Stop, Stopped
 from backend.realtime.modes import Mode
@@ -49,7 +49,7 @@ def last(bench: BenchTop) -> MotorCommand:
 
 
 def decides(u_A: float, u_B: float) -> Callable[[BenchTop], None]:
-    return lambda bench: setattr(bench.loop._step, "compute_control", lambda: (QUIET, u_A, u_B))
+    return lambda bench: setattr(bench.loop._step, "compute_control", lambda: (NO_EVENT, u_A, u_B))
 
 
 def raises(bench: BenchTop) -> None:

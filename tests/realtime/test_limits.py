@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from backend.control.motion_types import clipped
+from backend.control.motion_types import make_voltage_limit_flags
 from backend.faults import Fault, Limit
 from backend.realtime.commands import ApplyPush, SetReferences
 from backend.realtime.control_loop import Checks
@@ -53,5 +53,5 @@ def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
 
 
 def test_a_clipped_voltage_is_flagged_at_its_own_motor_and_no_other_flag_with_it() -> None:
-    flags = [clipped(A, B) for A in (False, True) for B in (False, True)]
+    flags = [make_voltage_limit_flags(A, B) for A in (False, True) for B in (False, True)]
     assert flags == [0, Limit.VOLTAGE_B, Limit.VOLTAGE_A, Limit.VOLTAGE_A | Limit.VOLTAGE_B]

@@ -22,4 +22,4 @@ def test_voltage_steps_begin_on_the_way_to_the_centre_at_rest_with_the_first() -
         0.0,
         motion_primitives.BrakeState(0, 0, 0, 0),
     )
-    assert begun.room == room
+    assert begun.margin == room

@@ -103,9 +103,9 @@ def test_what_it_takes_is_not_forgotten_under_it() -> None:
 def test_with_zeros_found_anew_pushes_are_the_position_loop_s_again() -> None:
     bench, tuning = learned("ideal", 1.0, 1.0)
     tunings = bench.loop._machine.tunings
-    assert tunings.gains.rejection.k_ext == 1.0
+    assert tunings.gains.disturbance_feedforward.k_ext == 1.0
     bench.loop._machine.contact.forget(0)
-    assert tunings.gains.rejection.k_ext == 0.0
+    assert tunings.gains.disturbance_feedforward.k_ext == 0.0
     assert back_s(bench, 5.0, 8.0) > 3.0  # with it 0.5 s
     assert isinstance(bench.send(tuning), Refused)
 

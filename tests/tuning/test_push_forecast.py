@@ -109,7 +109,7 @@ def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 
     The springs are ``off`` times what the observer takes them for; the joint leans on ``K_env`` [N·m/rad].
     """
     tuning = make_cascade_tuning(LAB, TuningParameters(lam_q=lam), k_ext=k_ext)
-    d, observer = tuning.decoupler, disturbance_observer.observer_for(LAB)
+    d, observer = tuning.decoupler, disturbance_observer.build_observer(LAB)
     plant = linear_plant(LAB, d, S)
     moving = plant.A.copy()
     moving[:, 0] -= plant.B[:, 2] * K_env
@@ -119,7 +119,7 @@ def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 
     held = expm(both * T_s)
     split = decoupling_matrix(d, S)
     gains_q, _ = interpolate_gains(tuning.schedule, select_entry(tuning.schedule, -1.0, S))
-    r = Rejection(k_ext, 0.0, math.inf, tuning.rejection.kept)
+    r = Rejection(k_ext, 0.0, math.inf, tuning.disturbance_feedforward.lag_decay)
 
     def tick(x: Array, q_e: float) -> Array:
         q, theta_A, theta_B = x[0], x[2], x[5]
@@ -135,7 +135,7 @@ def opened(lam: float, S: float, k_ext: float, K_env: float = 0.0, off: float = 
         state = disturbance_observer.step_disturbance_feedforward(
             r, disturbance_observer.DisturbanceFeedforwardState(k_ext, *x[19:24]), seen[2]
         )
-        answer = disturbance_observer.answer(state, S)
+        answer = disturbance_observer.compute_compensation(state, S)
         q_c, position = pid.step_i_p(gains_q, pid.IPState(x[14]), 0.0, q - answer.q, 0.0)
         ref_A, ref_B = split @ (q_e, 0.0)
         u_A, _, A = pid.step_i_pd(tuning.motors.A, pid.IPDState(*x[8:11]), ref_A, theta_A, math.inf)

@@ -81,7 +81,9 @@ def swept(parameters: PlantParameters, seed: int) -> tuple[tuple[float, float], 
             ring = parts.supervisor.ring
             newest = ring.newest()
             assert newest is not None
-            off.append(disturbance_observer.bias_at(bias, float(newest[INDEX["S"]])) - await truth.at_rest(parts))
+            off.append(
+                disturbance_observer.interpolate_bias(bias, float(newest[INDEX["S"]])) - await truth.at_rest(parts)
+            )
             count = round(1.0 / T_s)
             _, rows, _ = ring.read(ring.count - count, count)
             shown.append(float(rows[:, INDEX["F_ext_hat"]].mean()))
