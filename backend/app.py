@@ -263,7 +263,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     def problems() -> list[str]:
         first = watch, soundness, recorder, flights, trigger, journal
         sweep = actuator.touching.sweep
-        parts = *first, supervisor.guard, retention, authentication.sessions, bring_up, hands, sweep
+        parts = *first, supervisor.watchdog_monitor, retention, authentication.sessions, bring_up, hands, sweep
         return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
 
     retention = Retention(database, RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))

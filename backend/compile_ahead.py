@@ -22,7 +22,7 @@ def compile_ahead() -> None:
     figures.restore()
     default_tuning(load_parameters(PARAMETERS))
     figures.keep()
-    heartbeat.prepare()
+    heartbeat.compile_heartbeat()
 
 
 if __name__ == "__main__":

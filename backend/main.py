@@ -173,7 +173,7 @@ async def _abandon(starting: "asyncio.Task[RealTimeStatus]", supervisor: "Superv
     if not starting.done():
         starting.cancel()
         await asyncio.wait((starting,))
-    if starting.cancelled() or starting.exception() is not None or supervisor.alive:
+    if starting.cancelled() or starting.exception() is not None or supervisor.is_alive:
         await supervisor.stop("the service could not start")
 
 

@@ -24,7 +24,7 @@ from backend.errors import check_range
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime import (
     COAST_S,
-    DRIVEN_S,
+    DRIVE_TIME_S,
     HOMING_MAX_V,
     MODE_CODE,
     TIME_MAX_S,
@@ -460,7 +460,7 @@ async def safety_module(work: ProcedureContext) -> StepFinding:
         raise StepFailedError(
             f"the loop stopped, but not because of the safety module: the status line says why{_SET_BACK}"
         )
-    driven = rows[max(tripped - round(DRIVEN_S / T_s), 0) : tripped]
+    driven = rows[max(tripped - round(DRIVE_TIME_S / T_s), 0) : tripped]
     volts = driven[:, [INDEX["u_A"], INDEX["u_B"]]].max(axis=0)
     turned = driven[-1, [INDEX["theta_A"], INDEX["theta_B"]]] - driven[0, [INDEX["theta_A"], INDEX["theta_B"]]]
     after = rows[-100:, [INDEX["F_A"], INDEX["F_B"]]].mean(axis=0)
@@ -491,7 +491,7 @@ def uncut(volts: Signal, turned: Signal) -> str:
             return f"motor {motor} was given {u:.2f} V only: whether its drive was cut cannot be told"
         if not way <= -TURNED_BACK_RAD:
             return (
-                f"motor {motor} did not let go while it was given {u:.2f} V for {DRIVEN_S:g} s more (it turned by "
+                f"motor {motor} did not let go while it was given {u:.2f} V for {DRIVE_TIME_S:g} s more (it turned by "
                 f"{way:.4f} rad, {-TURNED_BACK_RAD:g} rad are letting go): look at how the module cuts the drives"
             )
     return ""

@@ -34,7 +34,7 @@ from .commands import (
 )
 from .commissioning_motions import (
     COAST_S,
-    DRIVEN_S,
+    DRIVE_TIME_S,
     HOMING_MAX_V,
     TENSION_MAX_N,
     TIME_MAX_S,
@@ -42,7 +42,7 @@ from .commissioning_motions import (
     compute_switch_travel,
 )
 from .contact import PUSH_MAX_S
-from .gains import NOT_LEARNED, make_tuning_command
+from .gains import BIAS_NOT_CALIBRATED, make_tuning_command
 from .headless import SimulatedLoop
 from .heartbeat import WatchdogMonitor
 from .ipc import Setup
@@ -84,10 +84,11 @@ from .supervisor import LoopClient, LoopExited, LoopExitedError, Restart, Superv
 from .timing import LATENESS_EDGES_S, Pacer, RealTimeStatus, compute_timing, count_lateness, request_real_time
 
 __all__ = [
+    "BIAS_NOT_CALIBRATED",
     "COAST_S",
     "CONTACT_MAX_N",
     "CONTACT_MIN_N",
-    "DRIVEN_S",
+    "DRIVE_TIME_S",
     "HOMING_MAX_V",
     "IDENTIFYING",
     "LATENESS_EDGES_S",
@@ -100,7 +101,6 @@ __all__ = [
     "MODE_CODE",
     "MOVING",
     "NEIGHBOUR",
-    "NOT_LEARNED",
     "NO_WALL",
     "OSCILLATING",
     "PUSH_MAX_S",

@@ -30,14 +30,14 @@ TENSION_MAX_N = 10.0
 SLACK_N = 1.0
 """Tension [N] in both tendons on the way; above the largest something holds the joint, below the least one is slack."""
 
-SPARE_RAD = 0.3
+TRAVEL_MARGIN_RAD = 0.3
 """The joint may go so much further than from its middle to the switch [rad]."""
 
-BACK_OFF_RAD = 0.05
+RETREAT_RAD = 0.05
 STUCK_RAD = 0.2
 """So far from the switch it is met again; so far on the way back it may stay closed [rad]."""
 
-JOINT_OFF_RAD, MOTOR_OFF_RAD = 0.1, 1.0
+JOINT_ERROR_MAX_RAD, MOTOR_ERROR_MAX_RAD = 0.1, 1.0
 """So far may the joint be from where the motors bring it, and a motor from where it is sent [rad]."""
 
 WOUND_MAX_RAD = 3.0
@@ -57,7 +57,7 @@ class _Phase(Enum):
 
 def compute_switch_travel(position: float) -> float:
     """Return how far the joint may be driven at most to a switch at ``position`` [rad]."""
-    return abs(position) + SPARE_RAD
+    return abs(position) + TRAVEL_MARGIN_RAD
 
 
 class Homing(CommissioningMotion):
@@ -68,14 +68,14 @@ class Homing(CommissioningMotion):
 
     def __init__(
         self,
-        carry: MotorLoopState,
+        motor_loops: MotorLoopState,
         target: Setpoint,
         m: Measurement,
         position: float,
         ratio: float,
         at_end: Callable[[], bool],
     ) -> None:
-        super().__init__(carry, target)
+        super().__init__(motor_loops, target)
         self.end: HomingEnd | None = None
         self._position = position
         self._sign = 1.0 if position > 0.0 else -1.0
@@ -83,39 +83,41 @@ class Homing(CommissioningMotion):
         self._ratio = ratio
         self._at_end = at_end
         self._phase = _Phase.WINDING
-        self._winding = motion_primitives.PretensionState(m.F_A, m.F_B, carry.theta_A_ref, carry.theta_B_ref, 0.0)
-        self._wound_from = carry.theta_A_ref, carry.theta_B_ref
-        self._began = self._wound_at = m.q
+        self._winding = motion_primitives.PretensionState(
+            m.F_A, m.F_B, motor_loops.theta_A_ref, motor_loops.theta_B_ref, 0.0
+        )
+        self._wound_from = motor_loops.theta_A_ref, motor_loops.theta_B_ref
+        self._start_q = self._wound_q = m.q
         self._ticks = 0
         self._near_s = self._slack_s = 0.0
-        self._way = 0.0  # of the joint since it was wound, as the motors are sent [rad]
-        self._since = 0.0  # way at the begin of this phase
+        self._commanded_travel = 0.0  # of the joint since it was wound, as the motors are sent [rad]
+        self._phase_start = 0.0  # way at the begin of this phase
         self._open_from: float | None = None
-        self._touched = 0.0
+        self._contact_q = 0.0
 
-    def position_of(self, q: float) -> float:
+    def compute_joint_position(self, q: float) -> float:
         """Return where the joint is [rad] that reads ``q`` in the encoder's counts so far."""
-        return self._position + q - self._touched
+        return self._position + q - self._contact_q
 
     def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
         """One tick: look for surprises, then go on."""
         self._ticks += 1
-        self.end = self._surprise(m) or self._advanced(m)
+        self.end = self._find_failure(m) or self._advance(m)
         if self.end is not None:
             self.done, self.cause = True, self.end
             return AT_REST
-        turn = self._ratio * self._way
+        turn = self._ratio * self._commanded_travel
         theta_A, theta_B = self._winding.theta_A_ref + turn, self._winding.theta_B_ref - turn
         return self.follow(tuning._replace(u_max=min(tuning.u_max, HOMING_MAX_V)), m, theta_A, theta_B)
 
-    def _surprise(self, m: Measurement) -> HomingEnd | None:
+    def _find_failure(self, m: Measurement) -> HomingEnd | None:
         """Return what has gone wrong; a reading that is no number is wrong."""
         if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
             return HomingEnd.TENSION
-        if not abs(m.q - self._began) <= self._travel:
+        if not abs(m.q - self._start_q) <= self._travel:
             return HomingEnd.NOT_REACHED
-        refs = self._carry.theta_A_ref, self._carry.theta_B_ref
-        if not (abs(m.theta_A - refs[0]) <= MOTOR_OFF_RAD and abs(m.theta_B - refs[1]) <= MOTOR_OFF_RAD):
+        refs = self._motor_loops.theta_A_ref, self._motor_loops.theta_B_ref
+        if not (abs(m.theta_A - refs[0]) <= MOTOR_ERROR_MAX_RAD and abs(m.theta_B - refs[1]) <= MOTOR_ERROR_MAX_RAD):
             return HomingEnd.MOTOR_OFF
         if self._ticks * T_s > TIME_MAX_S:
             return HomingEnd.TOO_LONG
@@ -125,72 +127,72 @@ class Homing(CommissioningMotion):
         self._slack_s = 0.0 if m.F_A >= SLACK_N and m.F_B >= SLACK_N else self._slack_s + T_s
         if self._slack_s > _SLACK_S:
             return HomingEnd.SLACK
-        gone = m.q - self._wound_at
-        if not abs(gone - self._way) <= JOINT_OFF_RAD:
-            went = math.copysign(gone, gone * self._way)
-            return HomingEnd.WRONG_WAY if went < -0.25 * JOINT_OFF_RAD else HomingEnd.JOINT_HELD
+        travelled = m.q - self._wound_q
+        if not abs(travelled - self._commanded_travel) <= JOINT_ERROR_MAX_RAD:
+            signed_travel = math.copysign(travelled, travelled * self._commanded_travel)
+            return HomingEnd.WRONG_WAY if signed_travel < -0.25 * JOINT_ERROR_MAX_RAD else HomingEnd.JOINT_HELD
         return None
 
-    def _advanced(self, m: Measurement) -> HomingEnd | None:
+    def _advance(self, m: Measurement) -> HomingEnd | None:
         """Go on by a period; return an end that has been reached."""
-        held, gone = self._at_end(), abs(self._way - self._since)
+        is_closed, travelled = self._at_end(), abs(self._commanded_travel - self._phase_start)
         match self._phase:
             case _Phase.WINDING:
-                self._wind(m, held)
+                self._wind(m, is_closed)
             case _Phase.SEEKING:
-                if held:
+                if is_closed:
                     self._begin(_Phase.LEAVING)
-                elif gone > self._travel:
+                elif travelled > self._travel:
                     return HomingEnd.NOT_REACHED
                 else:
-                    self._go(self._sign * FAST_RAD_PER_S)
+                    self._move(self._sign * FAST_RAD_PER_S)
             case _Phase.LEAVING:
-                if held and gone > STUCK_RAD:
+                if is_closed and travelled > STUCK_RAD:
                     return HomingEnd.STUCK_CLOSED
-                self._leave(held)
+                self._leave(is_closed)
             case _Phase.TOUCHING:
-                if held:
-                    self._touched = m.q
+                if is_closed:
+                    self._contact_q = m.q
                     self._begin(_Phase.RETURNING)
-                elif gone > STUCK_RAD:
+                elif travelled > STUCK_RAD:
                     return HomingEnd.NOT_REACHED
                 else:
-                    self._go(self._sign * SLOW_RAD_PER_S)
+                    self._move(self._sign * SLOW_RAD_PER_S)
             case _Phase.RETURNING:
-                if held and gone > STUCK_RAD:
+                if is_closed and travelled > STUCK_RAD:
                     return HomingEnd.STUCK_CLOSED
-                if abs(m.q - self._touched) >= abs(self._position):
+                if abs(m.q - self._contact_q) >= abs(self._position):
                     return HomingEnd.HOMED
-                self._go(-self._sign * FAST_RAD_PER_S)
+                self._move(-self._sign * FAST_RAD_PER_S)
         return None
 
     def _begin(self, phase: _Phase) -> None:
-        self._phase, self._since, self._open_from = phase, self._way, None
+        self._phase, self._phase_start, self._open_from = phase, self._commanded_travel, None
 
-    def _go(self, speed: float) -> None:
-        self._way += speed * T_s
+    def _move(self, speed: float) -> None:
+        self._commanded_travel += speed * T_s
 
-    def _wind(self, m: Measurement, held: bool) -> None:
+    def _wind(self, m: Measurement, is_closed: bool) -> None:
         self._winding = motion_primitives.step_pretension(self._winding, HOMING_TENSION_N, m.F_A, m.F_B)
-        near = (
+        is_near = (
             abs(self._winding.F_A - HOMING_TENSION_N) <= _NEAR_N
             and abs(self._winding.F_B - HOMING_TENSION_N) <= _NEAR_N
         )
-        self._near_s = self._near_s + T_s if near else 0.0
+        self._near_s = self._near_s + T_s if is_near else 0.0
         if self._near_s >= _NEAR_S:
-            self._wound_at = m.q
-            self._begin(_Phase.LEAVING if held else _Phase.SEEKING)
+            self._wound_q = m.q
+            self._begin(_Phase.LEAVING if is_closed else _Phase.SEEKING)
 
-    def _leave(self, held: bool) -> None:
+    def _leave(self, is_closed: bool) -> None:
         """Go back until the switch has been open all the way of BACK_OFF_RAD: contacts bounce."""
-        if held:
+        if is_closed:
             self._open_from = None
         elif self._open_from is None:
-            self._open_from = self._way
-        elif abs(self._way - self._open_from) >= BACK_OFF_RAD:
+            self._open_from = self._commanded_travel
+        elif abs(self._commanded_travel - self._open_from) >= RETREAT_RAD:
             self._begin(_Phase.TOUCHING)
             return
-        self._go(-self._sign * FAST_RAD_PER_S)
+        self._move(-self._sign * FAST_RAD_PER_S)
 
 
 # Motor trial ---------------------------------------------------------------------------------------
@@ -217,7 +219,7 @@ MOTOR_TRIAL_TENSION_N = 3.0
 COAST_S = 0.2
 """At zero volts between the ways out and back [s]: what has moved is read then."""
 
-REST_S = 0.3
+END_PAUSE_S = 0.3
 
 
 class MotorTrial(CommissioningMotion):
@@ -225,22 +227,24 @@ class MotorTrial(CommissioningMotion):
 
     cause = Cause.MOTOR_TRIED
 
-    def __init__(self, carry: MotorLoopState, target: Setpoint, m: Measurement, motor: str) -> None:
-        super().__init__(carry, target)
-        self._began = m
+    def __init__(self, motor_loops: MotorLoopState, target: Setpoint, m: Measurement, motor: str) -> None:
+        super().__init__(motor_loops, target)
+        self._start = m
         self._is_A = motor == "A"
         self._ticks = 0
-        self._out = 0
+        self._forward_ticks = 0
 
     def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
         """One tick of the way out, of standing, of the way back."""
         self._ticks += 1
-        if not self._out and (self._shown(m) or self._ticks * T_s >= TRIAL_MAX_V / MOTOR_TRIAL_RISE_V_PER_S):
-            self._out = self._ticks
-        u = self._voltage()
+        if not self._forward_ticks and (
+            self._has_moved(m) or self._ticks * T_s >= TRIAL_MAX_V / MOTOR_TRIAL_RISE_V_PER_S
+        ):
+            self._forward_ticks = self._ticks
+        u = self._compute_voltage()
         u_A, u_B = (u, 0.0) if self._is_A else (0.0, u)
         nan = math.nan
-        self._carry = MotorLoopState(
+        self._motor_loops = MotorLoopState(
             pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B), tuning.motors, m.theta_A, m.theta_B
         )
         return ControlOutput(
@@ -248,7 +252,7 @@ class MotorTrial(CommissioningMotion):
             u_B=u_B,
             theta_A_ref=nan,
             theta_B_ref=nan,
-            setpoint=self.target,
+            setpoint=self.setpoint,
             q_ref_gov=nan,
             S_ref_gov=nan,
             bank_entry=nan,
@@ -257,23 +261,23 @@ class MotorTrial(CommissioningMotion):
             done=False,
         )
 
-    def _voltage(self) -> float:
-        if not self._out:
+    def _compute_voltage(self) -> float:
+        if not self._forward_ticks:
             return MOTOR_TRIAL_RISE_V_PER_S * T_s * self._ticks
-        back = self._ticks - self._out - round(COAST_S / T_s)
-        self.done = back > self._out + round(REST_S / T_s)
-        return -MOTOR_TRIAL_RISE_V_PER_S * T_s * back if 0 < back <= self._out else 0.0
+        return_ticks = self._ticks - self._forward_ticks - round(COAST_S / T_s)
+        self.done = return_ticks > self._forward_ticks + round(END_PAUSE_S / T_s)
+        return -MOTOR_TRIAL_RISE_V_PER_S * T_s * return_ticks if 0 < return_ticks <= self._forward_ticks else 0.0
 
-    def _shown(self, m: Measurement) -> bool:
-        began = self._began
-        within = (
-            abs(m.theta_A - began.theta_A) < TRAVEL_RAD
-            and abs(m.theta_B - began.theta_B) < TRAVEL_RAD
-            and abs(m.q - began.q) < JOINT_RAD
-            and abs(m.F_A - began.F_A) < MOTOR_TRIAL_TENSION_N
-            and abs(m.F_B - began.F_B) < MOTOR_TRIAL_TENSION_N
+    def _has_moved(self, m: Measurement) -> bool:
+        start = self._start
+        is_within = (
+            abs(m.theta_A - start.theta_A) < TRAVEL_RAD
+            and abs(m.theta_B - start.theta_B) < TRAVEL_RAD
+            and abs(m.q - start.q) < JOINT_RAD
+            and abs(m.F_A - start.F_A) < MOTOR_TRIAL_TENSION_N
+            and abs(m.F_B - start.F_B) < MOTOR_TRIAL_TENSION_N
         )
-        return not within  # more volts for a reading that is no number: never
+        return not is_within  # more volts for a reading that is no number: never
 
 
 # Module trial --------------------------------------------------------------------------------------
@@ -285,7 +289,7 @@ class MotorTrial(CommissioningMotion):
 # lets go.
 
 
-DRIVEN_S = 0.3
+DRIVE_TIME_S = 0.3
 """So long after the trip the motors are driven [s]; then come zero volts."""
 
 MODULE_TRIAL_RISE_V_PER_S = 3.0
@@ -300,33 +304,33 @@ class ModuleTrial(PythonMotion):
     rise makes the difference: what has its drive winds up, and what lost it is turned back by its tendon.
     """
 
-    def __init__(self, carry: MotorLoopState, target: Setpoint, m: Measurement) -> None:
-        super().__init__(carry, target)
+    def __init__(self, motor_loops: MotorLoopState, target: Setpoint, m: Measurement) -> None:
+        super().__init__(motor_loops, target)
         self._u_A = self._u_B = 0.0
         self._ticks = 0
-        self._tautest = max(m.F_A, m.F_B) + RISE_MAX_N
+        self._tension_max = max(m.F_A, m.F_B) + RISE_MAX_N
 
     def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
         """One tick of holding, or of driving."""
         if not (self._ticks or m.safety_trip):
-            held = self.follow(tuning, m, self._carry.theta_A_ref, self._carry.theta_B_ref)
-            self._u_A, self._u_B = held.u_A, held.u_B
-            return held
+            output = self.follow(tuning, m, self._motor_loops.theta_A_ref, self._motor_loops.theta_B_ref)
+            self._u_A, self._u_B = output.u_A, output.u_B
+            return output
         self._ticks += 1
-        within = self._tautest >= m.F_A and self._tautest >= m.F_B
-        self.done = self.done or not within or self._ticks * T_s >= DRIVEN_S
+        is_within = self._tension_max >= m.F_A and self._tension_max >= m.F_B
+        self.done = self.done or not is_within or self._ticks * T_s >= DRIVE_TIME_S
         self._u_A, self._u_B = (
             min(max(u, 0.0) + MODULE_TRIAL_RISE_V_PER_S * T_s, TRIAL_MAX_V) for u in (self._u_A, self._u_B)
         )
         at_rest = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, self._u_A, self._u_B)
-        self._carry = MotorLoopState(at_rest, tuning.motors, m.theta_A, m.theta_B)
+        self._motor_loops = MotorLoopState(at_rest, tuning.motors, m.theta_A, m.theta_B)
         nan = math.nan
         return ControlOutput(
             u_A=self._u_A,
             u_B=self._u_B,
             theta_A_ref=nan,
             theta_B_ref=nan,
-            setpoint=self.target,
+            setpoint=self.setpoint,
             q_ref_gov=nan,
             S_ref_gov=nan,
             bank_entry=nan,

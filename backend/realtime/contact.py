@@ -48,13 +48,13 @@ from plant import NO_LOAD, Measurement, Obstacle, Obstructed, Plant, PlantError,
 # gives way to goes before that.
 
 
-STAND_S = 0.15
+SETTLING_S = 0.15
 """How long the motors have to themselves for bringing the joint to a stand [s], before it gets soft."""
 
 TAIL_S = 0.5
 """How long a program's run goes on after a contact [s], so that it holds what came of it."""
 
-STAND_TICKS, TAIL_TICKS = round(STAND_S / T_s), round(TAIL_S / T_s)
+SETTLING_TICKS, TAIL_TICKS = round(SETTLING_S / T_s), round(TAIL_S / T_s)
 
 MAX_POINTS = 64
 
@@ -65,11 +65,11 @@ class ActiveInputs(NamedTuple):
     F_push: float
     load: ShaftLoad
     tuning: int
-    wall: int
-    touch: int
+    obstacle: int
+    contact_detection: int
 
 
-NOTHING = ActiveInputs(0.0, NO_LOAD, 0, 0, 0)
+NO_ACTIVE_INPUTS = ActiveInputs(0.0, NO_LOAD, 0, 0, 0)
 
 
 class Contact:
@@ -79,18 +79,18 @@ class Contact:
     """
 
     def __init__(self, step: StepContext, events: list[Event], tunings: ActiveGains) -> None:
-        self.felt = False
+        self.is_active = False
         self.paused: Program | None = None
         self._tunings = tunings
-        self._from_N = self._own_N = math.inf
-        self._operators: NDArray[np.float64] = np.zeros((0, 2))
-        self._own: list[tuple[float, float]] = []
+        self._threshold_N = self._program_threshold_N = math.inf
+        self._operator_bias: NDArray[np.float64] = np.zeros((0, 2))
+        self._program_bias: list[tuple[float, float]] = []
         self._noise_N = math.inf
-        self._touches: tuple[ContactDetection, ...] = ()
+        self._program_detections: tuple[ContactDetection, ...] = ()
         self._step = step
         self._events = events
 
-    def put(self, command: ConfigureContactDetection) -> None:
+    def configure(self, command: ConfigureContactDetection) -> None:
         """Use another bias and threshold.
 
         Raises OutOfRangeError, ValueError, CommandRejectedError: nothing has changed.
@@ -110,150 +110,164 @@ class Contact:
                 unit="N",
                 remedy="0 N reacts to nothing",
             )
-        self._operators, self._from_N = bias, command.contact_N or math.inf
-        self._take_off()
+        self._operator_bias, self._threshold_N = bias, command.contact_N or math.inf
+        self._apply_bias()
 
-    def forget(self, tick: int) -> None:
-        """Begin with nothing learned and give way to nothing: the zeros are others now."""
-        self._tunings.reject_nothing()
-        if len(self._operators) or self._from_N != math.inf:
-            self._operators, self._from_N = np.zeros((0, 2)), math.inf
+    def reset(self, tick: int) -> None:
+        """Reset bias and threshold, as the encoders' zeros have changed."""
+        self._tunings.disable_feedforward()
+        if len(self._operator_bias) or self._threshold_N != math.inf:
+            self._operator_bias, self._threshold_N = np.zeros((0, 2)), math.inf
             self._events.append(BiasLost(tick))
         self.end()
 
-    def require(self, program: Program) -> None:
+    def require_program(self, program: Program) -> None:
         """Raise CommandRejectedError or OutOfRangeError for a program's own contacts that cannot be given way to."""
-        touches = program.touches
+        detections = program.touches
         words = "number of changes of what is given way to"
-        check_range("touches", len(touches), None, MAX_TOUCHES, "1", words=words)
+        check_range("touches", len(detections), None, MAX_TOUCHES, "1", words=words)
         for segment in program.segments:
-            if not 0 <= segment.touch <= len(touches):
-                raise CommandRejectedError(f"a segment wants touch {segment.touch} of the program's {len(touches)}")
-        for touch in touches:
-            if touch.contact_N != 0.0:
+            if not 0 <= segment.touch <= len(detections):
+                raise CommandRejectedError(f"a segment wants touch {segment.touch} of the program's {len(detections)}")
+        for detection in detections:
+            if detection.contact_N != 0.0:
                 check_range(
                     "contact_N",
-                    touch.contact_N,
+                    detection.contact_N,
                     minimum=CONTACT_MIN_N,
                     maximum=CONTACT_MAX_N,
                     unit="N",
                     remedy="0 N reacts to nothing",
                 )
-        if touches and program.law is not Law.CASCADE:
+        if detections and program.law is not Law.CASCADE:
             raise CommandRejectedError(f"a {program.law} program gives way to nothing: play it by the cascade")
-        if self._from_N != math.inf and any(touch.contact_N for touch in touches):
+        if self._threshold_N != math.inf and any(detection.contact_N for detection in detections):
             raise CommandRejectedError(
-                f"the joint gives way to contacts from {self._from_N:g} N on, and stays so: that would end this "
+                f"the joint gives way to contacts from {self._threshold_N:g} N on, and stays so: that would end this "
                 "program at its first contact. Have it give way to none first, the program gives way by itself"
             )
 
     def begin(self, program: Program) -> None:
         """Be ready for a program's touches, numbered from 1 on."""
-        self._touches = program.touches
+        self._program_detections = program.touches
 
     def use(self, number: int) -> None:
         """Give way to what a program's touch says from now on; where nothing was learned, to nothing."""
-        touch = self._touches[number - 1] if number else ContactDetection()
-        if touch.learns:
-            self._learn()
-        quiet = bool(self._own) and touch.contact_N >= SIGMAS * self._noise_N
-        self._own_N = touch.contact_N if quiet and touch.contact_N else math.inf
+        detection = self._program_detections[number - 1] if number else ContactDetection()
+        if detection.learns:
+            self._calibrate_bias()
+        is_reliable = bool(self._program_bias) and detection.contact_N >= SIGMAS * self._noise_N
+        self._program_threshold_N = detection.contact_N if is_reliable and detection.contact_N else math.inf
 
     def end(self) -> None:
         """Forget what a program has learned and given way to: what the operator did is in force."""
-        self.paused, self._own_N, self._own, self._noise_N, self._touches = None, math.inf, [], math.inf, ()
-        self._take_off()
+        self.paused, self._program_threshold_N, self._program_bias, self._noise_N, self._program_detections = (
+            None,
+            math.inf,
+            [],
+            math.inf,
+            (),
+        )
+        self._apply_bias()
 
-    def _learn(self) -> None:
-        S, F, std = self._step.rested
+    def _calibrate_bias(self) -> None:
+        S, F, std = self._step.rest_statistics
         if not math.isfinite(F + std):
             return
-        self._noise_N = std if not self._own else max(std, self._noise_N)
-        self._own = sorted([*(point for point in self._own if abs(point[0] - S) >= NEIGHBOUR), (S, F)])
-        self._take_off()
+        self._noise_N = std if not self._program_bias else max(std, self._noise_N)
+        self._program_bias = sorted(
+            [*(point for point in self._program_bias if abs(point[0] - S) >= NEIGHBOUR), (S, F)]
+        )
+        self._apply_bias()
 
-    def _take_off(self) -> None:
+    def _apply_bias(self) -> None:
         """Take off what a program has learned itself, else what the operator has."""
-        self._step.take_off(np.array(self._own).reshape(-1, 2) if self._own else self._operators)
+        self._step.set_bias(np.array(self._program_bias).reshape(-1, 2) if self._program_bias else self._operator_bias)
 
-    def felt_from(self, motion: object) -> float:
+    def compute_threshold(self, motion: object) -> float:
         """Force [N] from which on a contact counts now; inf where none does, or one is being reacted to."""
-        return min(self._from_N, self._own_N) if isinstance(motion, Tracking) and not self.felt else math.inf
+        return (
+            min(self._threshold_N, self._program_threshold_N)
+            if isinstance(motion, Tracking) and not self.is_active
+            else math.inf
+        )
 
     def require_none(self, legal: tuple[Mode, ...]) -> None:
         """Raise CommandRejectedError while one is being reacted to."""
-        if self.felt:
+        if self.is_active:
             raise CommandRejectedError("the joint gives way to a contact: choose a mode to go on, then move it", legal)
 
-    def feel(self, tick: int) -> bool:
-        """Take note of a contact and tell of it, where it is not known yet; whether it was not."""
-        begins, self.felt = not self.felt, True
-        if begins:
-            self._events.append(ContactDetected(tick, self._step.F_ext_hat, self._from_N))
-        return begins
+    def begin_reaction(self, tick: int) -> bool:
+        """Begin the reaction to a contact and report it; return whether it is new."""
+        is_new, self.is_active = not self.is_active, True
+        if is_new:
+            self._events.append(ContactDetected(tick, self._step.F_ext_hat, self._threshold_N))
+        return is_new
 
     def pause(self, program: Program | None, motion: object) -> int:
         """Take note of a contact that a program gives way to itself; for how many ticks, 0 where it is none."""
-        own = abs(self._step.F_ext_hat) <= self._from_N
-        if program is None or not own or self.felt or not isinstance(motion, Tracking):
+        is_program_contact = abs(self._step.F_ext_hat) <= self._threshold_N
+        if program is None or not is_program_contact or self.is_active or not isinstance(motion, Tracking):
             return 0
-        played = motion.now.state.player
-        ticks, self.paused = _after(program, played.position, played.elapsed)
-        self.felt = True
+        player = motion.current.state.player
+        ticks, self.paused = _split_program(program, player.position, player.elapsed)
+        self.is_active = True
         return max(ticks - 1, 1)  # in one more it is told that they are over
 
-    def go_on(self, paused: Program) -> Program:
+    def resume(self, paused: Program) -> Program:
         """Return what of a program is still to be played, now that the joint has given way."""
-        self.paused, self.felt, self._own_N = None, False, math.inf
+        self.paused, self.is_active, self._program_threshold_N = None, False, math.inf
         return paused
 
 
-def _after(program: Program, position: int, elapsed: int) -> tuple[int, Program]:
+def _split_program(program: Program, position: int, elapsed: int) -> tuple[int, Program]:
     """Return how many ticks are left up to the next touch, behind ``elapsed`` of a segment, and the rest from there.
 
     The rest begins with the tuning and the wall that would be in force there.
     """
     segments = program.segments
     ends = range(position + 1, len(segments))
-    end = next((place for place in ends if segments[place].touch), len(segments))
+    end = next((index for index in ends if segments[index].touch), len(segments))
     ticks = sum(round(segment.duration_s / T_s) for segment in segments[position:end]) - elapsed
     rest = segments[end:]
     if rest:
-        before = segments[end::-1]
-        tuning = next((segment.tuning for segment in before if segment.tuning), 0)
-        wall = next((segment.wall for segment in before if segment.wall), 0)
+        earlier = segments[end::-1]
+        tuning = next((segment.tuning for segment in earlier if segment.tuning), 0)
+        wall = next((segment.wall for segment in earlier if segment.wall), 0)
         rest = (replace(rest[0], tuning=tuning, wall=wall), *rest[1:])
     return ticks, replace(program, segments=rest)
 
 
-def giving_way(
+def make_yielding_motion(
     tuning: CascadeTuning,
-    carry: MotorLoopState,
+    motor_loops: MotorLoopState,
     m: Measurement,
     bounds: Bounds,
-    acting: ActiveInputs,
+    active: ActiveInputs,
     ticks: int = TAIL_TICKS,
 ) -> Tracking:
-    """Return the motion of a joint that gives way where it is, under what is ``acting``; it is done after ``ticks``.
+    """Return the motion that yields at the present position under the ``active`` inputs; it ends after ``ticks``.
 
-    First the joint stands, then it gets soft: with both at once the motors would share their voltage between them.
+    The joint stops first and gets soft then: both at once would share the motors' voltage.
     """
-    F_push, (load_A, load_B), number, wall, touch = acting
+    F_push, (load_A, load_B), number, obstacle, detection = active
     q = min(max(m.q, bounds.q_min), bounds.q_max)
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
-    as_it_is = min(max(S, bounds.S_min), bounds.S_max)
-    parts = tuple(
-        Segment(T_s * span, q, S_ref, F_push, load_A=load_A, load_B=load_B, tuning=number, wall=wall, touch=touch)
-        for span, S_ref in ((min(STAND_TICKS, ticks), as_it_is), (max(ticks - STAND_TICKS, 0), bounds.S_min))
+    S_now = min(max(S, bounds.S_min), bounds.S_max)
+    segments = tuple(
+        Segment(
+            T_s * count, q, S_ref, F_push, load_A=load_A, load_B=load_B, tuning=number, wall=obstacle, touch=detection
+        )
+        for count, S_ref in ((min(SETTLING_TICKS, ticks), S_now), (max(ticks - SETTLING_TICKS, 0), bounds.S_min))
     )
     return Tracking(
         tuning=tuning,
-        carry=carry,
+        motor_loops=motor_loops,
         m=m,
         bounds=bounds,
         position_loop=False,
-        program=Program(Law.COMPLIANCE, parts),
-        gives_way=True,
+        program=Program(Law.COMPLIANCE, segments),
+        yields=True,
     )
 
 
@@ -269,7 +283,7 @@ def giving_way(
 PUSH_MAX_S = 10.0
 """Longest push [s]: what is to last is ordered again."""
 
-PUSHED_IN = (Mode.RUN, Mode.COMPLIANCE)
+PUSH_MODES = (Mode.RUN, Mode.COMPLIANCE)
 """Modes in which an operator may push: the joint is under control, and no program pushes by itself."""
 
 
@@ -290,10 +304,10 @@ class ManualDisturbance:
 
         Raises CommandRejectedError in another mode, OutOfRangeError, and PlantError where nothing can push.
         """
-        if command.F_push != 0.0 and mode not in PUSHED_IN:
-            wanted = " and ".join(PUSHED_IN)
+        if command.F_push != 0.0 and mode not in PUSH_MODES:
+            modes = " and ".join(PUSH_MODES)
             raise CommandRejectedError(
-                f"a push takes a joint under the operator's control, in {wanted}; the mode is {mode}"
+                f"a push takes a joint under the operator's control, in {modes}; the mode is {mode}"
             )
         check_range("F_push", command.F_push, None, None, "N")
         check_range(
@@ -311,14 +325,14 @@ class ManualDisturbance:
 
     def step(self, tick: int, mode: Mode) -> tuple[PushReleased, ...]:
         """At the start of a tick: let go when the time is over or the mode is another, and tell so."""
-        if self._until is None or (mode in PUSHED_IN and tick < self._until):
+        if self._until is None or (mode in PUSH_MODES and tick < self._until):
             return ()
         self._until = None
         try:
             self._plant.push(0.0)
         except PlantError:  # whoever pushes the plant has let go of it with it
             return ()
-        return (PushReleased(tick, "its time is over" if mode in PUSHED_IN else f"the mode is {mode}"),)
+        return (PushReleased(tick, "its time is over" if mode in PUSH_MODES else f"the mode is {mode}"),)
 
 
 # Program push --------------------------------------------------------------------------------------
@@ -336,81 +350,81 @@ class ProgramDisturbances:
         self._plant = plant
         self._events = events
         self._contact = contact
-        self.F_push, self.load, self.wall, self.touch = 0.0, NO_LOAD, 0, 0
-        self._walls: tuple[Obstacle | None, ...] = (None,)  # the operator's first
+        self.F_push, self.load, self.obstacle, self.contact_detection = 0.0, NO_LOAD, 0, 0
+        self._obstacles: tuple[Obstacle | None, ...] = (None,)  # the operator's first
 
-    def obstruct(self, wall: Obstacle | None, tick: int) -> None:
+    def set_obstacle(self, obstacle: Obstacle | None, tick: int) -> None:
         """Put an operator's wall in the joint's way, None takes it away.
 
         Raises CommandRejectedError while a program puts up its own and on a plant that takes none, PlantError.
         """
-        if len(self._walls) > 1:
+        if len(self._obstacles) > 1:
             raise CommandRejectedError("the program puts up walls by itself: wait for its end or stop it")
-        self._put(wall, 0, tick)
-        self._walls = (wall,)
+        self._set_obstacle(obstacle, 0, tick)
+        self._obstacles = (obstacle,)
 
-    def require(self, program: Program) -> None:
+    def require_program(self, program: Program) -> None:
         """Raise CommandRejectedError or OutOfRangeError for walls and contact reactions that are not possible."""
-        self._contact.require(program)
-        walls = program.walls
-        check_range("walls", len(walls), None, MAX_WALLS, "1", words="number of changes of the obstacle")
-        if walls and program.law in IDENTIFYING:
+        self._contact.require_program(program)
+        obstacles = program.walls
+        check_range("walls", len(obstacles), None, MAX_WALLS, "1", words="number of changes of the obstacle")
+        if obstacles and program.law in IDENTIFYING:
             raise CommandRejectedError(f"no wall stands while a {program.law} program plays: leave it out")
-        if walls:
+        if obstacles:
             self._require_obstructed()
         for segment in program.segments:
-            if not 0 <= segment.wall <= len(walls):
-                raise CommandRejectedError(f"a segment wants wall {segment.wall} of the program's {len(walls)}")
+            if not 0 <= segment.wall <= len(obstacles):
+                raise CommandRejectedError(f"a segment wants wall {segment.wall} of the program's {len(obstacles)}")
 
     def begin(self, program: Program) -> None:
         """Be ready for a program's walls and touches, numbered from 1 on."""
-        self._walls = (self._walls[0], *program.walls)
+        self._obstacles = (self._obstacles[0], *program.walls)
         self._contact.begin(program)
 
-    def act(self, target: Setpoint, tick: int) -> None:
-        """Push, load, obstruct and feel from now on as a program's target says. Raises PlantError."""
-        if target.contact_detection != self.touch:
-            self.touch = target.contact_detection
-            self._contact.use(target.contact_detection)
-        if target.obstacle != self.wall:
-            self.wall = target.obstacle
-            self._put(self._walls[target.obstacle], target.obstacle, tick)
-        self._act(target.F_push, target.load)
+    def apply_setpoint(self, setpoint: Setpoint, tick: int) -> None:
+        """Apply push, loads, obstacle and contact detection of a setpoint. Raises PlantError."""
+        if setpoint.contact_detection != self.contact_detection:
+            self.contact_detection = setpoint.contact_detection
+            self._contact.use(setpoint.contact_detection)
+        if setpoint.obstacle != self.obstacle:
+            self.obstacle = setpoint.obstacle
+            self._set_obstacle(self._obstacles[setpoint.obstacle], setpoint.obstacle, tick)
+        self._apply_force_and_load(setpoint.F_push, setpoint.load)
 
-    def acting(self, tuning: int) -> ActiveInputs:
-        """Return what is in force, beside the ``tuning`` of this number."""
-        return ActiveInputs(self.F_push, self.load, tuning, self.wall, self.touch)
+    def get_active_inputs(self, tuning: int) -> ActiveInputs:
+        """Return the active inputs, with the number of the ``tuning``."""
+        return ActiveInputs(self.F_push, self.load, tuning, self.obstacle, self.contact_detection)
 
-    def _act(self, F_push: float, load: ShaftLoad) -> None:
+    def _apply_force_and_load(self, F_push: float, load: ShaftLoad) -> None:
         (F_before, load_before), (self.F_push, self.load) = (self.F_push, self.load), (F_push, load)
         if load != load_before:
             self._plant.load(load)
         if F_push != F_before:
             self._plant.push(F_push)
 
-    def let_go(self, tick: int) -> None:
-        """End all of it; an operator's wall that has the joint in it now stays away."""
+    def end(self, tick: int) -> None:
+        """End all disturbances; an operator's obstacle is not restored where the joint is inside it."""
         with suppress(PlantError):  # whoever pushes the plant has let go of it with it
-            self._act(0.0, NO_LOAD)
-        self.touch = 0
+            self._apply_force_and_load(0.0, NO_LOAD)
+        self.contact_detection = 0
         self._contact.end()
-        operators, self._walls = self._walls[0], self._walls[:1]
-        if self.wall:
-            self.wall = 0
+        operator_obstacle, self._obstacles = self._obstacles[0], self._obstacles[:1]
+        if self.obstacle:
+            self.obstacle = 0
             try:
-                self._put(operators, 0, tick)
+                self._set_obstacle(operator_obstacle, 0, tick)
             except PlantError:
-                self._walls = (None,)
+                self._obstacles = (None,)
                 with suppress(PlantError):
-                    self._put(None, 0, tick)
+                    self._set_obstacle(None, 0, tick)
 
-    def has_become(self, F_push: float, load: ShaftLoad) -> None:
-        """Take note of what a batch of ticks has ended with."""
+    def set_state(self, F_push: float, load: ShaftLoad) -> None:
+        """Set push and load as a batch of steps has left them."""
         self.F_push, self.load = F_push, load
 
-    def _put(self, wall: Obstacle | None, number: int, tick: int) -> None:
-        self._require_obstructed().obstacle(wall)
-        self._events.append(WallChanged(tick, number, wall))
+    def _set_obstacle(self, obstacle: Obstacle | None, number: int, tick: int) -> None:
+        self._require_obstructed().obstacle(obstacle)
+        self._events.append(WallChanged(tick, number, obstacle))
 
     def _require_obstructed(self) -> Obstructed:
         if not isinstance(self._plant, Obstructed):

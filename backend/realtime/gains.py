@@ -52,8 +52,8 @@ def make_tuning_command(
     )
 
 
-def tuning_of(command: SetTuning, known: PlantModel) -> cascade.CascadeTuning:
-    """Tuning that a command carries. Raises ValueError for a bank without entries or gains that are no numbers."""
+def build_cascade_tuning(command: SetTuning, plant_model: PlantModel) -> cascade.CascadeTuning:
+    """Build the tuning of a command. Raises ValueError for a bank without entries and for gains that are not finite."""
     if not command.entries:
         raise ValueError("a bank needs at least one entry: no gain was changed")
     rows = [astuple(entry) for entry in sorted(command.entries, key=lambda entry: entry.S_nominal)]
@@ -63,10 +63,10 @@ def tuning_of(command: SetTuning, known: PlantModel) -> cascade.CascadeTuning:
     )
     if not (np.all(np.isfinite(table)) and np.all(np.isfinite(np.array(inner)))):
         raise ValueError("a gain is not a finite number: no gain was changed")
-    check_range("u_plan", command.u_plan, 0.0, known.bounds.u_max, "V")
+    check_range("u_plan", command.u_plan, 0.0, plant_model.bounds.u_max, "V")
     require_share(command.k_ext)
     return combine_tuning(
-        known=known,
+        known=plant_model,
         inner=inner,
         entries=table,
         interpolate=command.interpolate,
@@ -81,7 +81,7 @@ def tuning_of(command: SetTuning, known: PlantModel) -> cascade.CascadeTuning:
 # it ends.
 
 
-NOT_LEARNED = (
+BIAS_NOT_CALIBRATED = (
     "the outside force cannot be rejected before it is learned what its estimate reads with nothing outside: hold the "
     "joint at rest and learn it first, or set k_ext to 0"
 )
@@ -98,66 +98,68 @@ class ActiveGains:
     """Keeps the step to the tuning in force; ``number`` is that of the program's, 0 where it is the operator's."""
 
     def __init__(self, step: StepContext, events: list[Event], gains: CascadeTuning, lambdas: TuningParameters) -> None:
-        self.gains, self.lambdas = _rejecting_nothing(gains), lambdas
+        self.gains, self.lambdas = _without_feedforward(gains), lambdas
         self.number = 0
         self._step = step
         self._events = events
-        self._of_program: tuple[GainsInUse, ...] = ()  # the operator's first
+        self._program_gains: tuple[GainsInUse, ...] = ()  # the operator's first
         step.retune(self.gains)  # as nothing is learned yet
 
     def replace(self, gains: CascadeTuning, lambdas: TuningParameters) -> None:
         """Put an operator's tuning into use. Raises CommandRejectedError while a program changes it."""
-        if self._of_program:
+        if self._program_gains:
             raise CommandRejectedError("the program changes the tuning by itself: wait for its end or stop it")
-        self._require_learned(gains)
-        self._put(GainsInUse(gains, lambdas))
+        self._require_bias(gains)
+        self._apply(GainsInUse(gains, lambdas))
 
-    def of(self, program: Program, known: PlantModel) -> tuple[GainsInUse, ...]:
+    def build_for_program(self, program: Program, plant_model: PlantModel) -> tuple[GainsInUse, ...]:
         """Return the tunings of a program, ready to be used.
 
         Raises CommandRejectedError, OutOfRangeError, ValueError.
         """
-        found = tunings_of(program, known)
-        for tuning in found:
-            self._require_learned(tuning.gains)
-        return found
+        tunings = build_program_tunings(program, plant_model)
+        for tuning in tunings:
+            self._require_bias(tuning.gains)
+        return tunings
 
-    def _require_learned(self, gains: CascadeTuning) -> None:
+    def _require_bias(self, gains: CascadeTuning) -> None:
         """Raise CommandRejectedError for a rejection of what is not known."""
-        if gains.disturbance_feedforward.k_ext > 0.0 and not self._step.learned:
-            raise CommandRejectedError(NOT_LEARNED)
+        if gains.disturbance_feedforward.k_ext > 0.0 and not self._step.has_bias:
+            raise CommandRejectedError(BIAS_NOT_CALIBRATED)
 
-    def reject_nothing(self) -> None:
+    def disable_feedforward(self) -> None:
         """Leave pushes to the position loop: what was learned of the outside force is gone."""
-        self._of_program = tuple(GainsInUse(_rejecting_nothing(one.gains), one.lambdas) for one in self._of_program)
-        self._put(GainsInUse(_rejecting_nothing(self.gains), self.lambdas))
+        self._program_gains = tuple(
+            GainsInUse(_without_feedforward(one.gains), one.lambdas) for one in self._program_gains
+        )
+        self._apply(GainsInUse(_without_feedforward(self.gains), self.lambdas))
 
-    def begin(self, changed: Sequence[GainsInUse]) -> None:
-        """Be ready for a program that puts ``changed`` into use, numbered from 1 on."""
-        self._of_program = (GainsInUse(self.gains, self.lambdas), *changed) if changed else ()
+    def begin(self, tunings: Sequence[GainsInUse]) -> None:
+        """Be ready for a program that puts ``tunings`` into use, numbered from 1 on."""
+        self._program_gains = (GainsInUse(self.gains, self.lambdas), *tunings) if tunings else ()
 
     def use(self, number: int, tick: int) -> None:
         """Put a tuning of the program into use."""
         self.number = number
-        self._put(self._of_program[number])
+        self._apply(self._program_gains[number])
         self._events.append(TuningChanged(tick, number, self.lambdas.lam_q, self.lambdas.lam_S))
 
     def end(self, tick: int) -> None:
         """Put the operator's back into use, where a program has changed it."""
         if self.number:
             self.use(0, tick)
-        self._of_program = ()
+        self._program_gains = ()
 
-    def _put(self, tuning: GainsInUse) -> None:
+    def _apply(self, tuning: GainsInUse) -> None:
         self.gains, self.lambdas = tuning
         self._step.retune(tuning.gains)
 
 
-def _rejecting_nothing(gains: CascadeTuning) -> CascadeTuning:
+def _without_feedforward(gains: CascadeTuning) -> CascadeTuning:
     return gains._replace(disturbance_feedforward=gains.disturbance_feedforward._replace(k_ext=0.0))
 
 
-def tunings_of(program: Program, known: PlantModel) -> tuple[GainsInUse, ...]:
+def build_program_tunings(program: Program, plant_model: PlantModel) -> tuple[GainsInUse, ...]:
     """Return the tunings of a program, ready to be used. Raises CommandRejectedError, OutOfRangeError, ValueError."""
     check_range("tunings", len(program.tunings), None, MAX_TUNINGS, "1", words="number of changes of the tuning")
     if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
@@ -170,6 +172,6 @@ def tunings_of(program: Program, known: PlantModel) -> tuple[GainsInUse, ...]:
                 f"a segment wants tuning {segment.tuning} of the program's {len(program.tunings)}"
             )
     return tuple(
-        GainsInUse(tuning_of(command, known), TuningParameters(command.lam_q, command.lam_S))
+        GainsInUse(build_cascade_tuning(command, plant_model), TuningParameters(command.lam_q, command.lam_S))
         for command in program.tunings
     )

@@ -29,7 +29,7 @@ WATCHDOG_MONITOR_PART = Part(
     "The watch over the card's watchdog", "A watchdog that dies now is found by the loop alone."
 )
 
-LOOK_S = 0.05
+POLL_S = 0.05
 """How often the service looks [s]."""
 
 LAST_RESORT_S = WATCHDOG_S + 0.1
@@ -49,49 +49,49 @@ class WatchdogMonitor:
     def __init__(self, card: Card) -> None:
         self.problem = ""
         self._card = card
-        self._looks = Stillness(LOOK_S)
-        self._writes = Stillness(LOOK_S)
+        self._polls = Stillness(POLL_S)
+        self._writes = Stillness(POLL_S)
 
     @property
     def watchdog_silent_s(self) -> float:
         """For how long the watchdog has not been seen to look [s]."""
-        return self._looks.still_s
+        return self._polls.still_s
 
     @property
-    def watchdog_lost(self) -> bool:
+    def is_watchdog_lost(self) -> bool:
         """Whether nobody would take the drives away if the loop died: found by the loop, or seen here."""
         state = self._card.state()
-        seen_dead = state.armed and state.drive_enabled and self._looks.still_s > WATCHDOG_S
+        seen_dead = state.armed and state.drive_enabled and self._polls.still_s > WATCHDOG_S
         return state.watchdog_dead or (seen_dead and not state.mirror)
 
-    def look(self, loop_gone: bool) -> bool:
+    def poll(self, loop_ended: bool) -> bool:
         """Look once, at the times LOOK_S apart; return whether there is anything left to guard."""
         state = self._card.state()
-        self._looks.update(state.polls)
+        self._polls.update(state.polls)
         unwritten_s = self._writes.update(state.writes)
-        if self.watchdog_lost and not self.problem:
-            self._tell("the card's watchdog is dead: reset starts a new loop with a new one")
-        if loop_gone and state.drive_enabled and unwritten_s > LAST_RESORT_S:
+        if self.is_watchdog_lost and not self.problem:
+            self._set_problem("the card's watchdog is dead: reset starts a new loop with a new one")
+        if loop_ended and state.drive_enabled and unwritten_s > LAST_RESORT_S:
             if state.mirror:  # it stays as it is: what was last known
                 if not self.problem:
-                    self._tell(
+                    self._set_problem(
                         f"the loop is dead: the rig's card cuts the drives by its watchdog, {state.watchdog_s:g} s "
                         "after the last write, which cannot be seen from here; look at the rig, then reset"
                     )
                 return False
             self._card.expire()
-            self._tell(
+            self._set_problem(
                 "the loop and the card's watchdog were both dead: the service cleared the outputs itself; "
                 "look at the rig, then reset"
             )
-        return not loop_gone or self._card.state().drive_enabled
+        return not loop_ended or self._card.state().drive_enabled
 
     async def run(self, loop: Process | None) -> None:
         """Look until the loop process has ended, or is known to have ended, and the drives are off."""
-        while self.look(loop_gone=loop is None or loop.returncode is not None):
-            await asyncio.sleep(LOOK_S)
+        while self.poll(loop_ended=loop is None or loop.returncode is not None):
+            await asyncio.sleep(POLL_S)
 
-    def _tell(self, problem: str) -> None:
+    def _set_problem(self, problem: str) -> None:
         self.problem = problem
         _LOG.error(problem)
 
@@ -121,7 +121,7 @@ _NS = 1_000_000_000
 _PERIOD_NS, _STALE_NS = round(HEARTBEAT_S * _NS), round(STALE_S * _NS)
 _MONOTONIC = time.CLOCK_MONOTONIC
 _FLAGS = int(socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
-_STOPPED, _SHOWN, _SILENT_UNTIL, _BEATEN = range(4)
+_STOPPED, _REFRESHED, _SILENT_UNTIL, _SENT = range(4)
 
 # libc's by name, not by address, so that the compiled code can be kept; pointers as whole numbers of their size.
 _send: Any = ExternalFunction("send", intp(int32, intp, uintp, int32))
@@ -131,47 +131,47 @@ _now: Any = ExternalFunction("clock_gettime", int32(int32, intp))
 
 @cache_compiled
 @numba.njit(nogil=True)
-def _beat(fd: int, packet: NDArray[np.uint8], words: NDArray[np.int64]) -> None:
+def _send_beats(fd: int, packet: NDArray[np.uint8], words: NDArray[np.int64]) -> None:
     period = np.array([0, _PERIOD_NS])
     clock = np.zeros(2, np.int64)
     while words[_STOPPED] == 0:
         _sleep(_MONOTONIC, 0, period.ctypes.data, 0)
         _now(_MONOTONIC, clock.ctypes.data)
         now_ns = clock[0] * _NS + clock[1]
-        if now_ns - words[_SHOWN] < _STALE_NS and now_ns >= words[_SILENT_UNTIL]:
+        if now_ns - words[_REFRESHED] < _STALE_NS and now_ns >= words[_SILENT_UNTIL]:
             # A full queue or a closed end is for others to notice.
             _send(fd, packet.ctypes.data, packet.size, _FLAGS)
-            words[_BEATEN] = now_ns
+            words[_SENT] = now_ns
 
 
 class HeartbeatSender:
-    """Beats on a channel: ``run`` is the work of a thread. ``shown`` is called by the event loop while it lives."""
+    """Beats on a channel: ``run`` is the work of a thread. ``refresh`` is called by the event loop while it lives."""
 
     def __init__(self, channel: Channel) -> None:
         self._words = np.zeros(4, np.int64)
-        self._words[_SHOWN] = self._words[_BEATEN] = time.monotonic_ns()
+        self._words[_REFRESHED] = self._words[_SENT] = time.monotonic_ns()
         self._packet = np.frombuffer(encode(Heartbeat()), np.uint8).copy()
         self._fd = channel.fileno()
-        self._told = False
+        self._is_stopped = False
 
     def run(self) -> None:
         """Beat until ``stop``, after which the channel may be closed; may be run anew when it has failed."""
-        self._words[_STOPPED] = int(self._told)
-        prepare()
+        self._words[_STOPPED] = int(self._is_stopped)
+        compile_heartbeat()
         with suppress(PermissionError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-        _beat(self._fd, self._packet, self._words)
-        if not self._told:
+        _send_beats(self._fd, self._packet, self._words)
+        if not self._is_stopped:
             raise RuntimeError("the heartbeat ended without being told to")
 
-    def shown(self) -> None:
+    def refresh(self) -> None:
         """Take note that the event loop lives."""
-        self._words[_SHOWN] = time.monotonic_ns()
+        self._words[_REFRESHED] = time.monotonic_ns()
 
     @property
     def age_s(self) -> float:
         """Time since the last beat [s]."""
-        return float(time.monotonic_ns() - self._words[_BEATEN]) / _NS
+        return float(time.monotonic_ns() - self._words[_SENT]) / _NS
 
     def pause(self, duration_s: float) -> None:
         """Do not beat for so long."""
@@ -179,11 +179,11 @@ class HeartbeatSender:
 
     def stop(self) -> None:
         """Let ``run`` return."""
-        self._told = True
+        self._is_stopped = True
         self._words[_STOPPED] = 1
 
 
-def prepare() -> None:
+def compile_heartbeat() -> None:
     """Compile the heartbeat, which takes a second the first time, before there is a loop that waits for it."""
     stopped = np.array([1, 0, 0, 0])
-    _beat(-1, np.zeros(1, np.uint8), stopped)
+    _send_beats(-1, np.zeros(1, np.uint8), stopped)

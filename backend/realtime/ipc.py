@@ -182,8 +182,8 @@ class ProgramParts:
         self._segments: list[Segment] = []
         self._tunings: list[SetTuning] = []
 
-    def keep(self, sequence: int, part: ProgramPart) -> None:
-        """Keep a part until the rest comes; more than a program may have are not kept."""
+    def add(self, sequence: int, part: ProgramPart) -> None:
+        """Add a part of a program; parts beyond the largest program are dropped."""
         if sequence != self._sequence:
             self._sequence, self._segments, self._tunings = sequence, [], []
         if len(self._segments) <= MAX_SEGMENTS:
@@ -193,7 +193,7 @@ class ProgramParts:
 
     def whole(self, sequence: int, rest: LongProgram) -> RunProgram:
         """Return the program with all its parts. Raises CommandRejectedError where one is missing."""
-        self.keep(sequence, ProgramPart())
+        self.add(sequence, ProgramPart())
         segments, tunings = tuple(self._segments), tuple(self._tunings)
         self._segments, self._tunings = [], []
         for arrived, expected, what in (

@@ -19,7 +19,7 @@ from backend.realtime.commands import (
     Stopped,
 )
 from backend.realtime.commissioning_motions import ModuleTrial
-from backend.realtime.contact import NOTHING, TAIL_TICKS, Contact, ProgramDisturbances, giving_way
+from backend.realtime.contact import NO_ACTIVE_INPUTS, TAIL_TICKS, Contact, ProgramDisturbances, make_yielding_motion
 from backend.realtime.gains import ActiveGains
 from backend.realtime.modes import DRIVES_OFF, LEGAL, Cause, CommandRejectedError, Mode, Why
 from backend.realtime.motions import (
@@ -75,37 +75,37 @@ class StopRequest:
 class EncoderOffsets:
     """The zeros that the loop has found of one plant.
 
-    ``motors_known`` tells that those of the motor encoders are known, ``middle`` [rad] is where the joint reads that is
-    said to be in its middle.
+    ``is_motor_zero_known`` tells that those of the motor encoders are known, ``joint_centre`` [rad] is where the joint
+    reads that is said to be in its middle.
     """
 
     def __init__(self) -> None:
-        self.motors_known = False
-        self.middle = 0.0
+        self.is_motor_zero_known = False
+        self.joint_centre = 0.0
         self.offset_A = self.offset_B = 0.0
 
-    def from_middle(self, m: Measurement) -> Measurement:
+    def subtract_joint_centre(self, m: Measurement) -> Measurement:
         """Return the measurement with the joint from its middle, also where its encoder counts from elsewhere."""
-        return m._replace(q=m.q - self.middle) if self.middle else m
+        return m._replace(q=m.q - self.joint_centre) if self.joint_centre else m
 
-    def move(self, by_A: float, by_B: float) -> None:
+    def shift_motors(self, by_A: float, by_B: float) -> None:
         """Take the motors' zeros as found where they read more by so many rad."""
         self.offset_A += by_A
         self.offset_B += by_B
-        self.motors_known = True
+        self.is_motor_zero_known = True
 
-    def doubt(self) -> None:
-        """Let the motors' zeros be found anew before they are counted on."""
-        self.motors_known = False
+    def invalidate_motors(self) -> None:
+        """Mark the motors' zeros as unknown."""
+        self.is_motor_zero_known = False
 
-    def say_middle(self, q: float) -> None:
-        """Take the joint to be in its middle where it reads q [rad]."""
-        self.middle = q
+    def set_joint_centre(self, q: float) -> None:
+        """Set the reading q [rad] at which the joint is centred."""
+        self.joint_centre = q
 
-    def begin_anew(self) -> None:
+    def reset(self) -> None:
         """Forget all of it: the encoders themselves count from elsewhere now."""
-        self.offset_A = self.offset_B = self.middle = 0.0
-        self.motors_known = False
+        self.offset_A = self.offset_B = self.joint_centre = 0.0
+        self.is_motor_zero_known = False
 
 
 # Mode machine --------------------------------------------------------------------------------------
@@ -114,7 +114,7 @@ class EncoderOffsets:
 # has ended.
 
 
-_DOUBTS_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault.MOTOR_REVERSED)
+_FAULTS_THAT_INVALIDATE_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault.MOTOR_REVERSED)
 """After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
 
 
@@ -135,19 +135,19 @@ class ModeManager:
     ) -> None:
         self.mode, self.fault = Mode.OFF, Fault.NONE
         self._events, self._plant, self._step = events, plant, step
-        self._rest = IdleMotion(tuning.motors)
+        self._idle = IdleMotion(tuning.motors)
         self.motion = None
-        self.run, self.reached_told = 0, False
+        self.run, self.is_completion_reported = 0, False
         self.tunings = ActiveGains(step, events, tuning, lambdas)
-        self._known = collect_plant_knowledge(parameters)
-        self.bounds = self._known.bounds
+        self._plant_model = collect_plant_knowledge(parameters)
+        self.bounds = self._plant_model.bounds
         self.zeros, self.drives_off = EncoderOffsets(), False
         self._pending_stop: StopRequest | None = None
         self._programs = ProgramMotions(plant, parameters)
-        self.turns_per_joint = self._known.decoupler.r_j / self._known.decoupler.r_m
+        self.turns_per_joint = self._plant_model.decoupler.r_j / self._plant_model.decoupler.r_m
         self._program: Program | None = None
         self.contact = Contact(step, events, self.tunings)
-        self.push = ProgramDisturbances(plant, events, self.contact)
+        self.disturbances = ProgramDisturbances(plant, events, self.contact)
 
     @property
     def motion(self) -> Motion | None:
@@ -157,12 +157,12 @@ class ModeManager:
     @motion.setter
     def motion(self, motion: Motion | None) -> None:
         self._motion = motion
-        self.interpreted = motion if isinstance(motion, PythonMotion) else None
-        if self.interpreted is None:
-            self._step.set_motion(motion or self._rest)
+        self.python_motion = motion if isinstance(motion, PythonMotion) else None
+        if self.python_motion is None:
+            self._step.set_motion(motion or self._idle)
 
     @property
-    def pretension_done(self) -> bool:
+    def is_pretension_done(self) -> bool:
         """Whether pretension has been reached and both tendons are held."""
         return self.mode is Mode.PRETENSION and isinstance(self.motion, PointToPointMotion) and self.motion.done
 
@@ -172,19 +172,19 @@ class ModeManager:
         return DRIVES_OFF if self.drives_off else self._plant.unready
 
     @property
-    def keeps_taut(self) -> bool:
+    def requires_tension(self) -> bool:
         """Whether slack would be a fault now: everywhere under control but on the way to pretension.
 
         Voltage steps are made with slack tendons on purpose.
         """
-        on_the_way = self.mode is Mode.PRETENSION and not self.reached_told
-        slack_wanted = isinstance(self.motion, MotorSteps | CommissioningMotion)
-        closed = self.motion is not None and self.zeros.motors_known and self.mode is not Mode.STOPPING
-        return closed and not on_the_way and not slack_wanted
+        is_winding = self.mode is Mode.PRETENSION and not self.is_completion_reported
+        allows_slack = isinstance(self.motion, MotorSteps | CommissioningMotion)
+        is_controlled = self.motion is not None and self.zeros.is_motor_zero_known and self.mode is not Mode.STOPPING
+        return is_controlled and not is_winding and not allows_slack
 
     @property
-    def has_to_tell(self) -> bool:
-        """Whether a stop has come to zero volts that nobody was told of yet."""
+    def has_unreported_stop(self) -> bool:
+        """Whether a stop has reached zero volts and was not reported yet."""
         return self._pending_stop is not None and self.mode is Mode.TRIPPED
 
     def require_consistent(self) -> None:
@@ -196,7 +196,7 @@ class ModeManager:
         if self.mode not in (Mode.TRIPPED, Mode.STOPPING) and self.fault is not Fault.NONE:
             raise InvariantError(f"mode {self.mode} with fault {self.fault}")
 
-    def set_mode(self, command: SetMode, now: TickContext) -> None:
+    def set_mode(self, command: SetMode, context: TickContext) -> None:
         """Carry out an operator's move. Raises CommandRejectedError."""
         mode = command.mode
         self._require_legal(mode)
@@ -205,19 +205,21 @@ class ModeManager:
         if mode is Mode.PRETENSION:
             if self.unready:
                 raise CommandRejectedError(self.unready)
-            self._enter_pretension(now, Cause.ASKED_FOR)
+            self._enter_pretension(context, Cause.ASKED_FOR)
         elif mode is Mode.OFF:
-            self._enter(now, Mode.OFF, None, Cause.ASKED_FOR)
+            self._enter(context, Mode.OFF, None, Cause.ASKED_FOR)
         elif mode is Mode.STOPPING:
-            self._brake(now, Cause.ASKED_FOR)
+            self._brake(context, Cause.ASKED_FOR)
         elif mode in (Mode.RUN, Mode.COMPLIANCE):
             self._require_taut(mode)
-            motion = Tracking(self.tunings.gains, self._carried(now.m), now.m, self.bounds, mode is Mode.RUN)
-            self._enter(now, mode, motion, Cause.ASKED_FOR, command.run)
+            motion = Tracking(
+                self.tunings.gains, self._get_motor_loops(context.m), context.m, self.bounds, mode is Mode.RUN
+            )
+            self._enter(context, mode, motion, Cause.ASKED_FOR, command.run)
         else:
             raise CommandRejectedError(f"{mode} starts with a program, not by itself", LEGAL[self.mode])
 
-    def run_program(self, command: RunProgram, now: TickContext) -> None:
+    def run_program(self, command: RunProgram, context: TickContext) -> None:
         """Start a program. Raises CommandRejectedError or OutOfRangeError before anything has moved."""
         program, mode = command.program, program_mode(command.program.law)
         self._require_legal(mode)
@@ -225,23 +227,27 @@ class ModeManager:
         if not may_start_from(program.law, self.mode):
             reason = f"a {program.law} program starts from pretension, where the joint is brought to 0 first"
             raise CommandRejectedError(reason, LEGAL[self.mode])
-        tunings, own = self.tunings, self.tunings.of(program, self._known)
-        motion = self._programs.motion_for(program, self._carried(now.m), now.m, tunings.gains, tunings.lambdas)
-        self.push.require(program)
-        self._enter(now, mode, motion, Cause.PROGRAM, command.run)
+        tunings, program_gains = self.tunings, self.tunings.build_for_program(program, self._plant_model)
+        motion = self._programs.make_motion(
+            program, self._get_motor_loops(context.m), context.m, tunings.gains, tunings.lambdas
+        )
+        self.disturbances.require_program(program)
+        self._enter(context, mode, motion, Cause.PROGRAM, command.run)
         self._program = program
-        self.push.begin(program)
-        tunings.begin(own)
+        self.disturbances.begin(program)
+        tunings.begin(program_gains)
 
-    def try_out(self, made: Callable[[MotorLoopState], Motion], cause: Why, now: TickContext) -> None:
+    def start_commissioning_motion(
+        self, make_motion: Callable[[MotorLoopState], Motion], cause: Why, context: TickContext
+    ) -> None:
         """Play what the bring-up asks for, from OFF."""
-        self._enter(now, Mode.IDENTIFY, made(self._carried(now.m)), cause)
+        self._enter(context, Mode.IDENTIFY, make_motion(self._get_motor_loops(context.m)), cause)
 
-    def try_module(self, now: TickContext) -> None:
+    def start_module_trial(self, context: TickContext) -> None:
         """Provoke the safety module's trip at the pretension. Raises CommandRejectedError."""
-        if not self.pretension_done or self.motion is None:
+        if not self.is_pretension_done or self.motion is None:
             raise CommandRejectedError("the safety module is tried once both tendons hold the pretension")
-        self.motion = ModuleTrial(self.motion.carry(), NO_REFERENCE, now.m)
+        self.motion = ModuleTrial(self.motion.get_motor_loops(), NO_REFERENCE, context.m)
 
     def set_tuning(self, tuning: CascadeTuning, lambdas: TuningParameters) -> None:
         """Replace all gains of the cascade. Raises CommandRejectedError while a law without them plays."""
@@ -259,50 +265,50 @@ class ModeManager:
                 f"references are the operator's in run and compliance only; the mode is {self.mode}"
             )
         self._programs.require_references(command.q_ref, command.S_ref)
-        self.motion.aim(Setpoint(float(command.q_ref), float(command.S_ref), 0.0))
+        self.motion.set_setpoint(Setpoint(float(command.q_ref), float(command.S_ref), 0.0))
 
-    def give_way(self, now: TickContext) -> None:
-        """React to a contact: the joint gives way where it is, and for good where no program's run goes on."""
-        playing, ticks = self._program is not None, self.contact.pause(self._program, self.motion)
-        goes_on = bool(ticks) or (self.contact.feel(now.tick) and playing)
-        acting = self.push.acting(self.tunings.number) if goes_on else NOTHING
-        motion = giving_way(
+    def react_to_contact(self, context: TickContext) -> None:
+        """React to a contact: the joint yields where it is, permanently unless a program's run continues."""
+        has_program, ticks = self._program is not None, self.contact.pause(self._program, self.motion)
+        run_continues = bool(ticks) or (self.contact.begin_reaction(context.tick) and has_program)
+        active = self.disturbances.get_active_inputs(self.tunings.number) if run_continues else NO_ACTIVE_INPUTS
+        motion = make_yielding_motion(
             tuning=self.tunings.gains,
-            carry=self._carried(now.m),
-            m=now.m,
+            motor_loops=self._get_motor_loops(context.m),
+            m=context.m,
             bounds=self.bounds,
-            acting=acting,
+            active=active,
             ticks=ticks or TAIL_TICKS,
         )
-        if goes_on:
+        if run_continues:
             self.motion = motion
         else:
-            self._enter(now, Mode.COMPLIANCE, motion, Cause.CONTACT, 0 if playing else self.run)
+            self._enter(context, Mode.COMPLIANCE, motion, Cause.CONTACT, 0 if has_program else self.run)
 
-    def reset(self, now: TickContext) -> None:
+    def reset(self, context: TickContext) -> None:
         """Leave TRIPPED; the loop has made sure that the cause is gone. Raises CommandRejectedError or PlantError."""
         self._plant.acknowledge()
         self.fault = Fault.NONE
-        self._enter(now, Mode.OFF, None, Cause.RESET)
+        self._enter(context, Mode.OFF, None, Cause.RESET)
 
-    def begin_stop(self, stop: Stop, detail: str, now: TickContext) -> None:
+    def begin_stop(self, stop: Stop, detail: str, context: TickContext) -> None:
         """Latch the fault and go to zero volts at once (hard) or after braking (soft). Never refused."""
         if self._pending_stop is None or stop.hard:
-            self._pending_stop = StopRequest(stop, now.tick, time.perf_counter(), detail)
+            self._pending_stop = StopRequest(stop, context.tick, time.perf_counter(), detail)
         if self.mode is Mode.TRIPPED:
             return
         self.fault = stop.fault
-        if stop.fault in _DOUBTS_ZEROS:
-            self.zeros.doubt()
+        if stop.fault in _FAULTS_THAT_INVALIDATE_ZEROS:
+            self.zeros.invalidate_motors()
         if stop.fault is Fault.MOTOR_REVERSED and isinstance(self._plant, SupportsDirectionCheck):
             self._plant.prove_directions(proven=False)
         if stop.hard or self.motion is None or isinstance(self.motion, CommissioningMotion):
-            self._enter(now, Mode.TRIPPED, None, stop.fault)
+            self._enter(context, Mode.TRIPPED, None, stop.fault)
         elif self.mode is not Mode.STOPPING:
-            self._brake(now, stop.fault)
+            self._brake(context, stop.fault)
 
-    def tell_stopped(self, tick: int) -> None:
-        """Tell once of a stop that has come to zero volts; they have just been written."""
+    def report_stopped(self, tick: int) -> None:
+        """Report a stop once zero volts have been written."""
         pending = self._pending_stop
         if pending is None or self.mode is not Mode.TRIPPED:
             return
@@ -319,32 +325,32 @@ class ModeManager:
         )
         self._pending_stop = None
 
-    def end_motion(self, now: TickContext) -> Measurement:
+    def end_motion(self, context: TickContext) -> Measurement:
         """Go on from a motion that has reached its end by itself; return what is measured, from zeros just found."""
         if isinstance(self.motion, PretensionMotion):
-            return self._take_zero(self.motion, now)
+            return self._set_motor_zeros(self.motion, context)
         if isinstance(self.motion, CommissioningMotion):
-            self._enter(now, Mode.OFF, None, self.motion.cause)
+            self._enter(context, Mode.OFF, None, self.motion.cause)
         elif self.contact.paused is not None:
-            self._program = rest = self.contact.go_on(self.contact.paused)
+            self._program = rest = self.contact.resume(self.contact.paused)
             self.motion = Tracking(
                 tuning=self.tunings.gains,
-                carry=self._carried(now.m),
-                m=now.m,
+                motor_loops=self._get_motor_loops(context.m),
+                m=context.m,
                 bounds=self.bounds,
                 position_loop=True,
                 program=rest,
             )
-        elif self.contact.felt and self.mode is Mode.EXPERIMENT:
-            self.give_way(now)
+        elif self.contact.is_active and self.mode is Mode.EXPERIMENT:
+            self.react_to_contact(context)
         elif self.mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
-            self._enter_pretension(now, Cause.PROGRAM_ENDED, completed=True)
-        elif self.pretension_done and not self.reached_told:
-            self.reached_told = True
-            self._events.append(PretensionReached(now.tick))
+            self._enter_pretension(context, Cause.PROGRAM_ENDED, completed=True)
+        elif self.is_pretension_done and not self.is_completion_reported:
+            self.is_completion_reported = True
+            self._events.append(PretensionReached(context.tick))
         elif self.mode is Mode.STOPPING:
-            self._enter(now, Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, Cause.STANDING)
-        return now.m
+            self._enter(context, Mode.OFF if self.fault is Fault.NONE else Mode.TRIPPED, None, Cause.STANDING)
+        return context.m
 
     def _require_legal(self, mode: Mode) -> None:
         legal = LEGAL[self.mode]
@@ -353,56 +359,74 @@ class ModeManager:
             raise CommandRejectedError(f"{self.mode} cannot go to {mode}; legal now: {names}", legal)
 
     def _require_taut(self, mode: Mode) -> None:
-        if self.mode is Mode.PRETENSION and not self.pretension_done:
+        if self.mode is Mode.PRETENSION and not self.is_pretension_done:
             raise CommandRejectedError(
                 f"{mode} has to wait until both tendons hold {PRETENSION_N:g} N", LEGAL[self.mode]
             )
 
-    def _carried(self, m: Measurement) -> MotorLoopState:
+    def _get_motor_loops(self, m: Measurement) -> MotorLoopState:
         if self.motion is not None:
-            return self.motion.carry()
+            return self.motion.get_motor_loops()
         gains = self.tunings.gains.motors
         return MotorLoopState(
             pid.at_rest_motor_pair(gains, m.theta_A, m.theta_B, 0.0, 0.0), gains, m.theta_A, m.theta_B
         )
 
     def _enter(
-        self, now: TickContext, mode: Mode, motion: Motion | None, cause: Why, run: int = 0, *, completed: bool = False
+        self,
+        context: TickContext,
+        mode: Mode,
+        motion: Motion | None,
+        cause: Why,
+        run: int = 0,
+        *,
+        completed: bool = False,
     ) -> None:
         if self._program is not None or self.run not in (0, run):
-            whole = completed or (self._program is None and not isinstance(cause, Fault))
+            is_complete = completed or (self._program is None and not isinstance(cause, Fault))
             detail = self._pending_stop.detail if self._pending_stop is not None and isinstance(cause, Fault) else ""
-            self._events.append(RunEnded(now.tick, self.run, whole, cause, detail))
+            self._events.append(RunEnded(context.tick, self.run, is_complete, cause, detail))
         if self._program is not None:
             if self._program.law not in IDENTIFYING:
-                self.push.let_go(now.tick)
+                self.disturbances.end(context.tick)
             self._program = None
-            self.tunings.end(now.tick)
-        self._events.append(ModeChanged(now.tick, self.mode, mode, cause))
+            self.tunings.end(context.tick)
+        self._events.append(ModeChanged(context.tick, self.mode, mode, cause))
         self.mode, self.motion, self.run = mode, motion, run
-        self.reached_told, self.contact.felt = False, cause is Cause.CONTACT
+        self.is_completion_reported, self.contact.is_active = False, cause is Cause.CONTACT
 
-    def _enter_pretension(self, now: TickContext, cause: Why, *, completed: bool = False) -> None:
-        carry, known, wound = self._carried(now.m), self.zeros.motors_known, self._programs.wound(PRETENSION_N)
-        motion: Motion = PointToPointMotion(carry, *wound) if known else PretensionMotion(carry)
-        self._enter(now, Mode.PRETENSION, motion, cause, completed=completed)
+    def _enter_pretension(self, context: TickContext, cause: Why, *, completed: bool = False) -> None:
+        motor_loops, is_zero_known, angles = (
+            self._get_motor_loops(context.m),
+            self.zeros.is_motor_zero_known,
+            self._programs.compute_motor_angles(PRETENSION_N),
+        )
+        motion: Motion = PointToPointMotion(motor_loops, *angles) if is_zero_known else PretensionMotion(motor_loops)
+        self._enter(context, Mode.PRETENSION, motion, cause, completed=completed)
 
-    def _take_zero(self, winding: PretensionMotion, now: TickContext) -> Measurement:
+    def _set_motor_zeros(self, winding: PretensionMotion, context: TickContext) -> Measurement:
         """Set the encoders' zeros from the tensions: incremental encoders do not know where slack ends."""
-        m = now.m
-        move_A, move_B = self._programs.off_by(winding.tensions, m)
-        self.contact.forget(now.tick)
-        self.zeros.move(move_A, move_B)
-        carry = winding.carry()
-        state = pid.shift_motor_pair(carry.gains, carry.state, move_A, move_B)
-        shifted = MotorLoopState(state, carry.gains, carry.theta_A_ref + move_A, carry.theta_B_ref + move_B)
-        self.motion = PointToPointMotion(shifted, *self._programs.wound(PRETENSION_N))
+        m = context.m
+        move_A, move_B = self._programs.compute_encoder_errors(winding.tensions, m)
+        self.contact.reset(context.tick)
+        self.zeros.shift_motors(move_A, move_B)
+        motor_loops = winding.get_motor_loops()
+        state = pid.shift_motor_pair(motor_loops.gains, motor_loops.state, move_A, move_B)
+        shifted = MotorLoopState(
+            state, motor_loops.gains, motor_loops.theta_A_ref + move_A, motor_loops.theta_B_ref + move_B
+        )
+        self.motion = PointToPointMotion(shifted, *self._programs.compute_motor_angles(PRETENSION_N))
         return m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
 
-    def _brake(self, now: TickContext, cause: Why) -> None:
+    def _brake(self, context: TickContext, cause: Why) -> None:
         if isinstance(
             self.motion, CommissioningMotion
         ):  # which way it turns is not known: to brake could be to drive on
-            self._enter(now, Mode.OFF, None, cause)
+            self._enter(context, Mode.OFF, None, cause)
             return
-        self._enter(now, Mode.STOPPING, Braking(self._carried(now.m), now.m, self.tunings.gains.u_max), cause)
+        self._enter(
+            context,
+            Mode.STOPPING,
+            Braking(self._get_motor_loops(context.m), context.m, self.tunings.gains.u_max),
+            cause,
+        )

@@ -47,7 +47,7 @@ _SHAPES = {
 }
 
 
-def make_segment_player(segments: Sequence[Segment], start: Setpoint) -> setpoint_player.SetpointPlayer:
+def make_segment_player(segments: Sequence[Segment], first: Setpoint) -> setpoint_player.SetpointPlayer:
     """Play segments from a target on."""
     rows = [
         (
@@ -74,39 +74,43 @@ def make_segment_player(segments: Sequence[Segment], start: Setpoint) -> setpoin
         0,
         0,
         setpoint_player.INITIAL_REGISTER,
-        start,
+        first,
     )
 
 
-def tension_hold_of(
-    program: Program, excitation: Excitation, carry: MotorLoopState, theta_A: float
+def make_tension_hold_state(
+    program: Program, excitation: Excitation, motor_loops: MotorLoopState, theta_A: float
 ) -> motion_primitives.TensionHoldState:
     """Hold the program's tension, which ``theta_A`` [rad] of motor A gives about, settle, and excite."""
     amplitude = excitation.amplitude_rad
     levels = np.array([amplitude if level == "+" else -amplitude for level in excitation.levels])
     chip_ticks = max(round(excitation.chip_s / T_s), 1)
     chips = motion_primitives.ExcitationChips(levels, chip_ticks, excitation.periods * len(levels) * chip_ticks)
-    base = carry.theta_A_ref, carry.theta_B_ref
+    base = motor_loops.theta_A_ref, motor_loops.theta_B_ref
     settle_ticks = round(program.settle_s / T_s)
     return motion_primitives.TensionHoldState(
         program.tension_N, theta_A, *base, settle_ticks, chips, 0, pid.ForceHoldState(0.0)
     )
 
 
-def tension_sweep_of(program: Program, goals: Sequence[tuple[float, float]]) -> motion_primitives.TensionSweepState:
+def make_tension_sweep_state(
+    program: Program, goals: Sequence[tuple[float, float]]
+) -> motion_primitives.TensionSweepState:
     """Sweep along ``goals``: theta_A and theta_B [rad] of the start and of each leg's end."""
     ticks = np.array([max(round(leg.duration_s / T_s), 1) for leg in program.legs], dtype=np.int64)
     return motion_primitives.TensionSweepState(np.array(goals), ticks, round(program.settle_s / T_s), -1, 0)
 
 
-def voltage_steps_of(program: Program, room: motion_primitives.VoltageMargin) -> motion_primitives.VoltageStepsState:
-    """Make the program's steps within ``room``."""
+def make_voltage_steps_state(
+    program: Program, margin: motion_primitives.VoltageMargin
+) -> motion_primitives.VoltageStepsState:
+    """Make the program's steps within ``margin``."""
     rows = [(step.theta_start, step.u, round(step.duration_s / T_s), step.travel_rad) for step in program.steps]
     steps = np.array(rows, dtype=np.float64).reshape(-1, 4)
-    still = motion_primitives.BrakeState(0.0, 0.0, 0.0, 0.0)
+    brake = motion_primitives.BrakeState(0.0, 0.0, 0.0, 0.0)
     first = motion_primitives.CENTRED
     return motion_primitives.VoltageStepsState(
-        margin=room,
+        margin=margin,
         steps=steps,
         settle_ticks=round(program.settle_s / T_s),
         step=0,
@@ -114,7 +118,7 @@ def voltage_steps_of(program: Program, room: motion_primitives.VoltageMargin) ->
         ticks=0,
         began_A=0.0,
         began_B=0.0,
-        brake=still,
+        brake=brake,
     )
 
 
@@ -133,36 +137,36 @@ class Motion:
     It begins with ``first`` and goes on in the cell where it is laid.
     """
 
-    def __init__(self, carry: MotorLoopState, state: Any, target: Setpoint = NO_REFERENCE) -> None:
+    def __init__(self, motor_loops: MotorLoopState, state: Any, setpoint: Setpoint = NO_REFERENCE) -> None:
         self.done = False
-        self.first = Moving(carry, target, state)
-        self._cell: StateBlock[Moving] | None = None
+        self.initial = Moving(motor_loops, setpoint, state)
+        self._block: StateBlock[Moving] | None = None
 
-    def lie_in(self, cell: StateBlock[Moving]) -> None:
+    def bind(self, block: StateBlock[Moving]) -> None:
         """Go on in a cell of its kind, in which nothing else moves any more."""
-        cell.set(self.first)
-        self._cell = cell
+        block.set(self.initial)
+        self._block = block
 
     @property
-    def now(self) -> Moving:
-        """As it stands now."""
-        return self.first if self._cell is None else self._cell.get()
+    def current(self) -> Moving:
+        """Present state of the motion."""
+        return self.initial if self._block is None else self._block.get()
 
-    def carry(self) -> MotorLoopState:
+    def get_motor_loops(self) -> MotorLoopState:
         """Return the motor loops for the next motion."""
-        return self.now.motor_loops
+        return self.current.motor_loops
 
-    def aim(self, target: Setpoint) -> None:
+    def set_setpoint(self, setpoint: Setpoint) -> None:
         """Go for another target from the next tick on."""
-        if self._cell is not None:
-            self._cell.field("setpoint").set(target)
+        if self._block is not None:
+            self._block.field("setpoint").set(setpoint)
 
 
-def _held(carry: MotorLoopState, m: Measurement, u_max: float) -> tuple[float, float]:
+def _compute_holding_voltages(motor_loops: MotorLoopState, m: Measurement, u_max: float) -> tuple[float, float]:
     """Voltages [V] that the motor loops would go on with."""
-    references = carry.theta_A_ref, carry.theta_B_ref
-    held, _ = pid.step_motor_pair(carry.gains, carry.state, *references, m.theta_A, m.theta_B, u_max)
-    return held.u_A, held.u_B
+    references = motor_loops.theta_A_ref, motor_loops.theta_B_ref
+    voltages, _ = pid.step_motor_pair(motor_loops.gains, motor_loops.state, *references, m.theta_A, m.theta_B, u_max)
+    return voltages.u_A, voltages.u_B
 
 
 class IdleMotion(Motion):
@@ -177,28 +181,30 @@ class IdleMotion(Motion):
 class PretensionMotion(Motion):
     """Pretension from slack: both motors wind until both load cells read the pretension."""
 
-    def __init__(self, carry: MotorLoopState) -> None:
-        super().__init__(carry, motion_primitives.begin_winding(carry))
+    def __init__(self, motor_loops: MotorLoopState) -> None:
+        super().__init__(motor_loops, motion_primitives.begin_winding(motor_loops))
 
     @property
     def tensions(self) -> tuple[float, float]:
         """Filtered load cell readings [N]."""
-        wound = self.now.state.winding
-        return wound.F_A, wound.F_B
+        winding = self.current.state.winding
+        return winding.F_A, winding.F_B
 
 
 class PointToPointMotion(Motion):
     """Walk the motor references along a straight line to (theta_A, theta_B) [rad] and hold there."""
 
-    def __init__(self, carry: MotorLoopState, theta_A: float, theta_B: float) -> None:
-        super().__init__(carry, motion_primitives.TravelState(theta_A, theta_B, 0.0))
+    def __init__(self, motor_loops: MotorLoopState, theta_A: float, theta_B: float) -> None:
+        super().__init__(motor_loops, motion_primitives.TravelState(theta_A, theta_B, 0.0))
 
 
 class Braking(Motion):
     """Soft stop: brake both motors and keep braking until the joint has come to rest under tension."""
 
-    def __init__(self, carry: MotorLoopState, m: Measurement, u_max: float) -> None:
-        super().__init__(carry, motion_primitives.begin_soft_stop(*_held(carry, m, u_max), m))
+    def __init__(self, motor_loops: MotorLoopState, m: Measurement, u_max: float) -> None:
+        super().__init__(
+            motor_loops, motion_primitives.begin_soft_stop(*_compute_holding_voltages(motor_loops, m, u_max), m)
+        )
 
 
 class ForceHold(Motion):
@@ -219,28 +225,30 @@ class Tracking(Motion):
     def __init__(
         self,
         tuning: cascade.CascadeTuning,
-        carry: MotorLoopState,
+        motor_loops: MotorLoopState,
         m: Measurement,
         bounds: Bounds,
         position_loop: bool,
         program: Program | None = None,
         *,
-        gives_way: bool = False,
+        yields: bool = False,
     ) -> None:
-        """Begin where nothing has to move; a joint that ``gives_way`` is to rest where it is now."""
-        here = tracking.find_resting_setpoint(tuning, m, bounds, position_loop=position_loop or gives_way)
-        player = make_segment_player(() if program is None else program.segments, here)
-        references = carry.theta_A_ref, carry.theta_B_ref
-        law = cascade.initialize_bumpless(tuning, carry.state, carry.gains, *references, m, here.q_ref)
-        super().__init__(carry, tracking.TrackingState(law, position_loop, program is not None, player), here)
+        """Begin where nothing has to move; a joint that ``yields`` is to rest where it is now."""
+        start = tracking.find_resting_setpoint(tuning, m, bounds, position_loop=position_loop or yields)
+        player = make_segment_player(() if program is None else program.segments, start)
+        references = motor_loops.theta_A_ref, motor_loops.theta_B_ref
+        law = cascade.initialize_bumpless(tuning, motor_loops.state, motor_loops.gains, *references, m, start.q_ref)
+        super().__init__(motor_loops, tracking.TrackingState(law, position_loop, program is not None, player), start)
 
 
-def _single_loop(parameters: PlantParameters, lambdas: TuningParameters, u: tuple[float, float], m: Measurement) -> Any:
+def _make_single_loop(
+    parameters: PlantParameters, lambdas: TuningParameters, u: tuple[float, float], m: Measurement
+) -> Any:
     tuning = make_single_loop_tuning(parameters, lambdas)
     return tracking.SingleLoop, tuning, baselines.initialize_single_loop(tuning, *u, m)
 
 
-def _feedback_linearization(
+def _make_feedback_linearization(
     parameters: PlantParameters, lambdas: TuningParameters, u: tuple[float, float], m: Measurement
 ) -> Any:
     tuning = make_feedback_linearization_tuning(parameters, lambdas)
@@ -252,8 +260,8 @@ def _feedback_linearization(
 
 
 BASELINES: dict[Law, Callable[[PlantParameters, TuningParameters, tuple[float, float], Measurement], Any]] = {
-    Law.SINGLE_LOOP: _single_loop,
-    Law.FEEDBACK_LINEARIZATION: _feedback_linearization,
+    Law.SINGLE_LOOP: _make_single_loop,
+    Law.FEEDBACK_LINEARIZATION: _make_feedback_linearization,
 }
 """Laws without cascade: kind, tuning from parameters and λ, and the state that takes over from voltages [V]."""
 
@@ -267,46 +275,48 @@ class Baseline(Motion):
         parameters: PlantParameters,
         lambdas: TuningParameters,
         tuning: cascade.CascadeTuning,
-        carry: MotorLoopState,
+        motor_loops: MotorLoopState,
         m: Measurement,
         bounds: Bounds,
     ) -> None:
         """Raise TuningError where the law has no gains for these λ."""
-        here = tracking.find_resting_setpoint(tuning, m, bounds)
-        kind, own, law = BASELINES[program.law](parameters, lambdas, _held(carry, m, tuning.u_max), m)
-        super().__init__(carry, kind(own, law, make_segment_player(program.segments, here)), here)
+        start = tracking.find_resting_setpoint(tuning, m, bounds)
+        kind, law_tuning, law = BASELINES[program.law](
+            parameters, lambdas, _compute_holding_voltages(motor_loops, m, tuning.u_max), m
+        )
+        super().__init__(motor_loops, kind(law_tuning, law, make_segment_player(program.segments, start)), start)
 
 
 class PythonMotion(Motion):
     """What a bring-up plays: rare, short, and stepped by the interpreter."""
 
-    def __init__(self, carry: MotorLoopState, target: Setpoint) -> None:
+    def __init__(self, motor_loops: MotorLoopState, setpoint: Setpoint) -> None:
         self.done = False
-        self.target = target
-        self._carry = carry
+        self.setpoint = setpoint
+        self._motor_loops = motor_loops
 
     def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
         """One tick: measurement to voltages."""
         raise NotImplementedError
 
-    def carry(self) -> MotorLoopState:
+    def get_motor_loops(self) -> MotorLoopState:
         """Return the motor loops for the next motion."""
-        return self._carry
+        return self._motor_loops
 
     def follow(
         self, tuning: cascade.CascadeTuning, m: Measurement, theta_A_ref: float, theta_B_ref: float
     ) -> ControlOutput:
         """One tick of both motor loops towards motor references [rad]."""
-        decision, self._carry = track_motors(
+        output, self._motor_loops = track_motors(
             tuning=tuning,
-            motor_loops=self._carry,
-            setpoint=self.target,
+            motor_loops=self._motor_loops,
+            setpoint=self.setpoint,
             theta_A_ref=theta_A_ref,
             theta_B_ref=theta_B_ref,
             m=m,
             done=False,
         )
-        return decision
+        return output
 
 
 class CommissioningMotion(PythonMotion):
@@ -334,20 +344,25 @@ class ProgramMotions:
         self._spring_A, self._spring_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
         self._geometry = build_decoupler(parameters)
 
-    def motion_for(
-        self, program: Program, carry: MotorLoopState, m: Measurement, tuning: CascadeTuning, lambdas: TuningParameters
+    def make_motion(
+        self,
+        program: Program,
+        motor_loops: MotorLoopState,
+        m: Measurement,
+        tuning: CascadeTuning,
+        lambdas: TuningParameters,
     ) -> Motion:
         """Return what plays the program from here on. Raises CommandRejectedError or OutOfRangeError."""
         if program.law is Law.FORCE_HOLD:
             if program.excitation is None:
                 raise ValueError("a force-hold program needs an excitation")
             # Motor B stays at zero: what motor A winds stretches both springs.
-            theta_A = sum(self.wound(program.tension_N))
-            return ForceHold(carry, tension_hold_of(program, program.excitation, carry, theta_A))
+            theta_A = sum(self.compute_motor_angles(program.tension_N))
+            return ForceHold(motor_loops, make_tension_hold_state(program, program.excitation, motor_loops, theta_A))
         if program.law is Law.MOTOR_STEPS:
-            return self._motor_steps(program, carry)
+            return self._make_motor_steps(program, motor_loops)
         if program.law is Law.TENSION_SWEEP:
-            return self._tension_sweep(program, carry)
+            return self._make_tension_sweep(program, motor_loops)
         self._require_segments(program)
         bounds = self._bounds
         if program.law in BASELINES:
@@ -356,21 +371,29 @@ class ProgramMotions:
                 parameters=self._parameters,
                 lambdas=lambdas,
                 tuning=tuning,
-                carry=carry,
+                motor_loops=motor_loops,
                 m=m,
                 bounds=bounds,
             )
         return Tracking(
-            tuning=tuning, carry=carry, m=m, bounds=bounds, position_loop=program.law is Law.CASCADE, program=program
+            tuning=tuning,
+            motor_loops=motor_loops,
+            m=m,
+            bounds=bounds,
+            position_loop=program.law is Law.CASCADE,
+            program=program,
         )
 
-    def off_by(self, tensions: tuple[float, float], m: Measurement) -> tuple[float, float]:
-        """How much less motors A and B read [rad] than they stand at, as the tensions [N] say."""
-        (F_A, F_B), r_m, turned = tensions, self._geometry.r_m, self._geometry.r_j * m.q
-        A, B = spring_elongation(self._spring_A, F_A) + turned, spring_elongation(self._spring_B, F_B) - turned
+    def compute_encoder_errors(self, tensions: tuple[float, float], m: Measurement) -> tuple[float, float]:
+        """Return the errors [rad] of the motors' encoders, from the tensions [N]."""
+        (F_A, F_B), r_m, joint_travel = tensions, self._geometry.r_m, self._geometry.r_j * m.q
+        A, B = (
+            spring_elongation(self._spring_A, F_A) + joint_travel,
+            spring_elongation(self._spring_B, F_B) - joint_travel,
+        )
         return A / r_m - m.theta_A, B / r_m - m.theta_B
 
-    def wound(self, F: float) -> tuple[float, float]:
+    def compute_motor_angles(self, F: float) -> tuple[float, float]:
         """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
         r_m = self._geometry.r_m
         return spring_elongation(self._spring_A, F) / r_m, spring_elongation(self._spring_B, F) / r_m
@@ -385,15 +408,15 @@ class ProgramMotions:
         q_min, q_max, S_min, S_max = self._bounds.q_min, self._bounds.q_max, self._bounds.S_min, self._bounds.S_max
         for segment in program.segments:
             # Most are plain and good, and a thousand calls would take half a period.
-            good = q_min <= segment.q_ref <= q_max and S_min <= segment.S_ref <= S_max
-            if not good or segment.F_push or segment.load_A or segment.load_B:
+            is_valid = q_min <= segment.q_ref <= q_max and S_min <= segment.S_ref <= S_max
+            if not is_valid or segment.F_push or segment.load_A or segment.load_B:
                 self._require_segment(segment)
 
     def _require_segment(self, segment: Segment) -> None:
         self.require_references(segment.q_ref, segment.S_ref)
         require_plant_ability(segment, pushes=self._plant.pushes, loads_shafts=self._plant.loads_shafts)
 
-    def _motor_steps(self, program: Program, carry: MotorLoopState) -> MotorSteps:
+    def _make_motor_steps(self, program: Program, motor_loops: MotorLoopState) -> MotorSteps:
         if not program.steps:
             raise CommandRejectedError("a program of voltage steps needs at least one step")
         theta_max = self._geometry.r_j / self._geometry.r_m * self._bounds.q_trip  # what the joint's range winds up
@@ -407,13 +430,16 @@ class ProgramMotions:
                 remedy="0 is where the tendons go slack",
             )
             check_range("u", step.u, -self._bounds.u_max, self._bounds.u_max, "V")
-        room = VoltageMargin(*self.wound(PRETENSION_N), self._bounds.F_slack, theta_max)
-        return MotorSteps(carry, voltage_steps_of(program, room))
+        margin = VoltageMargin(*self.compute_motor_angles(PRETENSION_N), self._bounds.F_slack, theta_max)
+        return MotorSteps(motor_loops, make_voltage_steps_state(program, margin))
 
-    def _tension_sweep(self, program: Program, carry: MotorLoopState) -> TensionSweep:
+    def _make_tension_sweep(self, program: Program, motor_loops: MotorLoopState) -> TensionSweep:
         if not program.legs:
             raise CommandRejectedError("a sweep of the tension needs at least one leg")
         tensions = (program.tension_N, *(leg.tension_N for leg in program.legs))
         for tension_N in tensions:
             check_range("tension_N", tension_N, self._bounds.F_slack, self._bounds.F_max, "N")
-        return TensionSweep(carry, tension_sweep_of(program, [self.wound(tension_N) for tension_N in tensions]))
+        return TensionSweep(
+            motor_loops,
+            make_tension_sweep_state(program, [self.compute_motor_angles(tension_N) for tension_N in tensions]),
+        )

@@ -27,7 +27,7 @@ from backend.realtime.commands import (
 )
 from backend.realtime.commissioning_motions import Homing
 from backend.realtime.control_loop import Loop
-from backend.realtime.gains import tuning_of
+from backend.realtime.gains import build_cascade_tuning
 from backend.realtime.ipc import (
     ChannelError,
     Failed,
@@ -91,34 +91,34 @@ def warm_up(parameters: PlantParameters, tuning: SetTuning) -> None:
     loop = Loop(Simulator(parameters), parameters, ring, tuning)
     plain = replace(tuning, k_ext=0.0)  # nothing is learned here
     S_ref = 0.5 * (loop.bounds.S_min + loop.bounds.S_max)
-    _order(loop, SetMode(Mode.PRETENSION))
-    _pretension(loop)
+    _send_command(loop, SetMode(Mode.PRETENSION))
+    _run_pretension(loop)
     for program in _IDENTIFYING:
-        _order(loop, RunProgram(program))
-        _tick_while(loop, Mode.IDENTIFY)
-        _pretension(loop)
+        _send_command(loop, RunProgram(program))
+        _run_while(loop, Mode.IDENTIFY)
+        _run_pretension(loop)
     # The single loop does not take each λ of the cascade: any λ of its range calls the same compiled code.
     short = 4.0 * min(motor_model(parameters, "A").T_m, motor_model(parameters, "B").T_m)
     brisk = replace(plain, lam_q=min(tuning.lam_q, short), lam_S=min(tuning.lam_S, short))
     for law in (Law.CASCADE, *BASELINES):
-        _order(loop, brisk if law in BASELINES else plain)
-        _order(loop, RunProgram(Program(law, (Segment(duration_s=0.005, q_ref=0.0, S_ref=S_ref),))))
-        _tick_while(loop, Mode.EXPERIMENT)
-        _pretension(loop)
+        _send_command(loop, brisk if law in BASELINES else plain)
+        _send_command(loop, RunProgram(Program(law, (Segment(duration_s=0.005, q_ref=0.0, S_ref=S_ref),))))
+        _run_while(loop, Mode.EXPERIMENT)
+        _run_pretension(loop)
     for command in (SetMode(Mode.RUN), SetReferences(0.0, S_ref), plain, SetMode(Mode.COMPLIANCE), Stop(hard=False)):
-        _order(loop, command)
+        _send_command(loop, command)
         loop.tick()
     loop.close()
     ring.close()
-    _bring_up(parameters, tuning)
+    _warm_up_homing(parameters, tuning)
 
 
-def _bring_up(parameters: PlantParameters, tuning: SetTuning) -> None:
+def _warm_up_homing(parameters: PlantParameters, tuning: SetTuning) -> None:
     """Step what the interpreter steps; of what is compiled, a homing takes all that the bring-up does."""
     plant = Simulator(parameters)
-    gains = tuning_of(tuning, collect_plant_knowledge(parameters))
+    gains = build_cascade_tuning(tuning, collect_plant_knowledge(parameters))
     homing = Homing(
-        carry=IdleMotion(gains.motors).carry(),
+        motor_loops=IdleMotion(gains.motors).get_motor_loops(),
         target=NO_REFERENCE,
         m=plant.read(),
         position=0.5,
@@ -128,22 +128,22 @@ def _bring_up(parameters: PlantParameters, tuning: SetTuning) -> None:
     homing.step(gains, plant.read())
 
 
-def _order(loop: Loop, command: Command) -> None:
+def _send_command(loop: Loop, command: Command) -> None:
     loop.handle(0, command)
     for event in loop.drain_events():
         if isinstance(event, Refused):
             raise WarmUpError(f"{type(command).__name__} refused in rehearsal on the simulator: {event.reason}")
 
 
-def _pretension(loop: Loop) -> None:
+def _run_pretension(loop: Loop) -> None:
     for _ in range(_PRETENSION_TICKS):
-        if loop.pretension_done:
+        if loop.is_pretension_done:
             return
         loop.tick()
     raise WarmUpError(f"pretension was not reached within {_PRETENSION_TICKS} ticks; the mode is {loop.mode}")
 
 
-def _tick_while(loop: Loop, mode: Mode) -> None:
+def _run_while(loop: Loop, mode: Mode) -> None:
     while loop.mode is mode:
         loop.tick()
 
@@ -162,18 +162,18 @@ SILENCE_S = 0.34
 
 Braking takes 0.14 s: the joint stands within 0.5 s of the last word."""
 
-PAUSE_S = 0.02
+MAX_COUNTED_GAP_S = 0.02
 """Longest time between two ticks that counts as silence [s]: when the whole machine pauses, nobody can speak."""
 
 COMMANDS_PER_TICK = 4
 BYTES_PER_TICK = 4000
 """More wait for the next tick, so that no burst of commands and no long program makes a tick late."""
 
-_STILL = (Mode.OFF, Mode.TRIPPED)
+_MOTIONLESS_MODES = (Mode.OFF, Mode.TRIPPED)
 
 
 class Worker:
-    """One loop and its road to the service; ``drives_off`` where hands may be at the rig already."""
+    """One loop and its channel to the service; ``drives_off``: somebody may be at the rig already."""
 
     def __init__(self, plant: Plant, loop: Loop | PlayerLoop, channel: Channel, *, drives_off: bool = False) -> None:
         self._plant = plant
@@ -194,19 +194,19 @@ class Worker:
         """End after the current tick (SIGTERM)."""
         self._terminated = True
 
-    def tell(self, message: FromLoop) -> None:
-        """Queue a message to the service; it leaves as soon as the service reads."""
+    def queue_message(self, message: FromLoop) -> None:
+        """Queue a message to the service, which is sent when the channel accepts it."""
         self._outbox.append(encode(message))
 
     def run(self, pacer: Pacer, now_s: Callable[[], float] = time.monotonic) -> None:
         """Tick until told to end, or until the service is gone and the outputs are zero."""
         before_s = now_s()
-        while not (self._terminated or self._loop.finished or self._abandoned()):
+        while not (self._terminated or self._loop.finished or self._is_abandoned()):
             lateness_s = pacer.met() if self._plant.paces_loop else pacer.wait()
             begun_s = now_s()
-            self._silence_s += min(begun_s - before_s, PAUSE_S)
+            self._silence_s += min(begun_s - before_s, MAX_COUNTED_GAP_S)
             before_s = begun_s
-            self._listen()
+            self._receive_commands()
             if self._paused:
                 pacer.resume()
                 self._paused = False
@@ -214,49 +214,49 @@ class Worker:
             self._tick += 1
             if (readiness := self._loop.readiness) != self._readiness:
                 self._readiness = readiness
-                self.tell(ReadinessChanged(self._tick, *readiness))  # before the answer to what has changed it
+                self.queue_message(ReadinessChanged(self._tick, *readiness))  # before the answer to what has changed it
             for event in self._loop.drain_events():
-                self.tell(event)
+                self.queue_message(event)
             if self._outbox:
                 self._send()
 
-    def _abandoned(self) -> bool:
-        return not self._service_alive and self._loop.mode in _STILL
+    def _is_abandoned(self) -> bool:
+        return not self._service_alive and self._loop.mode in _MOTIONLESS_MODES
 
-    def _listen(self) -> None:
+    def _receive_commands(self) -> None:
         try:
-            taken = 0
+            received = 0
             for _ in range(COMMANDS_PER_TICK):
-                packet = self._channel.receive() if taken < BYTES_PER_TICK else None
+                packet = self._channel.receive() if received < BYTES_PER_TICK else None
                 if packet is None:
                     break
                 self._silence_s = 0.0
-                taken += len(packet)
-                self._obey(packet)
+                received += len(packet)
+                self._handle_packet(packet)
         except ChannelClosedError:
             self._service_alive = False
         lost = self._silence_s > SILENCE_S or not self._service_alive
-        if lost and self._loop.mode not in (*_STILL, Mode.STOPPING):
+        if lost and self._loop.mode not in (*_MOTIONLESS_MODES, Mode.STOPPING):
             self._loop.handle(0, Stop(Fault.SERVICE_LOST, hard=False))
 
-    def _obey(self, packet: bytes) -> None:
+    def _handle_packet(self, packet: bytes) -> None:
         try:
             sequence, message = decode_to_loop(packet)
         except ChannelError as error:
-            self.tell(Refused(error.sequence, self._tick, str(error)))
+            self.queue_message(Refused(error.sequence, self._tick, str(error)))
             return
         match message:
             case Heartbeat():
                 pass
             case Setup():
-                self.tell(Refused(sequence, self._tick, "the loop is set up once, at its start"))
+                self.queue_message(Refused(sequence, self._tick, "the loop is set up once, at its start"))
             case ProgramPart():
-                self._parts.keep(sequence, message)
+                self._parts.add(sequence, message)
             case LongProgram():
                 try:
                     self._loop.handle(sequence, self._parts.whole(sequence, message))
                 except CommandRejectedError as refused:
-                    self.tell(Refused(sequence, self._tick, str(refused)))
+                    self.queue_message(Refused(sequence, self._tick, str(refused)))
             case command:
                 self._loop.handle(sequence, command)
                 # The card's watchdog may have been tried, at zero volts, which takes its time.
@@ -282,7 +282,7 @@ def _receive_setup(channel: Channel) -> Setup:
     return message
 
 
-def _work(ring: Ring, channel: Channel, card: Card) -> None:
+def _run_loop(ring: Ring, channel: Channel, card: Card) -> None:
     setup = _receive_setup(channel)
     parameters = load_parameters(setup.parameters).with_identified(setup.identified)
     plant = make_plant(setup.plant, parameters, setup.seed, card, setup.brought_up, drives_off=setup.drives_off)
@@ -299,7 +299,7 @@ def _work(ring: Ring, channel: Channel, card: Card) -> None:
     try:
         worker = Worker(plant, loop, channel, drives_off=setup.drives_off)
         signal.signal(signal.SIGTERM, lambda *_: worker.terminate())
-        worker.tell(Ready(granted, plant.description, plant.wired if isinstance(plant, HasWiring) else ""))
+        worker.queue_message(Ready(granted, plant.description, plant.wired if isinstance(plant, HasWiring) else ""))
         worker.run(Pacer(T_s))
     finally:
         loop.close()
@@ -315,7 +315,7 @@ def main() -> int:
     with suppress(Exception):  # what is wrong with it is told when it is needed, if it is
         Simulator(load_parameters(sys.argv[4]))  # loads what is compiled, while the service is not there yet
     try:
-        _work(ring, channel, Card(int(sys.argv[3])))
+        _run_loop(ring, channel, Card(int(sys.argv[3])))
     except ChannelClosedError:
         return 0
     except (PlantError, ParameterError) as error:

@@ -39,10 +39,10 @@ from plant import (
     T_s,
 )
 
-_Made = tuple[int, int, float, float, Measurement]
+_BatchResult = tuple[int, int, float, float, Measurement]
 _Run = Callable[
     [StateBlock[ControlState], StateBlock[Moving], StateBlock[Simulated], Measurement, TickRange, NDArray[np.float64]],
-    _Made,
+    _BatchResult,
 ]
 _DetectFaults = Callable[[Measurement, int], int]
 _ComputeControl = Callable[[], tuple[int, float, float]]
@@ -62,7 +62,7 @@ class StepContext:
         unattended_max_s: float,
         tuning: cascade.CascadeTuning,
     ) -> None:
-        self.cell = cell = StateBlock(
+        self.block = cell = StateBlock(
             ControlState(
                 tuning=tuning,
                 fault_limits=fault_detection.build_fault_limits(parameters, round(unattended_max_s / T_s)),
@@ -81,14 +81,16 @@ class StepContext:
                 F_ext_hat=math.nan,
             )
         )
-        self._tuning, self._inputs_cell, self._m = cell.field("tuning"), cell.field("inputs"), cell.field("m")
-        self._command, self._decision, self._velocity = (
+        self._tuning, self._inputs_block, self._m = cell.field("tuning"), cell.field("inputs"), cell.field("m")
+        self._command, self._output, self._velocity = (
             cell.field("command"), cell.field("output"), cell.field("velocity"),
         )  # fmt: skip
-        self._found, self._checks = cell.field("detected_fault"), cell.field("fault_state")
-        self._touch, self._bias, self._F_ext_hat = (cell.field(name) for name in ("observer_state", "bias", "F_ext_hat"))
+        self._detected_fault, self._fault_state = cell.field("detected_fault"), cell.field("fault_state")
+        self._observer_state, self._bias, self._F_ext_hat = (
+            cell.field(name) for name in ("observer_state", "bias", "F_ext_hat")
+        )
         self._inputs = NO_INPUTS
-        self._places: dict[type, tuple[StateBlock[Moving], _ComputeControl]] = {}
+        self._motion_blocks: dict[type, tuple[StateBlock[Moving], _ComputeControl]] = {}
         row = np.zeros(len(FIELDS))
         self.detect_faults: _DetectFaults = partial(PrecompiledCall(step.detect_faults, cell, NOT_MEASURED, 0), cell)
         self.write_row: _WriteRow = partial(
@@ -102,38 +104,38 @@ class StepContext:
 
     def set_motion(self, motion: Motion) -> None:
         """Make a motion the one that is under way."""
-        kind = type(motion.first.state)
-        if kind not in self._places:
-            place = StateBlock(motion.first)
-            self._places[kind] = (
-                place,
-                partial(PrecompiledCall(step.compute_control, self.cell, place), self.cell, place),
+        kind = type(motion.initial.state)
+        if kind not in self._motion_blocks:
+            block = StateBlock(motion.initial)
+            self._motion_blocks[kind] = (
+                block,
+                partial(PrecompiledCall(step.compute_control, self.block, block), self.block, block),
             )
-        self.moving, self.compute_control = self._places[kind]
-        motion.lie_in(self.moving)
+        self.moving, self.compute_control = self._motion_blocks[kind]
+        motion.bind(self.moving)
         self._run: _Run | None = None  # on a clock there are no batches
 
     def run(
-        self, simulated: StateBlock[Simulated], m: Measurement, stretch: TickRange, rows: NDArray[np.float64]
-    ) -> _Made:
+        self, simulated: StateBlock[Simulated], m: Measurement, tick_range: TickRange, rows: NDArray[np.float64]
+    ) -> _BatchResult:
         """Make ticks in a batch (``backend.control.step``)."""
         if self._run is None:
-            like = np.zeros((1, len(FIELDS)))  # not the ring's own, which is to be closed before this is gone
-            self._run = PrecompiledCall(step.run_batch, self.cell, self.moving, simulated, m, stretch, like)
-        made = self._run(self.cell, self.moving, simulated, m, stretch, rows)
-        self._inputs = self._inputs_cell.get()
-        return made
+            rows_like = np.zeros((1, len(FIELDS)))  # not the ring's own, which is to be closed before this is gone
+            self._run = PrecompiledCall(step.run_batch, self.block, self.moving, simulated, m, tick_range, rows_like)
+        result = self._run(self.block, self.moving, simulated, m, tick_range, rows)
+        self._inputs = self._inputs_block.get()
+        return result
 
     @property
-    def acting(self) -> tuple[float, ShaftLoad]:
-        """Push [N] and loads [N·m] in force, as far as the tick knows."""
+    def active_disturbance(self) -> tuple[float, ShaftLoad]:
+        """Active push [N] and loads [N·m] of the compiled step."""
         return self._inputs.F_push, self._inputs.load
 
     def set_inputs(self, inputs: StepInputs) -> None:
         """Set the inputs of the next control step."""
         if inputs != self._inputs:
             self._inputs = inputs
-            self._inputs_cell.set(inputs)
+            self._inputs_block.set(inputs)
 
     @property
     def m(self) -> Measurement:
@@ -146,14 +148,14 @@ class StepContext:
         self._m.set(m)
 
     @property
-    def decision(self) -> ControlOutput:
+    def output(self) -> ControlOutput:
         """What was decided."""
-        decision: ControlOutput = self._decision.get()
-        return decision
+        output: ControlOutput = self._output.get()
+        return output
 
-    @decision.setter
-    def decision(self, decision: ControlOutput) -> None:
-        self._decision.set(decision)
+    @output.setter
+    def output(self, output: ControlOutput) -> None:
+        self._output.set(output)
 
     @property
     def command(self) -> MotorCommand:
@@ -162,16 +164,16 @@ class StepContext:
         return command
 
     @property
-    def found(self) -> fault_detection.DetectedFault:
+    def detected_fault(self) -> fault_detection.DetectedFault:
         """What the checks have found."""
-        found: fault_detection.DetectedFault = self._found.get()
-        return found
+        fault: fault_detection.DetectedFault = self._detected_fault.get()
+        return fault
 
     @property
-    def readings(self) -> fault_detection.FaultDetectionState:
+    def fault_state(self) -> fault_detection.FaultDetectionState:
         """What the checks remember."""
-        readings: fault_detection.FaultDetectionState = self._checks.get()
-        return readings
+        state: fault_detection.FaultDetectionState = self._fault_state.get()
+        return state
 
     def retune(self, tuning: cascade.CascadeTuning) -> None:
         """Replace all gains of the cascade."""
@@ -184,24 +186,24 @@ class StepContext:
         return F_ext_hat
 
     @property
-    def rested(self) -> tuple[float, float, float]:
+    def rest_statistics(self) -> tuple[float, float, float]:
         """Stiffness [N·m/rad] now; mean and standard deviation [N] of the estimate over the last 0.3 s, no bias off."""
-        felt, m, tuning = self._touch.get(), self.m, self._tuning.get()
+        observer_state, m, tuning = self._observer_state.get(), self.m, self._tuning.get()
         S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
-        return S, felt.mean / tuning.decoupler.r_j, math.sqrt(felt.variance) / tuning.decoupler.r_j
+        return S, observer_state.mean / tuning.decoupler.r_j, math.sqrt(observer_state.variance) / tuning.decoupler.r_j
 
-    def take_off(self, bias: NDArray[np.float64]) -> NDArray[np.float64]:
+    def set_bias(self, bias: NDArray[np.float64]) -> NDArray[np.float64]:
         """Take another bias (n, 2) of S [N·m/rad] and force [N] off the estimated outside force; the one before."""
-        before: NDArray[np.float64] = self._bias.get()
+        previous: NDArray[np.float64] = self._bias.get()
         self._bias.set(bias)
-        return before
+        return previous
 
     @property
-    def learned(self) -> bool:
+    def has_bias(self) -> bool:
         """Whether anything is known of that bias."""
         return len(self._bias.get()) > 0
 
-    def stands_at(self, q: float) -> None:
-        """Say where the joint stands now [rad]: it has not moved there."""
-        self._touch.set(disturbance_observer.UNKNOWN)
+    def reset_joint_position(self, q: float) -> None:
+        """Set the joint position [rad] without counting the change as a motion."""
+        self._observer_state.set(disturbance_observer.UNKNOWN)
         self._velocity.set(self._velocity.get()._replace(q_before=q))

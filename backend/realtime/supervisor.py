@@ -122,7 +122,7 @@ class PendingReplies:
         self._sequence = 0
 
     @contextmanager
-    def expected(self) -> Iterator[tuple[int, Answer]]:
+    def expect(self) -> Iterator[tuple[int, Answer]]:
         """Give a number and the answer that will come to it, for the block."""
         self._sequence += 1
         sequence = self._sequence
@@ -152,7 +152,7 @@ class PendingReplies:
 # Whether the loop process ticks, as the service sees it in the ring.
 
 
-HUNG_BEATS = 16
+MAX_MISSED_BEATS = 16
 """A loop that has not ticked for so many heartbeats hangs; it is killed, so that the card's watchdog takes over."""
 
 
@@ -161,27 +161,27 @@ class LivenessMonitor:
 
     def __init__(self) -> None:
         self._count = -1
-        self._still = 0
-        self._excused = 0
+        self._unchanged = 0
+        self._suspensions = 0
 
     @contextmanager
-    def excused(self, command: Command) -> Iterator[None]:
+    def suspend(self, command: Command) -> Iterator[None]:
         """Bear that it does not tick until it has answered: before drives come on it may have to try its watchdog.
 
         It waits for its card then, at zero volts; that it answers in time is seen to by whoever has sent the command.
         """
-        waits = isinstance(command, SwitchDrives) and command.on
-        self._excused += waits
+        is_blocking = isinstance(command, SwitchDrives) and command.on
+        self._suspensions += is_blocking
         try:
             yield
         finally:
-            self._excused -= waits
+            self._suspensions -= is_blocking
 
-    def hangs(self, count: int) -> bool:
-        """Look at the number of samples so far, and tell whether it has stood still for too long."""
-        self._still = self._still + 1 if count == self._count and not self._excused else 0
+    def is_hung(self, count: int) -> bool:
+        """Compare the number of samples with the last one; return whether it has not changed for too long."""
+        self._unchanged = self._unchanged + 1 if count == self._count and not self._suspensions else 0
         self._count = count
-        return self._still >= HUNG_BEATS
+        return self._unchanged >= MAX_MISSED_BEATS
 
 
 # Supervisor ----------------------------------------------------------------------------------------
@@ -195,14 +195,16 @@ START_TIMEOUT_S = 120.0
 ANSWER_TIMEOUT_S = 2.0
 STOP_TIMEOUT_S = 3.0
 
-_WATCH = Part("The watch over the loop process", "A loop process that ends now is told late.")
-_SHOWING = Part("The sign of life to the loop process", "Without it the loop stops by itself within 4 s.")
-_HEARTBEAT = Part("The heartbeat to the loop process", "The loop stops by itself when it hears nothing for 0.34 s.")
-PARTS_AT_ONCE = 8
+_WATCH_PART = Part("The watch over the loop process", "A loop process that ends now is told late.")
+_LIVENESS_PART = Part("The sign of life to the loop process", "Without it the loop stops by itself within 4 s.")
+_HEARTBEAT_PART = Part(
+    "The heartbeat to the loop process", "The loop stops by itself when it hears nothing for 0.34 s."
+)
+PACKETS_AT_ONCE = 8
 """Packets of a long program that are sent without waiting; the loop takes one in each tick, and a stop finds room."""
 
 _POLL_S = 0.02
-_VOLTAGELESS = (Mode.OFF, Mode.TRIPPED)
+_VOLTAGE_FREE_MODES = (Mode.OFF, Mode.TRIPPED)
 _LOG = logging.getLogger(__name__)
 
 
@@ -218,50 +220,51 @@ class Supervisor:
     """A ``LoopClient`` to the loop process. Lives in one asyncio event loop.
 
     ``card`` holds the registers of the simulated card that the present loop process writes, or the last one wrote;
-    ``guard`` looks at them, ``supervision`` keeps what watches running. It goes by ``started_with`` of a bring-up.
+    ``watchdog_monitor`` looks at them, ``supervision`` keeps what watches running. It goes by ``started_with`` of a
+    bring-up.
     """
 
     def __init__(
         self, setup: Setup, supervision: Supervision | None = None, launched: LoopProcess | None = None
     ) -> None:
         self.setup = setup
-        self._launched = launched
+        self._prepared = launched
         self.started_with = setup.brought_up
         self.ring = Ring.create()
         self.card = Card.create()
-        self.guard = WatchdogMonitor(self.card)
+        self.watchdog_monitor = WatchdogMonitor(self.card)
         self.granted: RealTimeStatus | None = None
-        self.driven = ""
+        self.plant_description = ""
         self.restarting: Restart | None = None
         """The planned restart that is under way."""
         self._process: Process | None = None
         self._supervision = supervision or Supervision()
-        self._heart: HeartbeatSender | None = None
-        self._beating: KeptThread | None = None
+        self._heartbeat: HeartbeatSender | None = None
+        self._heartbeat_thread: KeptThread | None = None
         self._channel: Channel | None = None
-        self._kept: list[KeptTask] = []
+        self._tasks: list[KeptTask] = []
         self._ready: asyncio.Future[RealTimeStatus] | None = None
         self._answers = PendingReplies()
-        self._ticking = LivenessMonitor()
+        self._liveness = LivenessMonitor()
         self._listeners: list[EventListener] = []
         self._reason = "it has not been started"
         self._ending = False
-        self._one_at_a_time = asyncio.Lock()
+        self._lock = asyncio.Lock()
 
     @property
-    def alive(self) -> bool:
+    def is_alive(self) -> bool:
         """Whether the loop process is there and ticking."""
         return self.granted is not None
 
     @property
     def beat_age_s(self) -> float | None:
         """Time since the last heartbeat was sent to the loop process [s], None where there is none."""
-        return None if self._heart is None else self._heart.age_s
+        return None if self._heartbeat is None else self._heartbeat.age_s
 
     def fall_silent(self, duration_s: float) -> None:
         """Send no heartbeat for a while: what a service that hangs would be like."""
-        if self._heart is not None:
-            self._heart.pause(duration_s)
+        if self._heartbeat is not None:
+            self._heartbeat.pause(duration_s)
 
     def listen(self, listener: EventListener) -> Callable[[], None]:
         """Call ``listener`` with each event from now on; return what to call to end that."""
@@ -270,12 +273,12 @@ class Supervisor:
 
     async def start(self) -> RealTimeStatus:
         """Start the loop process, outputs at zero volts, and wait until it ticks. Raises LoopExitedError."""
-        async with self._one_at_a_time:
+        async with self._lock:
             return await self._start()
 
     async def stop(self, cause: str = "service ended") -> None:
         """Bring the joint to rest, outputs to zero volts, and end the process; ``cause`` is put on record."""
-        async with self._one_at_a_time:
+        async with self._lock:
             await self._stop(cause)
 
     async def restart(self, purpose: str) -> RealTimeStatus:
@@ -283,7 +286,7 @@ class Supervisor:
 
         ``purpose`` describes the restart to people while it takes place. Raises LoopExitedError.
         """
-        async with self._one_at_a_time:
+        async with self._lock:
             self.restarting = Restart(purpose, time.monotonic())
             try:
                 await self._stop("the loop process is replaced")
@@ -295,10 +298,10 @@ class Supervisor:
         if self._process is not None:
             raise LoopExitedError("the loop process is there already: stop it first")
         self.card.expire()  # the loop before may have been killed a moment ago, and it is one and the same card
-        if self._launched is None or (launched := self._launched.take()) is None:
+        if self._prepared is None or (launched := self._prepared.take()) is None:
             launched = await launch_loop(self.setup.parameters)
         self.ring, self.card = launched.ring, launched.card
-        self.guard = WatchdogMonitor(self.card)
+        self.watchdog_monitor = WatchdogMonitor(self.card)
         self._ending, self._reason = False, "it is still starting"
         self._ready = asyncio.get_running_loop().create_future()
         self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be given up
@@ -308,15 +311,19 @@ class Supervisor:
         with suppress(ChannelClosedError):  # its end is noticed and told by _watch
             channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
-        self._heart = HeartbeatSender(channel)
-        self._beating = self._supervision.keep_thread(_HEARTBEAT, self._heart.run, self._heart.stop)
-        keep = self._supervision.keep_task
-        self._kept = [
-            keep(_WATCH, partial(self._watch, self._process)),
-            keep(_SHOWING, partial(self._show_alive, channel, self._heart)),
-            keep(GUARD, partial(self.guard.run, self._process)),
+        self._heartbeat = HeartbeatSender(channel)
+        self._heartbeat_thread = self._supervision.keep_thread(
+            _HEARTBEAT_PART, self._heartbeat.run, self._heartbeat.stop
+        )
+        keep_task = self._supervision.keep_task
+        self._tasks = [
+            keep_task(_WATCH_PART, partial(self._watch, self._process)),
+            keep_task(_LIVENESS_PART, partial(self._refresh_heartbeat, channel, self._heartbeat)),
+            keep_task(GUARD, partial(self.watchdog_monitor.run, self._process)),
         ]
-        await asyncio.to_thread(heartbeat.prepare)  # before anybody commands: the loop is off, and waits for no beat
+        await asyncio.to_thread(
+            heartbeat.compile_heartbeat
+        )  # before anybody commands: the loop is off, and waits for no beat
         try:
             return await wait_for_result(self._ready, START_TIMEOUT_S)
         except TimeoutError:
@@ -325,21 +332,21 @@ class Supervisor:
 
     async def _stop(self, cause: str) -> None:
         if (process := self._process) is None:
-            await self.guard.run(None)  # a loop that was killed a moment ago: not before its outputs are off
+            await self.watchdog_monitor.run(None)  # a loop that was killed a moment ago: not before its outputs are off
             return
         self._ending = True
         try:
-            if self.alive:
+            if self.is_alive:
                 if not self._is_voltageless():  # else there is nothing to stop, and a planned end is no trip
-                    await self._come_to_rest(cause)
+                    await self._stop_softly(cause)
                 await self.send(Shutdown())
             else:
                 process.terminate()
             await wait_for_result(asyncio.ensure_future(process.wait()), STOP_TIMEOUT_S)
         except (LoopExitedError, TimeoutError, ProcessLookupError):
             self._kill("it did not end when told to")
-        for kept in self._kept:
-            await kept.ended()
+        for task in self._tasks:
+            await task.ended()
 
     async def send(self, command: Command) -> Accepted | Refused:
         """Hand over a command and wait for the loop's answer.
@@ -347,12 +354,12 @@ class Supervisor:
         Raises LoopExitedError; OutOfRangeError or ChannelError when it is too long.
         """
         channel = self._require_alive()
-        with self._answers.expected() as (sequence, answer), self._ticking.excused(command):
+        with self._answers.expect() as (sequence, answer), self._liveness.suspend(command):
             parts = packets(command, sequence)
             with suppress(ChannelClosedError):  # its end is noticed and told by _watch
                 for part, packet in enumerate(parts):
-                    if part and part % PARTS_AT_ONCE == 0:
-                        await asyncio.sleep(PARTS_AT_ONCE * T_s)
+                    if part and part % PACKETS_AT_ONCE == 0:
+                        await asyncio.sleep(PACKETS_AT_ONCE * T_s)
                     if not channel.send(packet):
                         self._kill("it does not take commands any more")
                         break
@@ -379,28 +386,28 @@ class Supervisor:
             await asyncio.sleep(_POLL_S)
 
     def _require_alive(self) -> Channel:
-        if self._channel is None or not self.alive:
+        if self._channel is None or not self.is_alive:
             raise LoopExitedError(f"the control loop is not running: {self._reason}")
         return self._channel
 
     def _is_voltageless(self) -> bool:
         """Whether the newest sample is of a mode without voltages: off or tripped."""
         newest = self.ring.newest()
-        return newest is not None and MODES[int(newest[INDEX["mode"]])] in _VOLTAGELESS
+        return newest is not None and MODES[int(newest[INDEX["mode"]])] in _VOLTAGE_FREE_MODES
 
-    async def _come_to_rest(self, cause: str) -> None:
+    async def _stop_softly(self, cause: str) -> None:
         stopped: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
 
-        def hear(event: Event | LoopExited) -> None:
+        def on_event(event: Event | LoopExited) -> None:
             if isinstance(event, Stopped) and not stopped.done():
                 stopped.set_result(event)
 
-        forget = self.listen(hear)
+        remove_listener = self.listen(on_event)
         try:
             await self.send(Stop(Fault.SERVICE_ENDED, hard=False, detail=cause))
             await wait_for_result(stopped, STOP_TIMEOUT_S)
         finally:
-            forget()
+            remove_listener()
 
     def _kill(self, reason: str) -> None:
         self._reason = reason
@@ -428,7 +435,7 @@ class Supervisor:
         match message:
             case Ready(granted, driven, wired):
                 self.started_with = select_calibration(wired, self.started_with)
-                self.granted, self.driven, self._reason = granted, driven, ""
+                self.granted, self.plant_description, self._reason = granted, driven, ""
                 if self._ready is not None and not self._ready.done():
                     self._ready.set_result(granted)
             case Failed(reason):
@@ -437,21 +444,21 @@ class Supervisor:
                 if isinstance(event, ReadinessChanged):  # hands may be at the rig: the next loop has to know it, too
                     self.setup = replace(self.setup, drives_off=event.drives_off)
                 self._answers.take(event)
-                self._tell(event)
+                self._notify(event)
 
-    def _tell(self, event: Event | LoopExited) -> None:
+    def _notify(self, event: Event | LoopExited) -> None:
         for listener in tuple(self._listeners):
             try:
                 listener(event)
             except Exception:
                 _LOG.exception("A listener failed on event %s.", event)
 
-    async def _show_alive(self, channel: Channel, heart: HeartbeatSender) -> None:
-        ticking = self._ticking = LivenessMonitor()
+    async def _refresh_heartbeat(self, channel: Channel, heartbeat_sender: HeartbeatSender) -> None:
+        liveness = self._liveness = LivenessMonitor()
         while self._channel is channel:
-            heart.shown()
-            if self.alive and ticking.hangs(self.ring.count):
-                self._kill(f"it has not ticked for {HUNG_BEATS * HEARTBEAT_S:.1f} s")
+            heartbeat_sender.refresh()
+            if self.is_alive and liveness.is_hung(self.ring.count):
+                self._kill(f"it has not ticked for {MAX_MISSED_BEATS * HEARTBEAT_S:.1f} s")
             await asyncio.sleep(HEARTBEAT_S)
 
     async def _watch(self, process: Process) -> None:
@@ -459,13 +466,13 @@ class Supervisor:
         status = await process.wait()
         self._receive()
         channel, self._channel = self._channel, None
-        if self._beating is not None:
-            self._beating.end()
-            self._heart = self._beating = None
+        if self._heartbeat_thread is not None:
+            self._heartbeat_thread.end()
+            self._heartbeat = self._heartbeat_thread = None
         if channel is not None:
             asyncio.get_running_loop().remove_reader(channel.fileno())
             channel.close()
-        was_alive, self.granted, self._process = self.alive, None, None
+        was_alive, self.granted, self._process = self.is_alive, None, None
         self._reason = _reason_of_end(status, self._reason)
         _LOG.info("Loop process %d: %s", process.pid, self._reason)
         died = LoopExitedError(f"the control loop is not running: {self._reason}")
@@ -473,7 +480,7 @@ class Supervisor:
             self._ready.set_exception(died)
         self._answers.fail(died)
         if was_alive and not self._ending:
-            self._tell(LoopExited(self._reason))
+            self._notify(LoopExited(self._reason))
 
 
 def _reason_of_end(status: int, known: str) -> str:

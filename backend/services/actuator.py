@@ -116,7 +116,7 @@ class SafeStop:
 
     async def _stop(self, fault: Fault) -> None:
         try:
-            if self._present.mode in _STILL or not self._supervisor.alive:
+            if self._present.mode in _STILL or not self._supervisor.is_alive:
                 return
             await asyncio.wait_for(self._supervisor.send(Stop(fault, hard=False)), ANSWER_S)
         except LoopExitedError:
@@ -265,7 +265,7 @@ class ActuatorService:
     async def operator_lost(self, who: str) -> None:
         """Stop softly: the page that held control was not heard, and the references were held long enough."""
         self.note_control("control lost", who)
-        if self.present.mode in _STILL or not self._supervisor.alive:
+        if self.present.mode in _STILL or not self._supervisor.is_alive:
             return
         with suppress(LoopExitedError):
             await self._supervisor.send(commands.Stop(Fault.OPERATOR_LOST, hard=False))
@@ -282,8 +282,8 @@ class ActuatorService:
         """
         async with self.starting, self._turn:
             has_failed = self.present.fault is Fault.INTERNAL_ERROR
-            lost = has_failed or self._supervisor.guard.watchdog_lost or self.present.card_lost
-            if self._supervisor.alive and not lost:
+            lost = has_failed or self._supervisor.watchdog_monitor.is_watchdog_lost or self.present.card_lost
+            if self._supervisor.is_alive and not lost:
                 accepted = await self._command(commands.Reset())
                 self._journal.note(MarkKind.NOTE, "reset", accepted.tick, who)
             else:
@@ -333,7 +333,7 @@ class ActuatorService:
 
     async def _moved_to(self, mode: Mode, who: str) -> State:
         async with self._turn:
-            require_legal(self.present, mode, loop_alive=self._supervisor.alive)
+            require_legal(self.present, mode, loop_alive=self._supervisor.is_alive)
             sessions, run = self._session_runs, 0
             if mode in RECORDED:
                 run = await asyncio.to_thread(sessions.begin, mode, self.present.tuning, who)
@@ -414,7 +414,7 @@ class ActuatorService:
 
     async def _let_go(self) -> None:
         self._pushed = False
-        if not self._supervisor.alive:
+        if not self._supervisor.is_alive:
             return
         with suppress(LoopExitedError):
             await self._supervisor.send(commands.ApplyPush(0.0, 0.0))

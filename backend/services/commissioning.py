@@ -257,7 +257,7 @@ class BringUp:
         return BringUpView(
             applies=True,
             why_not="",
-            drives_on=self._supervisor.card.state().drive_enabled if self._supervisor.alive else None,
+            drives_on=self._supervisor.card.state().drive_enabled if self._supervisor.is_alive else None,
             drives_locked=self._supervisor.setup.drives_off,
             drives_left=None if left is None else DrivesLeft(who=left.who, at=left.at),
             steps=steps,

@@ -233,7 +233,7 @@ class TouchSweep:
 
     async def _put_back(self) -> None:
         """Hold S as it was before, where the joint is still held for it."""
-        if self._present.mode is Mode.RUN and self._supervisor.alive:
+        if self._present.mode is Mode.RUN and self._supervisor.is_alive:
             with suppress(RequestRejectedError, LoopExitedError):
                 await self._go(self._held[1], why="as before learning")
 

@@ -275,7 +275,7 @@ class Applied:
 
         def take() -> None:
             self._require_idle(before)
-            if not (applied.undone or self._supervisor.alive):
+            if not (applied.undone or self._supervisor.is_alive):
                 raise RequestRejectedError(
                     ErrorCode.UNAVAILABLE, "the control loop is not running: reset starts it again"
                 )

@@ -183,7 +183,7 @@ LOOP_SILENT_S = 1.0
 
 def chain(supervisor: Supervisor, holder: HolderView | None, link: LinkView, fault: Fault) -> list[ChainLinkView]:
     """Return the five links of the chain in order."""
-    alive = supervisor.alive
+    alive = supervisor.is_alive
     beat_s = supervisor.beat_age_s
     ticks = alive and link.silent_s < LOOP_SILENT_S
     if supervisor.restarting is not None and not ticks:
@@ -197,15 +197,15 @@ def chain(supervisor: Supervisor, holder: HolderView | None, link: LinkView, fau
             says="beats" if beat_s is not None else "has no loop to beat for",
         ),
         ChainLinkView(name="loop", good=ticks, silent_s=link.silent_s, says="ticks" if ticks else "does not tick"),
-        *behind_loop(supervisor.setup.plant, supervisor.card.state(), supervisor.guard, alive, fault),
+        *behind_loop(supervisor.setup.plant, supervisor.card.state(), supervisor.watchdog_monitor, alive, fault),
     ]
 
 
 def _restarting(supervisor: Supervisor, link: LinkView, fault: Fault) -> list[ChainLinkView]:
     """Return the links behind the page while the loop process is replaced as planned, drives off: that is no fault."""
-    card, guard = supervisor.card.state(), supervisor.guard
+    card, guard = supervisor.card.state(), supervisor.watchdog_monitor
     behind = behind_loop(supervisor.setup.plant, card, guard, False, fault)
-    sound = not (card.expired or card.safety_tripped or guard.watchdog_lost or fault is Fault.SAFETY_MODULE)
+    sound = not (card.expired or card.safety_tripped or guard.is_watchdog_lost or fault is Fault.SAFETY_MODULE)
     return [
         ChainLinkView(name="service", good=True, silent_s=None, says="waits for the loop"),
         ChainLinkView(name="loop", good=True, silent_s=None, says=f"is restarted: {link.restarting}"),
@@ -250,7 +250,7 @@ def _page(holder: HolderView | None) -> ChainLinkView:
 
 def _watchdog(card: CardState, guard: WatchdogMonitor, alive: bool) -> ChainLinkView:
     line = "drive-enable on" if card.drive_enabled else "drive-enable off, zero volts"
-    if guard.watchdog_lost:
+    if guard.is_watchdog_lost:
         says = f"dead, not seen for {guard.watchdog_silent_s:.1f} s: {line}; reset starts a new one"
     elif card.expired:
         says = f"expired after {card.watchdog_s:g} s without a write: {line}"
@@ -258,7 +258,7 @@ def _watchdog(card: CardState, guard: WatchdogMonitor, alive: bool) -> ChainLink
         says = f"armed, {line}"
     else:
         says = f"disarmed, {line}"
-    good = alive and card.armed and not card.expired and not guard.watchdog_lost
+    good = alive and card.armed and not card.expired and not guard.is_watchdog_lost
     return ChainLinkView(name="watchdog", good=good, silent_s=None, says=says)
 
 
@@ -429,7 +429,7 @@ class LiveState:
 
     def legal(self, mode: Mode) -> list[Mode]:
         """Return where an operator may go from ``mode`` now."""
-        if not self._supervisor.alive:
+        if not self._supervisor.is_alive:
             return []
         if mode is Mode.OFF and self.unready:
             return []
@@ -487,7 +487,7 @@ class LiveState:
     def health(self) -> Health:
         """Return what anybody may know."""
         timing = self._observation.timing()
-        alive = self._supervisor.alive
+        alive = self._supervisor.is_alive
         return Health(
             alive=alive,
             mode=self.mode if alive else None,
@@ -501,7 +501,7 @@ class LiveState:
         sample = self._observation.sample()
         mode = mode_of(sample)
         holder = self.holder()
-        link = self._observation.link(self._supervisor.alive, self.starts, self._supervisor.restarting)
+        link = self._observation.link(self._supervisor.is_alive, self.starts, self._supervisor.restarting)
         return State(
             mode=mode,
             legal_modes=self.legal(mode),
@@ -550,7 +550,7 @@ class LiveState:
 
     def _plant_view(self) -> PlantView:
         plant = self.plant
-        says, geometry = self._supervisor.driven, self.parameters.geometry
+        says, geometry = self._supervisor.plant_description, self.parameters.geometry
         return PlantView(
             kind=plant.kind, simulated=plant.simulated, name=plant.name, says=says, r_m=geometry.r_m, r_j=geometry.r_j
         )

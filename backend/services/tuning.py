@@ -9,7 +9,7 @@ from dataclasses import replace
 from backend.banks import TuningSettings, saved_tuning_key
 from backend.errors import RequestRejectedError, check_range
 from backend.models import SAVED_TUNING, SavedParts
-from backend.realtime import NOT_LEARNED, Accepted, LoopExitedError, SetTuning, Supervisor
+from backend.realtime import BIAS_NOT_CALIBRATED, Accepted, LoopExitedError, SetTuning, Supervisor
 from backend.schemas import (
     MarkKind,
     Motion,
@@ -244,7 +244,7 @@ class TuningService:
             return
         points = self._present.touch().learned
         if not points:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, NOT_LEARNED)
+            raise RequestRejectedError(ErrorCode.NOT_NOW, BIAS_NOT_CALIBRATED)
         noise = max(point.std_N for point in points)
         if not noise <= UNSEEN_F / DEVIATIONS:
             raise RequestRejectedError(
@@ -281,7 +281,7 @@ class TuningService:
             lent, back = self._present.tuning, self._as_learned(own)
             if back.choice != lent.choice:
                 try:
-                    tick = await self._put_in_force(back) if self._supervisor.alive else self._remember(back)
+                    tick = await self._put_in_force(back) if self._supervisor.is_alive else self._remember(back)
                 except LoopExitedError:
                     tick = self._remember(back.without_rejection())
                 self._journal.note(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
@@ -296,7 +296,7 @@ class TuningService:
             if self._trial.before is not before:  # somebody chose another tuning while this waited
                 return
             back = self._as_learned(before)
-            tick = await self._put_in_force(back) if self._supervisor.alive else self._remember(back)
+            tick = await self._put_in_force(back) if self._supervisor.is_alive else self._remember(back)
             ended = f"trial over, {cause}" if cause else "trial over"
             self._journal.note(MarkKind.TUNING, f"{ended}: {back.difference(tried)}", tick, who)
 

@@ -56,7 +56,7 @@ class Stepped(Supervisor):
         self.refuses = ""
 
     @property
-    def alive(self) -> bool:
+    def is_alive(self) -> bool:
         return not self.dead
 
     def listen(self, listener: EventListener) -> Callable[[], None]:

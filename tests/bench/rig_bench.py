@@ -73,7 +73,7 @@ def _tick_s(choice: PlantChoice, *, in_run: bool = False) -> float:
     try:
         if in_run:
             loop.handle(0, SetMode(Mode.PRETENSION))
-            while not loop.pretension_done:
+            while not loop.is_pretension_done:
                 loop.tick()
             loop.handle(0, SetMode(Mode.RUN))
         return _median_s(lambda: loop.tick())

@@ -43,7 +43,7 @@ def loop_in_run(parameters: PlantParameters, ring: Ring | None = None) -> Loop:
     ring, tuning = ring or Ring.create(), build_tuning_command(parameters, LoopSettings(), None)
     loop = Loop(Simulator(parameters), parameters, ring, tuning)
     loop.handle(0, SetMode(Mode.PRETENSION))
-    while not loop.pretension_done:
+    while not loop.is_pretension_done:
         loop.tick()
     loop.handle(0, SetMode(Mode.RUN))
     return loop

@@ -112,7 +112,7 @@ class Bench:
         self.send(SetMode(Mode.PRETENSION))
         for _ in range(300):
             self.advance(0.1)
-            if self._loop._loop.pretension_done:
+            if self._loop._loop.is_pretension_done:
                 break
         self.send(SetMode(Mode.RUN, 1))
 

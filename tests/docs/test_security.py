@@ -74,7 +74,7 @@ def test_what_follows_a_death_has_the_times_of_the_faults() -> None:
         within = documented_ms(fault)
         assert f"{within} ms" in outputs[dead] or f"{within / 1000:g} s" in outputs[dead], dead
     both = outputs["watchdog and loop at once"]
-    assert f"every {1000 * heartbeat.LOOK_S:g} ms" in both
+    assert f"every {1000 * heartbeat.POLL_S:g} ms" in both
     assert f"for {heartbeat.LAST_RESORT_S:g} s" in both
     assert f"within {kill_watchdog.BOTH_DEAD_S:g} s" in both
     assert f"within {kill_watchdog.BOTH_DEAD_S:g} s of the loop's last write" in SECTIONS[Fault.WATCHDOG_DEAD]

@@ -63,15 +63,15 @@ def play(bench: BenchTop, plans: list[IdentificationPlan]) -> slice:
         if bench.loop.mode in (Mode.OFF, Mode.COMPLIANCE):
             assert isinstance(bench.send(SetMode(Mode.PRETENSION)), Accepted)
         for _ in range(60_000):
-            if bench.loop.mode is Mode.RUN or bench.loop.pretension_done:
+            if bench.loop.mode is Mode.RUN or bench.loop.is_pretension_done:
                 break
             bench.loop.tick()
         assert isinstance(bench.send(RunProgram(plan.program(), run=3)), Accepted)
         while bench.loop.mode is Mode.IDENTIFY:
             bench.loop.tick()
-    while bench.loop.mode is Mode.PRETENSION and not bench.loop.pretension_done:
+    while bench.loop.mode is Mode.PRETENSION and not bench.loop.is_pretension_done:
         bench.loop.tick()
-    assert bench.loop.pretension_done, bench.loop.fault
+    assert bench.loop.is_pretension_done, bench.loop.fault
     return slice(began, None)
 
 

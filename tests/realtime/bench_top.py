@@ -68,7 +68,7 @@ class BenchTop:
         assert isinstance(self.send(SetMode(Mode.PRETENSION)), Accepted)
         for _ in range(200):
             self.advance(0.1)
-            if self.loop.pretension_done:
+            if self.loop.is_pretension_done:
                 return
         raise AssertionError("pretension was not reached within 20 s")
 

@@ -64,7 +64,7 @@ class Session:
     def pretension(self) -> None:
         """Wind up until both tendons hold the pretension."""
         self.order(SetMode(Mode.PRETENSION))
-        while not self._loop.pretension_done:
+        while not self._loop.is_pretension_done:
             self.run(10)
 
     def changes(self, number: int, places: int) -> list[Moved]:

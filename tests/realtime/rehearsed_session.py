@@ -62,7 +62,7 @@ def ask(loop: Loop, commands: Sequence[Command]) -> None:
         for _ in range(30):
             loop.tick()
         for _ in range(40_000):
-            if loop.mode in RESTS or loop.pretension_done:
+            if loop.mode in RESTS or loop.is_pretension_done:
                 break
             loop.tick()
     loop.close()

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from backend.realtime.heartbeat import LOOK_S, WatchdogMonitor
+from backend.realtime.heartbeat import POLL_S, WatchdogMonitor
 from plant.safety_card import WATCHDOG_S, Card, CardState
 
 
@@ -27,9 +27,9 @@ def test_a_watchdog_that_stands_still_is_lost_where_it_has_drives_to_take_away(
     guard = WatchdogMonitor(Shown(armed, drive_enabled))
     looks = 0
     while guard.watchdog_silent_s <= WATCHDOG_S:
-        assert not guard.watchdog_lost
-        guard.look(loop_gone=False)
-        now_s[0] += LOOK_S
+        assert not guard.is_watchdog_lost
+        guard.poll(loop_ended=False)
+        now_s[0] += POLL_S
         looks += 1
         assert looks < 1000
-    assert guard.watchdog_lost is (armed and drive_enabled)
+    assert guard.is_watchdog_lost is (armed and drive_enabled)

@@ -196,7 +196,7 @@ def test_a_packet_is_never_longer_than_a_tick_can_take(ends: tuple[Channel, Chan
         if isinstance(message, LongProgram):
             break
         assert isinstance(message, ProgramPart)
-        parts.keep(sequence, message)
+        parts.add(sequence, message)
     assert isinstance(message, LongProgram)
     assert parts.whole(3, message) == longest
 
@@ -209,7 +209,7 @@ def test_a_program_of_which_a_part_never_came_is_refused() -> None:
     _, rest = decode_to_loop(sent[-1])
     assert isinstance(first, ProgramPart)
     assert isinstance(rest, LongProgram)
-    parts.keep(2, first)
+    parts.add(2, first)
     with pytest.raises(CommandRejectedError, match="24 of the program's 30 segments arrived: send it again"):
         parts.whole(2, rest)
 

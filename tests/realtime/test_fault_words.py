@@ -7,7 +7,7 @@ import pytest
 from backend.control.fault_detection import CLEAR, TRIPPED, FaultDetectionState
 from backend.faults import EXPLAINED, Fault, explained
 from backend.realtime.commands import Inject, Stop, Stopped
-from backend.realtime.control_loop import Checks
+from backend.realtime.control_loop import FaultDescriber
 from plant.interface import NO_RAW, NOT_MEASURED, Breakage, Broken, MotorCommand, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from tests.realtime.test_faults import moving, until_tripped
@@ -68,5 +68,5 @@ def test_a_reading_that_is_no_number_is_told_without_a_unit(lab: PlantParameters
     tripped = CLEAR._replace(kind=TRIPPED)
     seen = FaultDetectionState(*(len(FaultDetectionState._fields) * [None]))  # type: ignore[arg-type]
     m = NOT_MEASURED._replace(F_B=12.0)
-    _, detail = Checks(lab).told(tripped, seen, m, m, MotorCommand(0.0, 0.0), NO_RAW, 0)
+    _, detail = FaultDescriber(lab).describe(tripped, seen, m, m, MotorCommand(0.0, 0.0), NO_RAW, 0)
     assert detail == "the loop read no number from F_A, F_B = 12.0 N, no number from q then"

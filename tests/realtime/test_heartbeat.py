@@ -21,7 +21,7 @@ pytestmark = pytest.mark.live
 @pytest.fixture
 def ends() -> Iterator[tuple[Channel, Channel]]:
     service, loop = channel_pair()
-    heartbeat.prepare()
+    heartbeat.compile_heartbeat()
     other = Channel(loop)
     yield service, other
     service.close()
@@ -109,5 +109,5 @@ def test_it_falls_silent_with_an_event_loop_that_does_not_show_itself(
         heart = HeartbeatSender(service)
     with beating(heart):
         assert not select.select([loop], [], [], 4 * HEARTBEAT_S)[0]
-        heart.shown()
+        heart.refresh()
         wait_for_a_beat(loop)

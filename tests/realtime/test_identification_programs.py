@@ -11,7 +11,7 @@ from backend.control.motion_primitives import STEP_BRAKING_S, ZERO_VOLTS_S
 from backend.control.motion_types import NO_REFERENCE, ControlOutput, MotorLoopState
 from backend.realtime.commands import Inject, Refused, RunEnded, RunProgram, SetMode, SetReferences, Stop
 from backend.realtime.modes import MODE_CODE, Mode
-from backend.realtime.motions import voltage_steps_of
+from backend.realtime.motions import make_voltage_steps_state
 from backend.realtime.program import Law, Program, TensionLeg, VoltageStep
 from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from plant.interface import Breakage, Broken, Measurement, Sensor
@@ -58,7 +58,7 @@ def test_voltage_steps_run_free_from_rest_and_stay_within_the_motors_range(name:
         assert F[driven].max() < 0.5
     assert np.abs(theta).max() < 10.0 * np.pi / 2
     bench.advance(20.0)
-    assert bench.loop.pretension_done
+    assert bench.loop.is_pretension_done
 
 
 def test_steps_centre_the_joint_before_the_tendons_are_let_loose(ideal: PlantParameters) -> None:
@@ -85,7 +85,7 @@ def test_slack_is_a_fault_again_after_the_steps(ideal: PlantParameters) -> None:
     bench = BenchTop(ideal)
     bench.wind_up()
     identify(bench, STEPS)
-    while not bench.loop.pretension_done:
+    while not bench.loop.is_pretension_done:
         bench.advance(0.1)
     bench.advance(1.0)
     bench.send(Inject(Broken(Breakage.DRIFT_DOWN, Sensor.F_A)))
@@ -103,7 +103,7 @@ def test_leaving_a_step_midway_is_safe(ideal: PlantParameters, leave: SetMode | 
     assert not isinstance(bench.send(leave), Refused)
     bench.advance(7.0)
     if isinstance(leave, SetMode):
-        assert bench.loop.pretension_done
+        assert bench.loop.is_pretension_done
     else:
         assert bench.loop.mode is Mode.TRIPPED
         assert not bench.column("u_A", last=100).any()
@@ -151,7 +151,7 @@ def test_motors_that_are_there_already_stand_for_all_of_the_time_of_settling() -
     program = Program(Law.MOTOR_STEPS, settle_s=0.02, steps=(VoltageStep(0.0, 1.0, 0.1, travel_rad=1.0),))
     tuning = make_cascade_tuning(load_parameters("ideal"), TuningParameters())
     carry = MotorLoopState(pid.at_rest_motor_pair(tuning.motors, 0.0, 0.0, 0.0, 0.0), tuning.motors, 0.0, 0.0)
-    state = voltage_steps_of(program, motion_primitives.VoltageMargin(0.0, 0.0, F_slack=1.0, theta_max=9.0))
+    state = make_voltage_steps_state(program, motion_primitives.VoltageMargin(0.0, 0.0, F_slack=1.0, theta_max=9.0))
     decided: list[ControlOutput] = []
     for _ in range(60):
         decision, carry, state = motion_primitives.step_voltage_steps(tuning, carry, NO_REFERENCE, state, STILL)

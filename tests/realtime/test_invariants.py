@@ -60,13 +60,13 @@ def raises(bench: BenchTop) -> None:
 
 
 def forgets_its_motion(bench: BenchTop) -> None:
-    bench.loop._machine.motion = None
-    bench.loop._changed = True
+    bench.loop._mode_manager.motion = None
+    bench.loop._inputs_outdated = True
 
 
 def trips_without_a_fault(bench: BenchTop) -> None:
-    bench.loop._machine.mode = Mode.TRIPPED
-    bench.loop._changed = True
+    bench.loop._mode_manager.mode = Mode.TRIPPED
+    bench.loop._inputs_outdated = True
 
 
 MISTAKES = [
@@ -121,7 +121,7 @@ def test_a_command_that_fails_is_refused_and_trips(moving: BenchTop, monkeypatch
     def fail(*_: object) -> None:
         raise KeyError("S_ref")
 
-    monkeypatch.setattr(moving.loop._machine, "set_references", fail)
+    monkeypatch.setattr(moving.loop._mode_manager, "set_references", fail)
     refused = moving.send(SetReferences(0.2, 11.0))
     assert isinstance(refused, Refused)
     assert "KeyError" in refused.reason
@@ -151,7 +151,7 @@ def test_every_move_between_modes_leaves_a_consistent_machine(lab: PlantParamete
     bench.run()
     for mode in (Mode.PRETENSION, Mode.RUN, Mode.STOPPING):
         assert isinstance(bench.send(SetMode(mode)), Accepted)
-        bench.loop._machine.require_consistent()
+        bench.loop._mode_manager.require_consistent()
         bench.advance(0.5)
-        bench.loop._machine.require_consistent()
+        bench.loop._mode_manager.require_consistent()
     assert bench.loop.fault is Fault.NONE

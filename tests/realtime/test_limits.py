@@ -8,7 +8,7 @@ import pytest
 from backend.control.motion_types import make_voltage_limit_flags
 from backend.faults import Fault, Limit
 from backend.realtime.commands import ApplyPush, SetReferences
-from backend.realtime.control_loop import Checks
+from backend.realtime.control_loop import FaultDescriber
 from backend.units import AngleUnit, format_angles
 from plant.interface import Measurement
 from plant.parameters import load_parameters
@@ -44,8 +44,8 @@ def test_governor_is_flagged_while_it_moves_the_references(pushed_bench: BenchTo
 
 def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
     """In degrees too, in which most people read it: the bound is 90, not what three decimals of a radian make of it."""
-    checks = Checks(load_parameters("ideal"))
-    fault, seen = checks.standing(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
+    checks = FaultDescriber(load_parameters("ideal"))
+    fault, seen = checks.find_static_fault(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
     assert fault is Fault.JOINT_LIMIT
     told, bound = format_angles(seen, AngleUnit.DEGREES).split("; ")
     assert bound == "the bound is 90° to either side"

@@ -12,7 +12,7 @@ from backend.experiments.plans import LoopSettings
 from backend.faults import Fault
 from backend.realtime.commands import Accepted, Refused, SetMode, Stop, TryMotor
 from backend.realtime.commissioning_motions import ModuleTrial, MotorTrial
-from backend.realtime.gains import tuning_of
+from backend.realtime.gains import build_cascade_tuning
 from backend.realtime.headless import SimulatedLoop
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.program import SetTuning
@@ -85,7 +85,9 @@ def test_a_trial_that_proved_nothing_leaves_the_directions_unproven(tuning: SetT
 @pytest.mark.parametrize("silent", ["q", "theta_A", "theta_B", "F_A", "F_B"])
 def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 2.0, 2.0, math.nan, 0.0, 0.0)
-    gains = tuning_of(build_tuning_command(PARAMETERS, LoopSettings(), None), collect_plant_knowledge(PARAMETERS))
+    gains = build_cascade_tuning(
+        build_tuning_command(PARAMETERS, LoopSettings(), None), collect_plant_knowledge(PARAMETERS)
+    )
     carry = MotorLoopState(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
     trial = MotorTrial(carry, NO_REFERENCE, m, "A")
     rising = [trial.step(gains, m).u_A for _ in range(50)]
@@ -97,7 +99,9 @@ def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
 @pytest.mark.parametrize("silent", ["F_A", "F_B"])
 def test_a_tension_that_is_no_number_ends_the_trial_of_the_safety_module(silent: str) -> None:
     m = Measurement(0.0, 0.0, 0.0, 10.0, 10.0, math.nan, 0.0, 1.0)
-    gains = tuning_of(build_tuning_command(PARAMETERS, LoopSettings(), None), collect_plant_knowledge(PARAMETERS))
+    gains = build_cascade_tuning(
+        build_tuning_command(PARAMETERS, LoopSettings(), None), collect_plant_knowledge(PARAMETERS)
+    )
     carry = MotorLoopState(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
     trial = ModuleTrial(carry, NO_REFERENCE, m)
     trial.step(gains, m)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from backend.control import motion_primitives
-from backend.realtime.motions import voltage_steps_of
+from backend.realtime.motions import make_voltage_steps_state
 from backend.realtime.program import Law, Program, VoltageStep
 
 
@@ -11,7 +11,7 @@ def test_voltage_steps_begin_on_the_way_to_the_centre_at_rest_with_the_first() -
     room = motion_primitives.VoltageMargin(3.0, 3.5, 2.0, 12.0)
     up = VoltageStep(theta_start=-0.5, u=2.5, duration_s=0.25, travel_rad=1.5)
     down = VoltageStep(theta_start=0.75, u=-2.5, duration_s=0.1, travel_rad=2.0)
-    begun = voltage_steps_of(Program(Law.MOTOR_STEPS, steps=(up, down), settle_s=0.3), room)
+    begun = make_voltage_steps_state(Program(Law.MOTOR_STEPS, steps=(up, down), settle_s=0.3), room)
     np.testing.assert_array_equal(begun.steps, [[-0.5, 2.5, 250.0, 1.5], [0.75, -2.5, 100.0, 2.0]])
     assert begun._replace(steps=np.empty(0))[2:] == (
         300,

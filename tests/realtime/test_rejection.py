@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.realtime.commands import Accepted, ApplyPush, Refused, RunProgram, SetMode, SetReferences
-from backend.realtime.gains import make_tuning_command, tuning_of
+from backend.realtime.gains import build_cascade_tuning, make_tuning_command
 from backend.realtime.modes import Mode
 from backend.realtime.program import ConfigureContactDetection, Law, Program, Segment, SetTuning
 from backend.tuning.gains import UNSEEN_F, TuningParameters, collect_plant_knowledge
@@ -49,7 +49,7 @@ def back_s(bench: BenchTop, F_push: float, seconds: float) -> float:
 def test_the_joint_is_back_when_the_forecast_says_so(k_ext: float) -> None:
     """Nonlinear springs, a simulator of its own method and the whole loop, against the linear model."""
     bench, tuning = learned("ideal", 1.0, k_ext)
-    known = tuning_of(tuning, collect_plant_knowledge(load_parameters("ideal")))
+    known = build_cascade_tuning(tuning, collect_plant_knowledge(load_parameters("ideal")))
     forecast = push_forecast(load_parameters("ideal"), known, 10.0, 1.0)
     assert back_s(bench, PUSH_N, 8.0) == pytest.approx(forecast.back_s, rel=0.06)
     assert np.max(np.abs(bench.column("q", last=8000))) == pytest.approx(forecast.give, rel=0.02)
@@ -102,9 +102,9 @@ def test_what_it_takes_is_not_forgotten_under_it() -> None:
 
 def test_with_zeros_found_anew_pushes_are_the_position_loop_s_again() -> None:
     bench, tuning = learned("ideal", 1.0, 1.0)
-    tunings = bench.loop._machine.tunings
+    tunings = bench.loop._mode_manager.tunings
     assert tunings.gains.disturbance_feedforward.k_ext == 1.0
-    bench.loop._machine.contact.forget(0)
+    bench.loop._mode_manager.contact.reset(0)
     assert tunings.gains.disturbance_feedforward.k_ext == 0.0
     assert back_s(bench, 5.0, 8.0) > 3.0  # with it 0.5 s
     assert isinstance(bench.send(tuning), Refused)
@@ -151,7 +151,7 @@ def test_it_gives_way_to_a_contact_as_ever() -> None:
     ways = []
     for k_ext in (0.0, 1.0):
         bench, _ = learned("lab", 1.0, k_ext)
-        bias = bench.loop._machine.contact._step._bias.get()
+        bias = bench.loop._mode_manager.contact._step._bias.get()
         bench.send(ConfigureContactDetection(tuple((float(S), float(F)) for S, F in bias), 2.0))
         bench.send(ApplyPush(6.0, 2.0))
         bench.advance(2.0)

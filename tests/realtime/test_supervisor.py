@@ -79,7 +79,7 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
             await asyncio.sleep(0)
             time.sleep(0.3)
             assert isinstance(await asked, Refused)
-        was_alive = supervisor.alive
+        was_alive = supervisor.is_alive
         assert was_alive
 
         (first,) = loop_processes()
@@ -90,7 +90,7 @@ def test_start_command_kill_restart_hang_stop(setup: Setup, monkeypatch: pytest.
         await asyncio.sleep(0)
         os.kill(first, signal.SIGKILL)
         assert "SIGKILL" in (await asyncio.wait_for(deaths.get(), TIMEOUT_S)).reason
-        assert not supervisor.alive
+        assert not supervisor.is_alive
         with pytest.raises(LoopExitedError, match="SIGKILL"):
             await asyncio.wait_for(waiting, TIMEOUT_S)
         with pytest.raises(LoopExitedError, match="SIGKILL"):
@@ -135,7 +135,7 @@ def test_a_planned_restart_and_end_without_voltages_are_no_trip(setup: Setup) ->
         await supervisor.start()
         before = supervisor.ring
         restarting = asyncio.create_task(supervisor.restart("with other parameters"))
-        while supervisor.alive:
+        while supervisor.is_alive:
             await asyncio.sleep(0)
         assert getattr(supervisor.restarting, "purpose", "") == "with other parameters"
         await restarting
@@ -179,12 +179,12 @@ def test_the_service_clears_the_outputs_when_watchdog_and_loop_are_both_dead(set
             assert time.monotonic() - killed_s < 20.0, "the voltage stays on the motors"
             await asyncio.sleep(0.01)
         assert (card.state().u_A, card.state().u_B) == (0.0, 0.0)
-        assert "watchdog" in supervisor.guard.problem
+        assert "watchdog" in supervisor.watchdog_monitor.problem
         await supervisor.restart("for a test")
-        assert supervisor.guard.problem == ""
+        assert supervisor.watchdog_monitor.problem == ""
         assert supervisor.card is not card
         assert supervisor.card.state().drive_enabled
-        assert not supervisor.guard.watchdog_lost
+        assert not supervisor.watchdog_monitor.is_watchdog_lost
         await supervisor.stop()
         assert not supervisor.card.state().drive_enabled
 
@@ -204,7 +204,7 @@ def test_a_loop_that_cannot_work_says_why(setup: Setup, plant: PlantChoice, para
         supervisor = Supervisor(replace(setup, plant=plant, parameters=parameters))
         with pytest.raises(LoopExitedError, match=reason):
             await supervisor.start()
-        assert not supervisor.alive
+        assert not supervisor.is_alive
         assert loop_processes() == set()
         await supervisor.stop()
 

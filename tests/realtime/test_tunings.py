@@ -84,7 +84,7 @@ def test_what_follows_is_as_if_the_tuning_had_never_been_another() -> None:
         bench.send(Stop())
         bench.tick(3000)
         bench.send(Reset())
-        gains = bench.loop._machine.tunings.gains
+        gains = bench.loop._mode_manager.tunings.gains
         return np.concatenate([np.ravel(gains.schedule.entries), np.array(gains.motors).ravel()])
 
     np.testing.assert_array_equal(after(True), after(False))

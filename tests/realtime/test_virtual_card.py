@@ -109,7 +109,7 @@ def test_a_card_that_is_gone_is_cut_by_its_own_watchdog(tuning: SetTuning) -> No
         assert newest(supervisor, "fault") == FAULT_CODE[Fault.PLANT_ERROR]
         await until_off(supervisor)
         assert supervisor.card.state().expired
-        assert supervisor.alive
+        assert supervisor.is_alive
         await supervisor.send(Inject(None))
         while not isinstance(await supervisor.send(Reset()), Accepted):
             await supervisor.advance(0.01)
@@ -127,7 +127,7 @@ def test_the_cards_clock_paces_a_loop_whose_wiring_asks_for_it(tuning: SetTuning
     async def session() -> None:
         supervisor = on(replace(VIRTUAL, wiring=str(wiring)), tuning)
         ready = await supervisor.start()
-        assert "timed by the card's clock" in supervisor.driven
+        assert "timed by the card's clock" in supervisor.plant_description
         assert ready == supervisor.granted
         begun = supervisor.ring.count
         await supervisor.advance(0.3)

@@ -254,7 +254,7 @@ def test_events_wait_for_a_service_that_does_not_read(bench: Bench) -> None:
         if tick == 2010:
             bench.say(Shutdown(), 9999)
 
-    bench.worker.tell(Ready(RealTimeStatus(0, False, 0, ()), "simulator"))
+    bench.worker.queue_message(Ready(RealTimeStatus(0, False, 0, ()), "simulator"))
     bench.run(service)
     numbers = [event.sequence for event in bench.hear() if isinstance(event, Refused)]
     assert isinstance(bench.told[0], Ready)

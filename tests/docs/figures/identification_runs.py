@@ -60,7 +60,7 @@ class Bench:
 
     def _tick_until_pretension(self) -> None:
         for _ in range(120_000):
-            if self._loop.pretension_done:
+            if self._loop.is_pretension_done:
                 return
             self._loop.tick()
         raise RuntimeError(f"pretension was not reached; the mode is {self._loop.mode}")

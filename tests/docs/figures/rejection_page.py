@@ -8,7 +8,7 @@ import numpy as np
 from backend.banks.builder import build_tuning_command
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import ApplyPush
-from backend.realtime.gains import tuning_of
+from backend.realtime.gains import build_cascade_tuning
 from backend.tuning.gains import collect_plant_knowledge
 from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, PushForecast, push_forecast
 from plant.interface import T_s
@@ -87,7 +87,7 @@ def margins() -> Found:
 def forecast_of(plant: str, settings: LoopSettings) -> PushForecast:
     """Return what the tuning card expects of a held push."""
     parameters = load_parameters(plant)
-    gains = tuning_of(build_tuning_command(parameters, settings, None), collect_plant_knowledge(parameters))
+    gains = build_cascade_tuning(build_tuning_command(parameters, settings, None), collect_plant_knowledge(parameters))
     return push_forecast(parameters, gains, S_REF, settings.lam_q)
 
 

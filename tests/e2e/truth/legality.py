@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from backend.banks.tuning_settings import NAMES
-from backend.realtime.contact import PUSHED_IN
+from backend.realtime.contact import PUSH_MODES
 from backend.realtime.modes import LEGAL, MOVING, Mode
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F
 from tests.e2e.truth.findings import Findings
@@ -40,7 +40,7 @@ def may_retune(state: State) -> bool:
 
 def may_move(state: State) -> bool:
     """Whether references may be set: ``ModeManager.set_references``."""
-    return may_command(state) and state["mode"] in PUSHED_IN and state["touch"]["felt"] is None
+    return may_command(state) and state["mode"] in PUSH_MODES and state["touch"]["felt"] is None
 
 
 def may_reject(state: State) -> bool:
@@ -60,7 +60,7 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
     changes = "Changes of the tuning"
     offered = {("Mode", name): mode in legal_modes(state) for name, mode in MOVES.items()}
     offered |= {
-        ("Push", "Push"): mine and state["mode"] in PUSHED_IN,
+        ("Push", "Push"): mine and state["mode"] in PUSH_MODES,
         ("Push", "Let go"): mine,
         ("Wall", "Put up"): mine,
         ("Wall", "Take away"): mine,

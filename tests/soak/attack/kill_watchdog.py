@@ -6,14 +6,14 @@ from pathlib import Path
 import httpx
 from rich.console import Console
 
-from backend.realtime.heartbeat import LAST_RESORT_S, LOOK_S
+from backend.realtime.heartbeat import LAST_RESORT_S, POLL_S
 from tests.soak.attack.processes import WATCHDOG, kill, named
 from tests.soak.attack.stop_button import StopButton, stop_and_check
 from tests.soak.attack.tally import TOLD_S, UNWATCHED_S, Tally
 from tests.soak.attack.work import Accounts, be_moving, be_wound_up, must_be_well
 from tests.soak.live_service import Bench, Loop, bench_on, wait_until
 
-BOTH_DEAD_S = LAST_RESORT_S + 2.0 * LOOK_S
+BOTH_DEAD_S = LAST_RESORT_S + 2.0 * POLL_S
 """From the death of both to zero volts and drives off, by the service: docs/reference/faults.md, ``watchdog_dead``."""
 
 PATIENCE_S = 3.0
