@@ -248,11 +248,11 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     parameters, database, kept, tuning = foundation.parameters, foundation.database, foundation.kept, foundation.tuning
     soundness, hands, supervisor = foundation.soundness, foundation.hands, foundation.supervisor
     recorder = Recorder(database, supervisor.ring)
-    supervisor.listen(recorder.hear)
+    supervisor.listen(recorder.on_event)
 
     quota = Quota(settings.flight_records, settings.flight_records_MB * 1_000_000)
     flights = FlightRecorder(database, lambda: supervisor.ring, quota, lambda fault: present.is_expected(fault))
-    supervisor.listen(flights.hear)
+    supervisor.listen(flights.on_event)
     stack.callback(flights.close)
     keep(FLIGHTS, flights.run)
 

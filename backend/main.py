@@ -164,7 +164,7 @@ async def _join_loop(
     await starting
     recorder.follow(supervisor.ring)
     stack.push_async_callback(asyncio.to_thread, recorder.close)
-    stack.callback(supervision.keep_thread(RECORDER, recorder.keep_recording, recorder.end).end)
+    stack.callback(supervision.keep_thread(RECORDER, recorder.run_recording, recorder.end).end)
     stack.push_async_callback(lambda: supervisor.stop(ending.cause))
 
 

@@ -234,7 +234,9 @@ def recordings(
         print_json({"total_bytes": found.total_bytes, "limit_bytes": rule.max_bytes, "may_go": may_go})
         return
     total, limit = f"{found.total_bytes / 1e9:.3f} GB", f"{settings.recordings_GB:g} GB"
-    out.print(found.says or f"recordings take {total}, limit {limit}: nothing has to go", highlight=False, markup=False)
+    out.print(
+        found.describe or f"recordings take {total}, limit {limit}: nothing has to go", highlight=False, markup=False
+    )
     if found.may_go:
         rows = [
             (

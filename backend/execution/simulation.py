@@ -57,7 +57,7 @@ def open_headless_station(
     loop = headless_loop(parameters, settings, bank, record, plant)
     recorder = Recorder(database, loop.ring)
     recorders.append(recorder)
-    loop.listen(recorder.hear)
+    loop.listen(recorder.on_event)
     try:
         yield ExperimentRig(loop, database, plant.name, parameters)
     finally:

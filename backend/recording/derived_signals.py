@@ -107,7 +107,7 @@ def _holds(one: Column) -> Column:
     return np.asarray(one != 0.0, np.float64)
 
 
-def _divided(a: Column, b: Column) -> Column:
+def _divide(a: Column, b: Column) -> Column:
     return np.where(b == 0.0, np.nan, a / b)
 
 
@@ -115,11 +115,11 @@ def _remainder(a: Column, b: Column) -> Column:
     return np.where(b == 0.0, np.nan, np.mod(a, b))
 
 
-def _rounded(taken: Sequence[Column]) -> Column:
-    digits = taken[1] if len(taken) > 1 else np.zeros_like(taken[0])
+def _round(operands: Sequence[Column]) -> Column:
+    digits = operands[1] if len(operands) > 1 else np.zeros_like(operands[0])
     scale = np.power(10.0, digits)
     allowed = (np.abs(digits) <= MAX_DIGITS) & (digits == np.rint(digits))
-    return np.where(allowed, np.rint(taken[0] * scale) / scale, np.nan)
+    return np.where(allowed, np.rint(operands[0] * scale) / scale, np.nan)
 
 
 _OPERATIONS: dict[str, Callable[[Sequence[Column]], Column]] = {
@@ -128,7 +128,7 @@ _OPERATIONS: dict[str, Callable[[Sequence[Column]], Column]] = {
     "add": _pair(np.add),
     "sub": _pair(np.subtract),
     "mul": _pair(np.multiply),
-    "div": _pair(_divided),
+    "div": _pair(_divide),
     "mod": _pair(_remainder),
     "pow": _pair(np.power),
     "lt": _pair(np.less),
@@ -143,7 +143,7 @@ _OPERATIONS: dict[str, Callable[[Sequence[Column]], Column]] = {
     "max": _all(np.maximum),
     "abs": lambda taken: np.abs(taken[0]),
     "sqrt": lambda taken: np.sqrt(taken[0]),
-    "round": _rounded,
+    "round": _round,
 }
 
 
@@ -178,23 +178,23 @@ def build_derived_signal(formula: Formula) -> Derived:
     return Derived(formula.name, formula.unit, tuple(FormulaStep(**step) for step in formula.steps), meaning)
 
 
-def columns_of(wanted: Iterable[Following]) -> list[str]:
+def find_source_columns(wanted: Iterable[Following]) -> list[str]:
     """Return the columns that these signals follow from, each once."""
     parts = (one.signals if isinstance(one, Derived) else [term.column for term in one.terms] for one in wanted)
     return list(dict.fromkeys(name for part in parts for name in part))
 
 
-def computed(
+def compute_signal(
     one: Following, columns: Mapping[str, NDArray[np.float64]], lengths: Mapping[str, float], count: int
 ) -> NDArray[np.float64]:
     """Return ``count`` values of a signal; nan where one of its columns is not there."""
     if isinstance(one, Derived):
         return one.values(columns, lengths, count)
     nothing = np.full(count, np.nan)
-    return sum_of(((columns.get(term.column, nothing), term) for term in one.terms), lengths)
+    return compute_sum(((columns.get(term.column, nothing), term) for term in one.terms), lengths)
 
 
-def sum_of(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: Mapping[str, float]) -> NDArray[np.float64]:
+def compute_sum(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: Mapping[str, float]) -> NDArray[np.float64]:
     """Return the sum of columns, each by its term; ``lengths`` are those of the geometry [m], by name."""
     total: NDArray[np.float64] = np.sum(
         [term.sign * (lengths[term.length] if term.length else 1.0) * column for column, term in parts], axis=0
@@ -202,7 +202,7 @@ def sum_of(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: Mapping[s
     return total
 
 
-def lengths_of(session: Session, run_id: int, wanted: Sequence[Following]) -> dict[str, float]:
+def load_geometry_lengths(session: Session, run_id: int, wanted: Sequence[Following]) -> dict[str, float]:
     """Return the lengths of the geometry [m] that these signals need, by name; nan where the run has none."""
     names = {name for one in wanted for name in _lengths(one)}
     return {name: _length(session, run_id, name) for name in names}

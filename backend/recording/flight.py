@@ -25,7 +25,7 @@ from plant import T_s
 
 BEFORE_S = 10.0
 AFTER_S = 5.0
-LOOK_S = 0.25
+POLL_S = 0.25
 DIED = "loop_died"
 """What stands in place of the fault when the loop process died."""
 
@@ -36,7 +36,7 @@ FLIGHT_RECORDER_PART = Part(
 _LOG = logging.getLogger(__name__)
 
 
-FOLLOWERS_TOLD = 5
+MAX_REPORTED_FOLLOWERS = 5
 """So many of the trips that share a record are named in its text; the others are counted."""
 
 
@@ -53,18 +53,18 @@ class _Trip:
     followers: list[str] = field(default_factory=list)
 
     @property
-    def due(self) -> bool:
+    def is_due(self) -> bool:
         """Whether all that belongs to it has happened."""
         return self.is_last or self.ring.count >= self.tick + round(AFTER_S / T_s)
 
-    def takes(self, ring: Ring, tick: int) -> bool:
+    def matches(self, ring: Ring, tick: int) -> bool:
         """Whether a trip at ``tick`` is within this one's record."""
         return not self.is_last and ring is self.ring and 0 <= tick - self.tick < round(AFTER_S / T_s)
 
     @property
     def followed_by(self) -> str:
         """The trips that share its record, the first few by name; empty where there are none."""
-        named, others = self.followers[:FOLLOWERS_TOLD], len(self.followers) - FOLLOWERS_TOLD
+        named, others = self.followers[:MAX_REPORTED_FOLLOWERS], len(self.followers) - MAX_REPORTED_FOLLOWERS
         more = f" and {others} more" if others > 0 else ""
         return f"{', '.join(named)}{more}"
 
@@ -100,19 +100,26 @@ class FlightRecorder:
         # Trips are heard in the event loop and stored in a thread.
         self._list_lock, self._drain_lock = threading.Lock(), threading.Lock()
 
-    def hear(self, event: Event | LoopExited) -> None:
+    def on_event(self, event: Event | LoopExited) -> None:
         """Take note of a trip; a listener for ``LoopClient.listen``."""
         match event:
             case Stopped(fault=fault, arrived_tick=tick, detail=detail) if not self._is_expected(fault):
                 text = explained(fault, detail)
                 ring = self._ring()
-                self._trip(_Trip(ring, fault, tick, text, time_of(ring, tick)))
+                self._trip(_Trip(ring, fault, tick, text, compute_sample_time(ring, tick)))
             case LoopExited(reason):
                 self._end_of_ring()
                 ring = self._ring()
                 text = f"The control loop died: {reason}"
                 self._trip(
-                    _Trip(ring=ring, fault=DIED, tick=ring.count, text=text, at=time_of(ring, ring.count), is_last=True)
+                    _Trip(
+                        ring=ring,
+                        fault=DIED,
+                        tick=ring.count,
+                        text=text,
+                        at=compute_sample_time(ring, ring.count),
+                        is_last=True,
+                    )
                 )
             case _:
                 return
@@ -120,7 +127,7 @@ class FlightRecorder:
     def _trip(self, new: _Trip) -> None:
         with self._list_lock:
             for trip in self._waiting:
-                if trip.takes(new.ring, new.tick):
+                if trip.matches(new.ring, new.tick):
                     trip.followers.append(f"{new.fault} after {(new.tick - trip.tick) * T_s:.2f} s")
                     return
             self._waiting.append(new)
@@ -128,7 +135,7 @@ class FlightRecorder:
     async def run(self) -> None:
         """Store what is due until cancelled."""
         while True:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
             if self._due():
                 await asyncio.to_thread(self.drain)
 
@@ -155,7 +162,7 @@ class FlightRecorder:
         ring = self._ring()
         with self._list_lock:
             # A ring that was replaced, by a reset with a dead watchdog too, holds all that it ever will.
-            due = [trip for trip in self._waiting if trip.due or trip.ring is not ring]
+            due = [trip for trip in self._waiting if trip.is_due or trip.ring is not ring]
             for trip in due:
                 trip.is_last = True  # what follows from here on has a record of its own
             return due
@@ -168,7 +175,7 @@ class FlightRecorder:
     def _store(self, trip: _Trip) -> None:
         since = max(0, trip.tick - round(BEFORE_S / T_s))
         first_tick, rows, _ = trip.ring.read(since, trip.tick + round(AFTER_S / T_s) - since)
-        run_id = run_of(rows[: max(0, trip.tick - first_tick)])
+        run_id = get_run_number(rows[: max(0, trip.tick - first_tick)])
         with self._database.session() as session:
             known = flights.known_run(session, run_id)
             # the journal has kept the trip, with who pressed STOP, unless it could not write
@@ -187,26 +194,26 @@ class FlightRecorder:
                 samples=samples,
             )
             flights.add(session, flight)
-            make_room(session, self._quota)
+            enforce_quota(session, self._quota)
 
 
-def make_room(session: Session, quota: Quota, of: str = "") -> None:
-    """Let the oldest records give way to the quota, and tell so: those ``of`` triggers, else those of trips."""
+def enforce_quota(session: Session, quota: Quota, of: str = "") -> None:
+    """Delete the oldest records beyond the quota and log it: those ``of`` triggers, else those of trips."""
     gone = flights.give_way(session, quota.records, quota.size_bytes, of)
     if gone:
         named = "captures of triggers" if of else "flight records"
-        told = (
+        text = (
             f"the {gone} oldest {named} gave way: at most {quota.records} and {quota.size_bytes / 1e6:.0f} MB are kept"
         )
-        events.add(session, EventKind.FLIGHT_QUOTA, told)
+        events.add(session, EventKind.FLIGHT_QUOTA, text)
 
 
-def run_of(rows: NDArray[np.float64]) -> int:
+def get_run_number(rows: NDArray[np.float64]) -> int:
     """Return the run that the last of rows of the ring belongs to, 0 for none."""
     return int(rows[-1, INDEX["run"]]) if len(rows) else 0
 
 
-def time_of(ring: Ring, tick: int) -> datetime:
+def compute_sample_time(ring: Ring, tick: int) -> datetime:
     """Return when a tick that was heard of just now was taken: the ring may have gone on since."""
     return datetime.now(UTC) - timedelta(seconds=max(0, ring.count - tick) * T_s)
 

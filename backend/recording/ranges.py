@@ -8,7 +8,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from backend.errors import OutOfRangeError, check_range
-from backend.recording.derived_signals import computed, lengths_of
+from backend.recording.derived_signals import compute_signal, load_geometry_lengths
 from backend.recording.reader import read_samples
 from backend.sample import COMBINED_BY_NAME
 from backend.storage import Database, Session, recordings
@@ -56,7 +56,7 @@ def welch_spectrum(values: Array, period_s: float) -> Spectrum | None:
     longest = max((end - begin for begin, end in stretches), default=0)
     if longest < LEAST_SAMPLES:
         return None
-    segment = segment_of(longest)
+    segment = compute_segment_length(longest)
     hop = segment // 2
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(segment) / segment)
     squares, segments, used = np.zeros(hop - 1), 0, 0
@@ -81,7 +81,7 @@ def welch_spectrum(values: Array, period_s: float) -> Spectrum | None:
     )
 
 
-def segment_of(samples: int) -> int:
+def compute_segment_length(samples: int) -> int:
     """Return the length of the segments that so many consecutive samples are cut into."""
 
     def largest(most: int, least: int) -> int:
@@ -187,12 +187,12 @@ def read_slabs(database: Database, stretch: TickInterval, names: Sequence[str]) 
     for begin in range(stretch.begin, stretch.end, SLAB_TICKS):
         end = min(begin + SLAB_TICKS, stretch.end)
         with database.reading() as session:
-            slab = _read(session, stretch, names, begin, end)
+            slab = _read_columns(session, stretch, names, begin, end)
         if slab.ticks.size:
             yield slab
 
 
-def _read(session: Session, stretch: TickInterval, names: Sequence[str], begin: int, end: int) -> Slab:
+def _read_columns(session: Session, stretch: TickInterval, names: Sequence[str], begin: int, end: int) -> Slab:
     combined = [COMBINED_BY_NAME[name] for name in dict.fromkeys(names) if name in COMBINED_BY_NAME]
     recorded = recordings.get(session, stretch.run_id).fields
     terms = [term.column for one in combined for term in one.terms if term.column in recorded]
@@ -200,8 +200,8 @@ def _read(session: Session, stretch: TickInterval, names: Sequence[str], begin: 
     read = list(dict.fromkeys([*stored, *terms])) or recorded[:1]
     samples = read_samples(session, stretch.run_id, read, begin * stretch.period_s, end * stretch.period_s)
     columns = {name: samples.columns[name].astype(np.float64) for name in read}
-    lengths = lengths_of(session, stretch.run_id, combined)
-    columns |= {one.name: computed(one, columns, lengths, samples.t.size) for one in combined}
+    lengths = load_geometry_lengths(session, stretch.run_id, combined)
+    columns |= {one.name: compute_signal(one, columns, lengths, samples.t.size) for one in combined}
     ticks = np.rint(samples.t / stretch.period_s).astype(np.int64)
     return Slab(ticks, {name: columns[name] for name in names})
 

@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
-from backend.recording.derived_signals import Derived, Following, columns_of, computed, lengths_of, select_derived
+from backend.recording.derived_signals import (
+    Derived,
+    Following,
+    compute_signal,
+    find_source_columns,
+    load_geometry_lengths,
+    select_derived,
+)
 from backend.sample import ADDED_LATER, STORED_NAMES, UNIT_OF
 from backend.storage import Chunk, Database, Recording, Session, Span, UnknownRecordError, recordings
 from plant import ErrorCode, SinewError, T_s
@@ -42,15 +49,15 @@ def combined_envelope(
     """
     count = len(buckets) - 1
     low, high = (np.full((count, len(wanted)), np.nan, np.float32) for _ in range(2))
-    lengths = lengths_of(session, recording.run_id, wanted)
-    kept = [name for name in columns_of(wanted) if name in recording.fields]
-    indices = [recording.fields.index(name) for name in kept]
+    lengths = load_geometry_lengths(session, recording.run_id, wanted)
+    sources = [name for name in find_source_columns(wanted) if name in recording.fields]
+    indices = [recording.fields.index(name) for name in sources]
     for alike in _alike(recordings.chunks(session, recording.run_id, *ticks)):
         at_ticks = np.array([chunk.first_tick for chunk in alike])[:, None] + np.arange(alike[0].count)
         inside = (at_ticks >= ticks[0]) & (at_ticks < ticks[1])
         table = unpack_alike([chunk.samples for chunk in alike], len(recording.fields), indices)[inside]
-        columns = dict(zip(kept, table.astype(np.float64).T, strict=True))
-        values = in_precision(np.column_stack([computed(one, columns, lengths, len(table)) for one in wanted]))
+        columns = dict(zip(sources, table.astype(np.float64).T, strict=True))
+        values = in_precision(np.column_stack([compute_signal(one, columns, lengths, len(table)) for one in wanted]))
         at = np.searchsorted(buckets, at_ticks[inside], side="right") - 1
         starts = np.flatnonzero(np.diff(at, prepend=-1))
         low[at[starts]] = np.fmin(low[at[starts]], np.fmin.reduceat(values, starts, axis=0))
@@ -68,9 +75,9 @@ def _alike(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
 def in_precision(values: NDArray[np.float64]) -> Table:
     """Return computed values as columns are stored; nan for what is beyond that."""
     with np.errstate(over="ignore"):
-        kept = values.astype(np.float32)
-    kept[np.isinf(kept)] = np.nan
-    return kept
+        single = values.astype(np.float32)
+    single[np.isinf(single)] = np.nan
+    return single
 
 
 # Reader --------------------------------------------------------------------------------------------
@@ -135,8 +142,8 @@ def read_stretches(
     """
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
     made = {name: one for name, one in select_derived(session, names).items() if isinstance(one, Derived)}
-    lengths = lengths_of(session, run_id, list(made.values()))
-    parts = [name for name in columns_of(made.values()) if name in recording.fields]
+    lengths = load_geometry_lengths(session, run_id, list(made.values()))
+    parts = [name for name in find_source_columns(made.values()) if name in recording.fields]
     stored = [name for name in names if name not in made]
     read = [*dict.fromkeys([*stored, *parts])]
     # no names mean all columns, and those of signals that follow from none of them mean none
@@ -145,10 +152,10 @@ def read_stretches(
         from_tick, to_tick = _ticks(recording, span, from_s, to_s)
         ticks, tables = _raw(session, recording, from_tick, to_tick, [index for _, index in chosen])
         t = np.asarray((ticks - span.first_tick) * recording.period_s, np.float64)
-        columns = _named(chosen, read, tables)
+        columns = _select_columns(chosen, read, tables)
         if made:
             exact = {name: columns[name].astype(np.float64) for name in parts}
-            columns |= {name: in_precision(computed(one, exact, lengths, t.size)) for name, one in made.items()}
+            columns |= {name: in_precision(compute_signal(one, exact, lengths, t.size)) for name, one in made.items()}
             columns = {name: columns[name] for name in names}
         yield RawSamples(span.first_tick, t, columns)
 
@@ -183,12 +190,15 @@ def read_envelope(
         low = high = tables
     else:
         width = -(-width // BUCKET_TICKS) * BUCKET_TICKS
-        ticks, low, high = _summarised(session, recording, from_tick, to_tick, indices)
+        ticks, low, high = _read_summaries(session, recording, from_tick, to_tick, indices)
     first = (from_tick - span.first_tick) // width
     last = -(-(to_tick - span.first_tick) // width)
     buckets = (ticks - span.first_tick) // width - first
-    low, high = _gathered(np.fmin, low, buckets, last - first), _gathered(np.fmax, high, buckets, last - first)
-    minimum, maximum = (_named(chosen, stored or [name for name, _ in chosen], part) for part in (low, high))
+    low, high = (
+        _reduce_buckets(np.fmin, low, buckets, last - first),
+        _reduce_buckets(np.fmax, high, buckets, last - first),
+    )
+    minimum, maximum = (_select_columns(chosen, stored or [name for name, _ in chosen], part) for part in (low, high))
     if combined:
         edges = span.first_tick + width * np.arange(first, last + 1)
         extremes = combined_envelope(session, recording, combined, (from_tick, to_tick), edges)
@@ -213,7 +223,7 @@ def _columns(recording: Recording, names: Sequence[str]) -> list[tuple[str, int]
     return [(name, recording.fields.index(name)) for name in names or recording.fields if name in recording.fields]
 
 
-def _named(chosen: list[tuple[str, int]], names: Sequence[str], table: Table) -> dict[str, Column]:
+def _select_columns(chosen: list[tuple[str, int]], names: Sequence[str], table: Table) -> dict[str, Column]:
     """Columns by name in the order asked for; nan for what the recording, of an earlier version, lacks."""
     recorded = {name: table[:, i] for i, (name, _) in enumerate(chosen)}
     return {name: recorded.get(name, np.full(len(table), np.nan, np.float32)) for name in names or recorded}
@@ -239,7 +249,7 @@ def _raw(
     return np.concatenate(ticks), np.concatenate(tables)
 
 
-def _summarised(
+def _read_summaries(
     session: Session, recording: Recording, from_tick: int, to_tick: int, indices: list[int]
 ) -> tuple[NDArray[np.int64], Table, Table]:
     ticks = [np.empty(0, np.int64)]
@@ -257,7 +267,7 @@ def _summarised(
     return np.concatenate(ticks), np.concatenate(lows), np.concatenate(highs)
 
 
-def _gathered(extreme: np.ufunc, table: Table, buckets: NDArray[np.int64], count: int) -> Table:
+def _reduce_buckets(extreme: np.ufunc, table: Table, buckets: NDArray[np.int64], count: int) -> Table:
     gathered = np.full((count, table.shape[1]), np.nan, np.float32)
     if len(table):
         starts = np.flatnonzero(np.diff(buckets, prepend=-1))
@@ -339,16 +349,16 @@ def jumps(session: Session, run_id: int, name: str) -> Iterator[float]:
         end_s = begin_s + piece_s
         # what is stored of a bucket may reach into the next one, and is compared with the one before
         around = max(0.0, begin_s - 2.0 * bucket_s), end_s + bucket_s
-        stretches = _moving(session, run_id, name, around, period_s)
+        stretches = _find_changes(session, run_id, name, around, period_s)
         earlier = begin_s - 0.5 * period_s
         reads = [(max(0.0, from_s - 3.0 * period_s), to_s + 2.0 * period_s) for from_s, to_s in stretches]
         for (from_s, to_s), samples in zip(stretches, read_stretches(session, run_id, [name], reads), strict=True):
-            found = samples.t[_jumped(samples.t, samples.columns[name], period_s)]
+            found = samples.t[_find_jumps(samples.t, samples.columns[name], period_s)]
             inside = (found > max(earlier, from_s - 0.5 * period_s)) & (found < min(end_s, to_s) - 0.5 * period_s)
             yield from found[inside].tolist()
 
 
-def _moving(
+def _find_changes(
     session: Session, run_id: int, name: str, around: tuple[float, float], period_s: float
 ) -> list[tuple[float, float]]:
     """Return the stretches [from_s, to_s) of which the summaries say that the signal may change."""
@@ -381,7 +391,7 @@ def _stretches(buckets: NDArray[np.int64], reach: int) -> Iterator[tuple[int, in
         yield begin, end
 
 
-def _jumped(t: NDArray[np.float64], y: NDArray[np.float32], period_s: float) -> Sequence[int] | NDArray[np.int64]:
+def _find_jumps(t: NDArray[np.float64], y: NDArray[np.float32], period_s: float) -> Sequence[int] | NDArray[np.int64]:
     if t.size < 4:
         return []
     step, next_to = np.diff(y), np.diff(t) < 1.5 * period_s

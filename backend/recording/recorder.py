@@ -48,19 +48,19 @@ class Walls:
 
     def __init__(self) -> None:
         self._waiting: list[WallChanged] = []
-        self._standing: Obstacle | None = None
+        self._current: Obstacle | None = None
         self._first_tick = 0
         self._begins = False
 
-    def tell(self, change: WallChanged) -> None:
+    def add(self, change: WallChanged) -> None:
         """Take note of a change."""
         self._waiting.append(change)
         if len(self._waiting) > _MOST_WAITING:  # of those before a run only the last counts
-            self._standing = self._waiting.pop(0).wall
+            self._current = self._waiting.pop(0).wall
 
     def forget(self) -> None:
         """Begin anew with a loop in whose plant's way nothing stands."""
-        self._waiting, self._standing = [], None
+        self._waiting, self._current = [], None
 
     def begin(self, tick: int) -> None:
         """Take note that the samples from ``tick`` on belong to another run."""
@@ -69,18 +69,18 @@ class Walls:
     def until(self, tick: int) -> list[KeptWall]:
         """Return what is to be kept of the run, whose samples up to ``tick`` are being stored."""
         due = [change for change in self._waiting if change.tick <= tick]
-        kept = []
+        walls = []
         if self._begins:
             before = [change.wall for change in due if change.tick <= self._first_tick]
-            stands = before[-1] if before else self._standing
-            kept = [] if stands is None else [wall_record(0.0, stands)]
+            current = before[-1] if before else self._current
+            walls = [] if current is None else [wall_record(0.0, current)]
             due = due[len(before) :]
-        return kept + [wall_record(max(change.tick - self._first_tick, 0) * T_s, change.wall) for change in due]
+        return walls + [wall_record(max(change.tick - self._first_tick, 0) * T_s, change.wall) for change in due]
 
-    def stored(self, tick: int) -> None:
+    def discard_until(self, tick: int) -> None:
         """Take note that all up to ``tick`` is stored."""
         due = [change for change in self._waiting if change.tick <= tick]
-        self._standing = due[-1].wall if due else self._standing
+        self._current = due[-1].wall if due else self._current
         self._waiting = self._waiting[len(due) :]
         self._begins = False
 
@@ -144,7 +144,7 @@ class Recorder:
         self._skipped: dict[int, int] = {}
         # Runs whose samples are all stored and whose end has not been told; ends that were told and are not written.
         self._open: set[int] = set()
-        self._told: dict[int, RunEnded] = {}
+        self._run_ends: dict[int, RunEnded] = {}
         self._notes: deque[_Note] = deque()
         self._walls = Walls()
         self._closing = threading.Event()
@@ -155,8 +155,8 @@ class Recorder:
         """Run being recorded, 0 for none."""
         return self._run
 
-    def hear(self, event: Event | LoopExited) -> None:
-        """Take note of what the samples cannot tell; a listener for ``LoopClient.listen``."""
+    def on_event(self, event: Event | LoopExited) -> None:
+        """Note events that samples do not contain; a listener for ``LoopClient.listen``."""
         if isinstance(event, LoopExited | WallChanged) or (isinstance(event, RunEnded) and event.run):
             self._notes.append(event)
 
@@ -164,13 +164,13 @@ class Recorder:
         """Record from another ring, that of a new loop process, once the present one has been emptied."""
         self._notes.append(ring)
 
-    def keep_recording(self) -> None:
-        """Record until told to end; the work of a thread, which may be started anew should it die."""
+    def run_recording(self) -> None:
+        """Record until stopped; runs in a thread that may be restarted after an error."""
         while not self._closing.wait(DRAIN_PERIOD_S):
             self.drain()
 
     def end(self) -> None:
-        """Let ``keep_recording`` return."""
+        """Let ``run_recording`` return."""
         self._closing.set()
 
     def close(self) -> None:
@@ -188,7 +188,7 @@ class Recorder:
     def drain_what_is_worth_it(self) -> None:
         """Drain where enough waits for one transaction, or an end was told; for who steps as fast as it goes."""
         waiting = self._ring.count - self._position
-        if self._notes or self._told or waiting >= CHUNKS_AT_ONCE * CHUNK_TICKS:
+        if self._notes or self._run_ends or waiting >= CHUNKS_AT_ONCE * CHUNK_TICKS:
             self.drain()
 
     def _attempt(self, step: Callable[[], None]) -> None:
@@ -212,18 +212,18 @@ class Recorder:
 
     def _drain(self) -> None:
         while self._notes:
-            self._heed(self._notes[0])
+            self._handle_note(self._notes[0])
             self._notes.popleft()
-        while self._store_next(partial=self._run in self._told):  # a run is in the ring whole when its end is told
+        while self._store_next(partial=self._run in self._run_ends):  # a run is in the ring whole when its end is told
             pass
         self._write_ends()
 
-    def _heed(self, note: _Note) -> None:
+    def _handle_note(self, note: _Note) -> None:
         match note:
             case RunEnded():
-                self._told[note.run] = note
+                self._run_ends[note.run] = note
             case WallChanged():
-                self._walls.tell(note)
+                self._walls.add(note)
             case LoopExited(reason):
                 self._finish(EndState.LINK_LOST, f"the loop process died: {reason}")
             case Ring():
@@ -240,9 +240,9 @@ class Recorder:
 
     def _write_ends(self) -> None:
         """Write the ends that were told: of these runs all samples there are have been stored."""
-        for run, told in list(self._told.items()):
-            self._end(run, *describe_end(told))
-            del self._told[run]
+        for run, end in list(self._run_ends.items()):
+            self._end(run, *describe_end(end))
+            del self._run_ends[run]
 
     def _end(self, run: int, end_state: EndState, detail: str) -> None:
         with suppress(UnknownRecordError), self._database.session() as session:  # samples of such a run were refused
@@ -324,10 +324,10 @@ class Recorder:
         with self._database.session() as session:
             if not (again and recordings.has_chunk(session, self._run, tick)):
                 self._note_gap(session, tick)
-                recordings.add_chunks(session, self._run, _chunks_of(tick, table))
+                recordings.add_chunks(session, self._run, _split_chunks(tick, table))
                 runs.keep_walls(session, self._run, self._walls.until(tick + len(rows) - 1))
         self._next_tick = tick + len(rows)
-        self._walls.stored(self._next_tick - 1)
+        self._walls.discard_until(self._next_tick - 1)
 
     def _leave_run(self, tick: int) -> None:
         """Go on from a run of which there are no more samples, the next tick being another's."""
@@ -344,7 +344,7 @@ class Recorder:
             recordings.add_gap(session, self._run, missed, text)
 
 
-def _chunks_of(tick: int, table: Table) -> list[Chunk]:
+def _split_chunks(tick: int, table: Table) -> list[Chunk]:
     """Pack a table that begins at ``tick``; all chunks but the last are full."""
     parts = [table[at : at + CHUNK_TICKS] for at in range(0, len(table), CHUNK_TICKS)]
     return [
@@ -353,15 +353,15 @@ def _chunks_of(tick: int, table: Table) -> list[Chunk]:
     ]
 
 
-def describe_end(told: RunEnded) -> tuple[EndState, str]:
+def describe_end(end: RunEnded) -> tuple[EndState, str]:
     """Return how a run that the loop has ended is kept, and in which words."""
-    if told.completed:
+    if end.completed:
         return EndState.COMPLETED, ""
-    if not isinstance(told.why, Fault):
+    if not isinstance(end.why, Fault):
         return EndState.STOPPED, "the program was ended before its end"
-    if told.why is Fault.SERVICE_ENDED:  # its name is for the screen; who ended it stands in the detail
-        return runs.end_state_of(told.why), told.detail or "service ended"
-    return runs.end_state_of(told.why), f"{told.why}: {told.detail}" if told.detail else told.why.value
+    if end.why is Fault.SERVICE_ENDED:  # its name is for the screen; who ended it stands in the detail
+        return runs.end_state_of(end.why), end.detail or "service ended"
+    return runs.end_state_of(end.why), f"{end.why}: {end.detail}" if end.detail else end.why.value
 
 
 def _stretch(rows: Rows) -> int:

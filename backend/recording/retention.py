@@ -39,7 +39,7 @@ class Overview:
     may_go: tuple[RetentionEntry, ...]
 
     @property
-    def says(self) -> str:
+    def describe(self) -> str:
         """One sentence where the limit is passed, else nothing."""
         if self.total_bytes <= self.rule.max_bytes:
             return ""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from backend.event_bus import EventBus, StateChanged
 from backend.realtime import Ring
 from backend.recording.codec import pack_table
-from backend.recording.derived_signals import Derived, columns_of, computed
-from backend.recording.flight import Quota, make_room, run_of, time_of
+from backend.recording.derived_signals import Derived, compute_signal, find_source_columns
+from backend.recording.flight import Quota, compute_sample_time, enforce_quota, get_run_number
 from backend.sample import COMBINED_BY_NAME, INDEX, STORED_COLUMNS, STORED_NAMES, UNIT_OF
 from backend.storage import TRIGGER, Database, Document, EventKind, NewFlight, StorageError, events, flights, settings
 from backend.supervision import Part
@@ -66,8 +66,8 @@ class Condition:
         following = COMBINED_BY_NAME.get(self.signal) if self.derived is None else self.derived
         if following is None:
             return rows[:, INDEX[self.signal]]
-        columns = {name: rows[:, INDEX[name]] for name in columns_of([following])}
-        return computed(following, columns, lengths, len(rows))
+        columns = {name: rows[:, INDEX[name]] for name in find_source_columns([following])}
+        return compute_signal(following, columns, lengths, len(rows))
 
     def met(self, values: NDArray[np.float64], previous: float) -> NDArray[np.bool_]:
         """Tell for each of ``values`` whether it meets the condition; ``previous`` is the sample before the first."""
@@ -95,7 +95,7 @@ class Condition:
     def _upper(self) -> float:
         return np.inf if self.upper is None else self.upper
 
-    def told(self) -> str:
+    def describe(self) -> str:
         """Return the condition in words, in SI."""
         shown = "" if self.unit == "1" else f" {self.unit}"
         if self.kind in WINDOWS:
@@ -112,7 +112,7 @@ class Condition:
 # overwritten before they could be read are nan in the capture, and its text counts them.
 
 
-LOOK_S = 0.05
+POLL_S = 0.05
 AT_ONCE = 8192
 SETTING = "trigger"
 """What is armed, for the next start of the service to tell; null for nothing."""
@@ -139,7 +139,7 @@ class Armed:
     def document(self) -> Document:
         """Return what is kept of it with a capture."""
         return asdict(self.condition) | {
-            "says": self.condition.told(),
+            "says": self.condition.describe(),
             "before": self.before,
             "after": self.after,
             "captures": self.captures,
@@ -206,7 +206,7 @@ class _Capture:
         if self.lost:
             missing.append(f"{self.lost} samples are missing (nan): the service read too late")
         of = f", {self.number} of {self.armed.captures}" if self.armed.captures > 1 else ""
-        return "; ".join([f"trigger: {self.armed.condition.told()}{of}", *missing])
+        return "; ".join([f"trigger: {self.armed.condition.describe()}{of}", *missing])
 
 
 @dataclass
@@ -232,7 +232,7 @@ class Trigger:
     """Waits for one condition at a time. ``problem`` says why a capture cannot be stored at present.
 
     ``ring`` returns the ring of the loop process that runs at present, or ran last; ``lengths`` those of the joint's
-    geometry [m]. ``standing`` is None where nothing was armed since the service started.
+    geometry [m]. ``status`` is None where nothing was armed since the service started.
     """
 
     def __init__(
@@ -244,7 +244,7 @@ class Trigger:
         events: EventBus,
     ) -> None:
         self.problem = ""
-        self.standing: TriggerStatus | None = None
+        self.status: TriggerStatus | None = None
         self._events = events
         self._database, self._present, self._quota, self._lengths = database, ring, quota, lengths
         self._ring = ring()
@@ -257,28 +257,28 @@ class Trigger:
     @property
     def is_armed(self) -> bool:
         """Whether a condition is waited for, or a capture is under way."""
-        return self.standing is not None and not self.standing.ended
+        return self.status is not None and not self.status.ended
 
     def arm(self, armed: Armed) -> None:
         """Wait for a condition from the next sample on."""
         self._ring = self._present()
         self._position = self._ring.count
         _, rows, _ = self._ring.read(max(self._position - 1, 0), 1)
-        self._previous = self._last_of(rows, armed.condition)
-        self.standing = TriggerStatus(armed)
+        self._previous = self._compute_last_value(rows, armed.condition)
+        self.status = TriggerStatus(armed)
         self._events.publish(StateChanged())
 
     def disarm(self, why: str) -> None:
         """Wait for nothing; what a capture under way has until now is kept."""
         if self._capture is not None:
             self._finish(self._capture, why)
-        if self.standing is not None and self.is_armed:
-            self.standing.ended = why
+        if self.status is not None and self.is_armed:
+            self.status.ended = why
             self._events.publish(StateChanged())
 
-    def keep_armed(self, who: str) -> None:
-        """Put on record what is armed, for a next start to tell. Raises StorageError."""
-        armed = self.standing.armed if self.standing is not None and self.is_armed else None
+    def save_armed(self, who: str) -> None:
+        """Store the armed condition, which the next start reports. Raises StorageError."""
+        armed = self.status.armed if self.status is not None and self.is_armed else None
         document = None if armed is None else armed.document() | {"who": armed.who}
         with self._database.session() as session:
             settings.put(session, SETTING, document, who)
@@ -286,7 +286,7 @@ class Trigger:
     async def run(self) -> None:
         """Look at what is new, and store what is complete, until cancelled."""
         while True:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
             self.step()
             if self._capture is not None and self._capture.lead is None:
                 await asyncio.to_thread(self._capture.read_lead)
@@ -305,14 +305,14 @@ class Trigger:
         if not self.is_armed:
             return
         present = self._present()
-        self._look(self._ring)
+        self._evaluate(self._ring)
         if present is not self._ring:
             if self._capture is not None:
                 self._finish(self._capture, "the control loop ended")
             self._ring, self._position, self._previous = present, 0, np.nan
-            self._look(present)
+            self._evaluate(present)
 
-    def _look(self, ring: Ring) -> None:
+    def _evaluate(self, ring: Ring) -> None:
         while self.is_armed and self._position < ring.count:
             first, rows, missed = ring.read(self._position, AT_ONCE)
             if missed:
@@ -324,8 +324,8 @@ class Trigger:
             self._take(ring, first, rows)
 
     def _take(self, ring: Ring, first: int, rows: NDArray[np.float64]) -> None:
-        while len(rows) and self.standing is not None and self.is_armed:
-            condition = self.standing.armed.condition
+        while len(rows) and self.status is not None and self.is_armed:
+            condition = self.status.armed.condition
             if self._capture is None:
                 at = condition.first(condition.values(rows, self._lengths()), self._previous)
                 if at is None:
@@ -336,36 +336,41 @@ class Trigger:
             assert capture is not None
             taken = min(capture.wanted, len(rows))
             capture.take(rows[:taken])
-            self._previous = self._last_of(rows[:taken], condition)
+            self._previous = self._compute_last_value(rows[:taken], condition)
             first, rows = first + taken, rows[taken:]
-            self.standing.left = capture.wanted
+            self.status.left = capture.wanted
             self._finish_if_whole()
-        if len(rows) and self.standing is not None:
-            self._previous = self._last_of(rows, self.standing.armed.condition)
+        if len(rows) and self.status is not None:
+            self._previous = self._compute_last_value(rows, self.status.armed.condition)
 
     def _begin(self, ring: Ring, tick: int, rows: NDArray[np.float64]) -> None:
-        assert self.standing is not None
-        armed, number = self.standing.armed, self.standing.captured + 1
+        assert self.status is not None
+        armed, number = self.status.armed, self.status.captured + 1
         self._capture = _Capture(
-            armed=armed, ring=ring, tick=tick, at=time_of(ring, tick), number=number, run=run_of(rows[:1])
+            armed=armed,
+            ring=ring,
+            tick=tick,
+            at=compute_sample_time(ring, tick),
+            number=number,
+            run=get_run_number(rows[:1]),
         )
-        self._events.publish(Triggered(tick, f"trigger: {armed.condition.told()}"))
+        self._events.publish(Triggered(tick, f"trigger: {armed.condition.describe()}"))
 
     def _finish_if_whole(self) -> None:
         if self._capture is not None and self._capture.wanted == 0:
             self._finish(self._capture, "")
 
     def _finish(self, capture: _Capture, why: str) -> None:
-        assert self.standing is not None
+        assert self.status is not None
         capture.ended = why
         self._capture = None
-        self.standing.captured, self.standing.left = capture.number, 0
+        self.status.captured, self.status.left = capture.number, 0
         if capture.number == capture.armed.captures:
-            self.standing.ended = "all captures were made"
+            self.status.ended = "all captures were made"
         self._waiting.append(capture)
         self._events.publish(StateChanged())
 
-    def _last_of(self, rows: NDArray[np.float64], condition: Condition) -> float:
+    def _compute_last_value(self, rows: NDArray[np.float64], condition: Condition) -> float:
         return float(condition.values(rows[-1:], self._lengths())[0]) if len(rows) else np.nan
 
     def drain(self) -> None:
@@ -409,7 +414,7 @@ class Trigger:
                     samples=samples,
                 ),
             )
-            make_room(session, self._quota, TRIGGER)
+            enforce_quota(session, self._quota, TRIGGER)
             if capture.number == armed.captures and not self.is_armed:
                 settings.put(session, SETTING, None, armed.who)
 
@@ -417,9 +422,9 @@ class Trigger:
 def load_armed_trigger(database: Database) -> Document | None:
     """Return what was armed when the service last ended, None for nothing; from now on nothing is."""
     with database.session() as session:
-        kept = settings.newest(session, SETTING)
-        if kept is None or kept.value is None:
+        stored = settings.newest(session, SETTING)
+        if stored is None or stored.value is None:
             return None
         settings.put(session, SETTING, None, "")
-    found: Document = kept.value
+    found: Document = stored.value
     return found

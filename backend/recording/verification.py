@@ -62,10 +62,10 @@ def _problem(chunk: Chunk, digest: str, columns: int) -> str:
         return str(error)
     if len(table) != chunk.count:
         return f"they are {len(table)}, recorded were {chunk.count}"
-    if not _alike(summarise_buckets(table), summary):
+    if not _is_equal(summarise_buckets(table), summary):
         return "their smallest or largest values are others than those that were kept beside them"
     return ""
 
 
-def _alike(one: Table, other: Table) -> bool:
+def _is_equal(one: Table, other: Table) -> bool:
     return one.shape == other.shape and bool(np.array_equal(one, other, equal_nan=True))

@@ -159,7 +159,7 @@ class Retention:
         return self._seen(delete_recordings(self._database, self._rule, run_ids, who))
 
     def _seen(self, found: Overview) -> RecordingsView:
-        self.problem = found.says
+        self.problem = found.describe
         return RecordingsView(
             total_bytes=found.total_bytes,
             limit_bytes=found.rule.max_bytes,
@@ -176,7 +176,7 @@ class Retention:
                 )
                 for run in found.may_go
             ],
-            says=found.says,
+            says=found.describe,
         )
 
 

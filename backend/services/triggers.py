@@ -21,14 +21,14 @@ class Triggers:
         self._turn = asyncio.Lock()
         left = load_armed_trigger(database)
         if left is not None:
-            says = left.get("says") or Condition(left["signal"], left["kind"], left["level"], left["upper"]).told()
+            says = left.get("says") or Condition(left["signal"], left["kind"], left["level"], left["upper"]).describe()
             journal.record(
                 EventKind.NOTE, f"trigger disarmed, as the service was started anew: {says}, armed by {left['who']}"
             )
 
     def view(self) -> TriggerView | None:
         """Return what was armed last since the service started; None where nothing was."""
-        standing = self._trigger.standing
+        standing = self._trigger.status
         if standing is None:
             return None
         armed, condition = standing.armed, standing.armed.condition
@@ -41,7 +41,7 @@ class Triggers:
             after_s=armed.after * T_s,
             captures=armed.captures,
             unit=condition.unit,
-            says=condition.told(),
+            says=condition.describe(),
             who=armed.who,
             at=armed.at,
             phase="ended" if standing.ended else "capturing" if standing.left else "armed",
@@ -57,9 +57,9 @@ class Triggers:
         """
         condition = _possible(order, await asyncio.to_thread(self._derived))
         async with self._turn:
-            standing = self._trigger.standing
+            standing = self._trigger.status
             if standing is not None and self._trigger.is_armed:
-                told = f"{standing.armed.who} has armed it: {standing.armed.condition.told()}; disarm it first"
+                told = f"{standing.armed.who} has armed it: {standing.armed.condition.describe()}; disarm it first"
                 raise RequestRejectedError(ErrorCode.NOT_NOW, f"the trigger is armed. {told}", code="trigger_armed")
             before, after = round(order.before_s / T_s), round(order.after_s / T_s)
             self._trigger.arm(
@@ -73,13 +73,13 @@ class Triggers:
                 )
             )
             try:
-                await asyncio.to_thread(self._trigger.keep_armed, who)
+                await asyncio.to_thread(self._trigger.save_armed, who)
             except StorageError:
                 self._trigger.disarm("it could not be put on record")
                 raise
         made = "once" if order.captures == 1 else f"{order.captures} times"
         kept = f"{order.before_s:g} s before and {order.after_s:g} s after, {made}"
-        self._note(f"trigger armed: {condition.told()}; {kept}", who)
+        self._note(f"trigger armed: {condition.describe()}; {kept}", who)
         view = self.view()
         assert view is not None
         return view
@@ -90,7 +90,7 @@ class Triggers:
             if not self._trigger.is_armed:
                 return
             self._trigger.disarm(f"{who} disarmed it")
-            await asyncio.to_thread(self._trigger.keep_armed, who)
+            await asyncio.to_thread(self._trigger.save_armed, who)
         self._note("trigger disarmed", who)
 
     def _derived(self) -> dict[str, Derived]:

@@ -119,7 +119,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
     loop = SimulatedLoop(plant or Simulator(parameters, SEED), parameters, tuning.command(), record)
     recorder = Recorder(database, loop.ring)
     recorders.append(recorder)
-    loop.listen(recorder.hear)
+    loop.listen(recorder.on_event)
     supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
     events = EventBus()
     present, journal = LiveState(supervisor, parameters, tuning, list), EventLog(database, events)

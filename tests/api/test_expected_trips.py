@@ -33,7 +33,7 @@ def test_only_the_trip_that_is_provoked_is_expected(database: Database, provoked
     async def work(parts: Parts) -> None:
         present, supervisor = parts.present, parts.supervisor
         recorder = FlightRecorder(database, lambda: supervisor.ring, Quota(9, 10**9), present.is_expected)
-        supervisor.listen(recorder.hear)
+        supervisor.listen(recorder.on_event)
         marks: list[tuple[MarkKind, str]] = []
         parts.events.subscribe(MarkAdded, lambda added: marks.append((added.mark.kind, added.mark.text)))
         present.provoked_trip = lambda: provoked

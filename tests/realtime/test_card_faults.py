@@ -74,7 +74,7 @@ class Session:
         self.rig = VirtualRig(load_wiring("pcie-6323"), self.simulator)
         self.loop = SimulatedLoop(self.rig, LAB, make_tuning_command(LAB, TuningParameters()), self._record)
         self.recorder = Recorder(database, self.loop.ring)
-        self.loop.listen(self.recorder.hear)
+        self.loop.listen(self.recorder.on_event)
         self.stops: list[Stopped] = []
         self.failing: list[PlantFailing] = []
         self.reached: list[object] = []

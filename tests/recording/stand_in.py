@@ -48,7 +48,7 @@ class Writer:
 def recorder_of(writer: Writer, database: Database) -> Recorder:
     """Return a recorder of what is written from now on."""
     recorder = Recorder(database, writer.ring)
-    writer.listeners.append(recorder.hear)
+    writer.listeners.append(recorder.on_event)
     return recorder
 
 

@@ -103,12 +103,12 @@ def test_a_formula_is_computed_for_each_sample_and_told_in_its_unit() -> None:
     asked = Condition("F_sum", ConditionKind.RISING, 3.0, derived=derived)
     expected = rows[:, INDEX["F_A"]] + 2.0 * rows[:, INDEX["F_B"]]
     np.testing.assert_array_equal(asked.values(rows, {"r_m": 0.01, "r_j": 0.1}), expected)
-    assert asked.told() == "F_sum rising through 3 N"
+    assert asked.describe() == "F_sum rising through 3 N"
     rows[0, INDEX["F_A"]] = np.nan
     assert np.isnan(asked.values(rows, {})[0])  # a gap meets nothing
 
 
 def test_it_is_told_with_its_unit() -> None:
-    assert condition(ConditionKind.RISING, 20.0).told() == "F_A rising through 20 N"
-    assert Condition("q", ConditionKind.INSIDE, -0.1, 0.2).told() == "q inside -0.1 to 0.2 rad"
-    assert Condition("mode", ConditionKind.ABOVE, 1.5).told() == "mode above 1.5"
+    assert condition(ConditionKind.RISING, 20.0).describe() == "F_A rising through 20 N"
+    assert Condition("q", ConditionKind.INSIDE, -0.1, 0.2).describe() == "q inside -0.1 to 0.2 rad"
+    assert Condition("mode", ConditionKind.ABOVE, 1.5).describe() == "mode above 1.5"

@@ -13,7 +13,7 @@ from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Stopped
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
-from backend.recording.flight import DIED, LOOK_S, FlightRecorder, Quota, read_flight_columns
+from backend.recording.flight import DIED, POLL_S, FlightRecorder, Quota, read_flight_columns
 from backend.sample import INDEX
 from backend.storage import events, flights
 from backend.storage.database import Database
@@ -41,7 +41,7 @@ def test_ten_seconds_before_and_five_after_with_every_tick(database: Database, w
     run = new_run(database)
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     before = writer.write(20_000, run=run.id)
-    recorder.hear(trip(20_000))
+    recorder.on_event(trip(20_000))
     after = [writer.write(4_999, fault=FAULT_CODE[Fault.SLACK])]
     recorder.drain()
     assert stored(database) == []
@@ -62,7 +62,7 @@ def test_a_trip_whose_loop_was_replaced_is_stored_at_once(database: Database, wr
     present = writer
     recorder = FlightRecorder(database, lambda: present.ring, QUOTA)
     writer.write(1_000)
-    recorder.hear(trip(1_000, Fault.WATCHDOG_DEAD))
+    recorder.on_event(trip(1_000, Fault.WATCHDOG_DEAD))
     writer.write(300)
     recorder.drain()
     assert stored(database) == []
@@ -78,12 +78,12 @@ def test_a_record_is_stamped_with_the_time_of_its_trip_and_stands_there_among_th
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(3_000)
     since = datetime.now(UTC)
-    recorder.hear(trip(3_000))
+    recorder.on_event(trip(3_000))
     until = datetime.now(UTC)
     # a trip that is heard of late, as after a busy second of the service
     writer.write(13_000)
     hearing = datetime.now(UTC)
-    recorder.hear(trip(10_000, Fault.STOP_PRESSED))
+    recorder.on_event(trip(10_000, Fault.STOP_PRESSED))
     heard = datetime.now(UTC)
     with database.session() as session:
         reset = events.add(session, "fault", "reset", at=heard + timedelta(seconds=2))
@@ -102,9 +102,9 @@ def test_a_record_is_stamped_with_the_time_of_its_trip_and_stands_there_among_th
 def test_trips_soon_after_each_other_are_one_record_that_names_them(database: Database, writer: Writer) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(3_000)
-    recorder.hear(trip(3_000))
+    recorder.on_event(trip(3_000))
     writer.write(1_000)
-    recorder.hear(trip(4_000, Fault.STOP_PRESSED))
+    recorder.on_event(trip(4_000, Fault.STOP_PRESSED))
     writer.write(6_000)
     recorder.drain()
     (flight,) = stored(database)
@@ -116,10 +116,10 @@ def test_a_fault_that_trips_in_every_tick_is_a_record_each_five_seconds(database
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(10_000)
     for tick in range(10_000, 13_000):
-        recorder.hear(trip(tick, Fault.PLANT_ERROR))
+        recorder.on_event(trip(tick, Fault.PLANT_ERROR))
         writer.write(1)
     writer.write(12_000)
-    recorder.hear(trip(25_000, Fault.PLANT_ERROR))
+    recorder.on_event(trip(25_000, Fault.PLANT_ERROR))
     writer.write(5_000)
     recorder.drain()
     later, first = stored(database)
@@ -137,7 +137,7 @@ def test_the_oldest_give_way_to_the_newest_and_an_event_says_so(
 ) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, quota)
     for turn in range(4):
-        recorder.hear(trip(6_000 * turn))
+        recorder.on_event(trip(6_000 * turn))
         writer.write(6_000)
         recorder.drain()
     assert [flight.trip_tick for flight in stored(database)] == [18_000, 12_000, 6_000, 0][:kept]
@@ -150,9 +150,9 @@ def test_the_oldest_give_way_to_the_newest_and_an_event_says_so(
 def test_the_death_of_the_loop_ends_what_waits_and_has_a_record_of_its_own(database: Database, writer: Writer) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(12_000)
-    recorder.hear(trip(12_000))
+    recorder.on_event(trip(12_000))
     writer.write(100)
-    recorder.hear(LoopExited("killed by SIGKILL"))
+    recorder.on_event(LoopExited("killed by SIGKILL"))
     recorder.drain()
     death, slack = stored(database)
     assert (slack.fault, slack.count) == ("slack", 10_100)
@@ -164,7 +164,7 @@ def test_a_record_that_cannot_be_stored_is_told_and_tried_again(
 ) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(9_000)
-    recorder.hear(trip(3_000))
+    recorder.on_event(trip(3_000))
     with monkeypatch.context() as full:
         full.setattr(flights, "add", _disk_full)
         recorder.drain()
@@ -188,14 +188,14 @@ def test_a_loop_that_dies_while_a_trip_is_written(database: Database, writer: Wr
         other = sqlite3.connect(tmp_path / "sinew.db", isolation_level=None)
         other.execute("BEGIN IMMEDIATE")
         writer.write(6_000)
-        recorder.hear(trip(1_000))
-        await asyncio.sleep(2 * LOOK_S)  # the thread waits for the database by now
-        recorder.hear(LoopExited("killed by SIGKILL"))
+        recorder.on_event(trip(1_000))
+        await asyncio.sleep(2 * POLL_S)  # the thread waits for the database by now
+        recorder.on_event(LoopExited("killed by SIGKILL"))
         other.execute("COMMIT")
         other.close()
         await _until(lambda: len(stored(database)) >= 2)
-        await asyncio.sleep(2 * LOOK_S)
-        recorder.hear(trip(900))
+        await asyncio.sleep(2 * POLL_S)
+        recorder.on_event(trip(900))
         await _until(lambda: any(flight.trip_tick == 900 for flight in stored(database)))
         assert not running.done()
         running.cancel()
@@ -216,7 +216,7 @@ async def _until(reached: Callable[[], bool]) -> None:
 def test_what_waits_is_stored_when_the_service_ends(database: Database, writer: Writer) -> None:
     recorder = FlightRecorder(database, lambda: writer.ring, QUOTA)
     writer.write(2_000)
-    recorder.hear(trip(1_500))
+    recorder.on_event(trip(1_500))
     recorder.close()
     assert [flight.count for flight in stored(database)] == [2_000]
 

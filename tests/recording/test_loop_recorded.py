@@ -35,7 +35,7 @@ def test_a_session_on_the_simulator_is_recorded_whole(database: Database) -> Non
             Simulator(parameters, seed=3), parameters, make_tuning_command(parameters, TuningParameters()), record
         )
         recorders.append(Recorder(database, headless.ring))
-        headless.listen(recorders[0].hear)
+        headless.listen(recorders[0].on_event)
         reached: list[object] = []
         headless.listen(lambda event: reached.append(event) if isinstance(event, PretensionReached) else None)
         await headless.send(SetMode(Mode.PRETENSION))

@@ -95,7 +95,7 @@ def test_dead_loop_ends_the_run_with_all_its_samples(database: Database, writer:
     run = new_run(database)
     recorder = recorder_of(writer, database)
     rows = writer.write(1234, run.id)
-    recorder.hear(LoopExited("killed by SIGKILL"))
+    recorder.on_event(LoopExited("killed by SIGKILL"))
     recorder.drain()
     assert_stored(database, run.id, rows)
     ended = stored_run(database, run.id)
@@ -136,7 +136,7 @@ def test_samples_of_an_unknown_run_are_left_out_and_that_is_told(database: Datab
 def test_thread_records_while_the_loop_writes(database: Database, writer: Writer) -> None:
     run = new_run(database)
     recorder = recorder_of(writer, database)
-    recording = threading.Thread(target=recorder.keep_recording)
+    recording = threading.Thread(target=recorder.run_recording)
     recording.start()
     rows = np.concatenate([writer.write(100, run.id) for _ in range(30)])
     writer.write(1)

@@ -45,7 +45,7 @@ def ids(database: Database, rule: RetentionRule) -> list[int]:
 def test_under_the_limit_nothing_may_go(database: Database) -> None:
     run = recorded(database)
     found = summarise_retention(database, RetentionRule(BYTES, 30))
-    assert (found.total_bytes, found.may_go, found.says) == (BYTES, (), "")
+    assert (found.total_bytes, found.may_go, found.describe) == (BYTES, (), "")
     with pytest.raises(NotRemovableError, match=f"may not go: {run}; may go now: none"):
         delete_recordings(database, RetentionRule(BYTES, 30), [run], "Ana")
 
@@ -56,7 +56,7 @@ def test_the_oldest_go_first_and_only_as_many_as_have_to(database: Database) -> 
     assert ids(database, RetentionRule(2 * BYTES, 30)) == [first]
     assert ids(database, RetentionRule(BYTES, 30)) == [first, second]
     assert ids(database, RetentionRule(1, 30)) == [first, second, third]
-    says = summarise_retention(database, RetentionRule(BYTES, 30)).says
+    says = summarise_retention(database, RetentionRule(BYTES, 30)).describe
     assert "recordings take 0.1 MB, limit 0.0 MB: the samples of 2 runs older than 30 days (0.1 MB) may go" in says
 
 
@@ -65,7 +65,7 @@ def test_what_is_young_or_open_stays(database: Database) -> None:
     recorded(database, days=90, end=EndState.RUNNING)
     found = summarise_retention(database, RetentionRule(1, 30))
     assert found.may_go == ()
-    assert "nothing may go" in found.says
+    assert "nothing may go" in found.describe
 
 
 def _identified(session: Session, run: int) -> None:

@@ -35,19 +35,19 @@ def test_a_run_ends_as_the_loop_says_whenever_that_is_told(
     end = RunEnded(tick=1010, run=run.id, completed=False, why=why, detail=detail)
     writer.write(1010, run.id)
     if told == "before its samples are stored":
-        recorder.hear(end)
+        recorder.on_event(end)
     recorder.drain()
     if told == "between":
-        recorder.hear(end)
+        recorder.on_event(end)
     writer.write(1)
     recorder.drain()
     if told == "after them":
-        recorder.hear(end)
+        recorder.on_event(end)
     writer.write(1100, following.id)
     recorder.drain()
     if told == "after the next began":
         assert stored_run(database, run.id).end_state == EndState.RUNNING
-        recorder.hear(end)
+        recorder.on_event(end)
     recorder.drain()
     ended = stored_run(database, run.id)
     assert (ended.end_state, ended.end_detail) == (end_state, kept)
@@ -62,7 +62,7 @@ def test_what_samples_show_ends_no_run(database: Database, writer: Writer) -> No
     writer.write(1, fault=FAULT_CODE[Fault.SLACK])
     recorder.drain()
     assert stored_run(database, run.id).end_state == EndState.RUNNING
-    recorder.hear(LoopExited("killed by SIGKILL"))
+    recorder.on_event(LoopExited("killed by SIGKILL"))
     recorder.drain()
     ended = stored_run(database, run.id)
     assert (ended.end_state, ended.end_detail) == (EndState.LINK_LOST, "the loop process died: killed by SIGKILL")
@@ -75,9 +75,9 @@ def test_an_end_told_before_the_loop_died_stays(database: Database, writer: Writ
     recorder = Recorder(database, writer.ring)
     if sampled:
         writer.write(sampled, run.id)
-    recorder.hear(RunEnded(sampled, run.id, completed=False, why=Fault.STOP_PRESSED))
+    recorder.on_event(RunEnded(sampled, run.id, completed=False, why=Fault.STOP_PRESSED))
     writer.write(10, open_still.id)
-    recorder.hear(LoopExited("killed by SIGKILL"))
+    recorder.on_event(LoopExited("killed by SIGKILL"))
     recorder.follow(Ring.create(16))
     recorder.drain()
     ended = [stored_run(database, one.id) for one in (run, open_still)]
@@ -93,7 +93,7 @@ def test_programs_ended_early_are_all_stopped_though_their_samples_are_stored_at
     recorder = Recorder(database, writer.ring)
     for run in (*ended_early, complete):
         writer.write(10, run.id)
-        recorder.hear(RunEnded(10, run.id, completed=run is complete, why=Cause.ASKED_FOR))
+        recorder.on_event(RunEnded(10, run.id, completed=run is complete, why=Cause.ASKED_FOR))
     writer.write(1)
     recorder.drain()
     stopped = [stored_run(database, run.id) for run in ended_early]

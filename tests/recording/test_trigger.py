@@ -70,8 +70,8 @@ def test_samples_before_and_after_are_exactly_those_asked_for(database: Database
     np.testing.assert_array_equal(columns["F_A"], np.float32(np.maximum(0.0, (np.arange(801, 1301) - 1000) * 0.01)))
     assert (columns["t"][0], columns["t"][300], columns["t"][-1]) == (-0.3, 0.0, pytest.approx(0.199))
     assert told == [(1101, "trigger: F_A above 1 N")]
-    assert trigger.standing is not None
-    assert (trigger.is_armed, trigger.standing.captured) == (False, 1)
+    assert trigger.status is not None
+    assert (trigger.is_armed, trigger.status.captured) == (False, 1)
     assert flight.trigger is not None
     assert (flight.trigger["signal"], flight.trigger["kind"], flight.trigger["level"]) == ("F_A", "above", 1.0)
 
@@ -135,7 +135,7 @@ def test_nan_never_triggers(database: Database, kind: ConditionKind) -> None:
     trigger.arm(Armed(Condition("F_A", kind, 0.0, 1.0), 10, 10, 1, "Ana", datetime.now(UTC)))
     append(ring, np.full(500, np.nan))
     trigger.step()
-    assert (trigger.is_armed, trigger.standing and trigger.standing.captured) == (True, 0)
+    assert (trigger.is_armed, trigger.status and trigger.status.captured) == (True, 0)
 
 
 def test_what_the_loop_had_not_made_yet_is_told_as_missing(database: Database) -> None:
@@ -176,7 +176,7 @@ def test_an_edge_across_samples_that_were_overwritten_does_not_trigger(database:
     trigger.arm(armed(ConditionKind.RISING, 0.5))
     append(ring, np.ones(3000))
     trigger.step()
-    assert (trigger.is_armed, trigger.standing and trigger.standing.left) == (True, 0)
+    assert (trigger.is_armed, trigger.status and trigger.status.left) == (True, 0)
 
 
 def test_a_loop_that_starts_anew_ends_a_capture_and_the_trigger_stays_armed(database: Database) -> None:
@@ -203,8 +203,8 @@ def test_disarming_keeps_what_there_is(database: Database) -> None:
     trigger.arm(armed(ConditionKind.ABOVE, 0.5, before=10, after=100, captures=5))
     append(ring, np.concatenate((np.zeros(50), np.ones(40))))
     trigger.step()
-    assert trigger.standing is not None
-    assert trigger.standing.left == 60
+    assert trigger.status is not None
+    assert trigger.status.left == 60
     trigger.disarm("Ana disarmed it")
     trigger.drain()
     append(ring, np.ones(500))
@@ -231,7 +231,7 @@ def test_trips_and_triggers_take_no_room_from_each_other(database: Database, wri
     quota = Quota(2, 10**9)
     recorder, trigger = FlightRecorder(database, lambda: writer.ring, quota), trigger_on(database, writer.ring, quota)
     for turn in range(3):
-        recorder.hear(trip(6000 * turn))
+        recorder.on_event(trip(6000 * turn))
         writer.write(6000)
         recorder.drain()
     trigger.arm(armed(ConditionKind.ABOVE, -10.0, before=1, after=10, captures=5))
@@ -271,7 +271,7 @@ def test_what_is_armed_at_the_end_of_the_service_is_told_once_at_the_next_start(
     ring = Ring.create(8192)
     trigger = trigger_on(database, ring)
     trigger.arm(armed(ConditionKind.ABOVE, 0.5, captures=2))
-    trigger.keep_armed("Ana")
+    trigger.save_armed("Ana")
     append(ring, np.ones(20))
     trigger.close()
     assert [flight.count for flight in stored(database)] == [20]
@@ -280,7 +280,7 @@ def test_what_is_armed_at_the_end_of_the_service_is_told_once_at_the_next_start(
     assert (left["signal"], left["kind"], left["level"], left["who"]) == ("F_A", "above", 0.5, "Ana")
     assert load_armed_trigger(database) is None
     trigger.arm(armed(ConditionKind.ABOVE, 0.5))
-    trigger.keep_armed("Ana")
+    trigger.save_armed("Ana")
     append(ring, np.ones(200))
     trigger.step()
     trigger.drain()

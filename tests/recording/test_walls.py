@@ -14,20 +14,20 @@ DOWN = KeptWall(0.0, 0.0, 0.0, 0.0, 0.0)
 def test_a_run_keeps_what_stood_in_its_samples_and_the_next_one_what_stands(database: Database, writer: Writer) -> None:
     recorder = recorder_of(writer, database)
     first, second, third = (new_run(database).id for _ in range(3))
-    recorder.hear(WallChanged(100, 0, BELOW))
-    recorder.hear(WallChanged(200, 0, ABOVE))
+    recorder.on_event(WallChanged(100, 0, BELOW))
+    recorder.on_event(WallChanged(200, 0, ABOVE))
     writer.write(500)  # of no run: what stood last stands when the first begins, at 500
     writer.write(700, run=first)
     recorder.drain()
-    recorder.hear(WallChanged(900, 0, None))  # told late: nothing of that second is stored yet
-    recorder.hear(WallChanged(1250, 0, BELOW))  # in the second run's samples, told while the first is recorded
+    recorder.on_event(WallChanged(900, 0, None))  # told late: nothing of that second is stored yet
+    recorder.on_event(WallChanged(1250, 0, BELOW))  # in the second run's samples, told while the first is recorded
     writer.write(600, run=second)
     recorder.drain()
-    recorder.hear(WallChanged(1850, 0, None))  # between the second and the third
+    recorder.on_event(WallChanged(1850, 0, None))  # between the second and the third
     writer.write(100)
     writer.write(2500, run=third)
     recorder.drain()
-    recorder.hear(WallChanged(2950, 0, ABOVE))  # in a second that is stored already: told too late, and kept
+    recorder.on_event(WallChanged(2950, 0, ABOVE))  # in a second that is stored already: told too late, and kept
     writer.write(1100, run=third)
     writer.write(1)
     recorder.drain()
@@ -42,7 +42,7 @@ def test_a_run_without_walls_and_one_of_a_new_loop_keep_none(database: Database,
     first, second = new_run(database).id, new_run(database).id
     writer.write(300, run=first)
     writer.write(1)
-    recorder.hear(WallChanged(301, 0, ABOVE))
+    recorder.on_event(WallChanged(301, 0, ABOVE))
     recorder.drain()
     assert stored_run(database, first).set_to.walls is None
     assert "walls" not in stored_run(database, first).settings
@@ -77,8 +77,8 @@ def test_what_stands_at_a_moment() -> None:
 def test_many_changes_before_a_run_leave_the_last() -> None:
     walls = Walls()
     for tick in range(12_000):
-        walls.tell(WallChanged(tick, 0, ABOVE if tick % 2 else None))
+        walls.add(WallChanged(tick, 0, ABOVE if tick % 2 else None))
     walls.begin(20_000)
     assert walls.until(21_000) == [wall_record(0.0, ABOVE)]
-    walls.stored(21_000)
+    walls.discard_until(21_000)
     assert walls.until(22_000) == []
