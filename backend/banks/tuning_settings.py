@@ -316,7 +316,7 @@ def store_tuning(database: Database, choice: TuningSettings, parameters: PlantPa
     """Keep a choice that has come into force."""
     with database.session() as session:
         document = KEPT_TUNING.write(StoredTuning(**choice.document(), parameters=tuning_digest(parameters)))
-        settings.put(session, TUNING_NAME, document, who)
+        settings.save(session, TUNING_NAME, document, who)
 
 
 def newest_tuning(database: Database, parameters: PlantParameters) -> LastTuning | None:

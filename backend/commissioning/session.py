@@ -170,7 +170,7 @@ class KeptHands:
 
     def _put(self, there: bool, who: str) -> None:
         with self._database.session() as session:
-            settings.put(session, self._name, there, who)
+            settings.save(session, self._name, there, who)
 
 
 async def switch_drives(supervisor: Supervisor, kept: KeptHands, on: bool, who: str) -> Accepted | Refused:

@@ -134,7 +134,7 @@ def called(record: dict[str, Any]) -> str:
 def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
     if run.end_state == EndState.RUNNING:
         raise ExportError(f"run {run.id} is not over: bundle it when it is")
-    way = origins.banks_on_the_way(session, run)
+    way = origins.load_banks_during_run(session, run)
     if way.computed:
         raise ExportError(
             f"run {run.id} computes the number of a bank that it changes to, {way.computed[0][:80]}, which elsewhere "
@@ -164,7 +164,7 @@ def _carried(session: Session, run: Run) -> Document:
     known = origins.of_runs(session, [run.id])
     if run.id in known:
         return dict(known[run.id].carried)
-    return {origins.CALIBRATIONS: [commissioning.told(one) for one in held]} if held else {}
+    return {origins.CALIBRATIONS: [commissioning.describe_calibration(one) for one in held]} if held else {}
 
 
 def _add(session: Session, gathered: Gathered, kind: str, number: int, carried: Document | None = None) -> bool:

@@ -179,7 +179,7 @@ class FlightRecorder:
         with self._database.session() as session:
             known = flights.known_run(session, run_id)
             # the journal has kept the trip, with who pressed STOP, unless it could not write
-            event = events.trip_of(session, trip.tick, trip.at)
+            event = events.find_trip(session, trip.tick, trip.at)
             if event is None:
                 event = events.add(session, EventKind.TRIP, trip.text, tick=trip.tick, at=trip.at)
             events.complete(session, event.id, run_id=known, followed_by=trip.followed_by)
@@ -199,7 +199,7 @@ class FlightRecorder:
 
 def enforce_quota(session: Session, quota: Quota, of: str = "") -> None:
     """Delete the oldest records beyond the quota and log it: those ``of`` triggers, else those of trips."""
-    gone = flights.give_way(session, quota.records, quota.size_bytes, of)
+    gone = flights.delete_oldest(session, quota.records, quota.size_bytes, of)
     if gone:
         named = "captures of triggers" if of else "flight records"
         text = (

@@ -325,7 +325,7 @@ class Recorder:
             if not (again and recordings.has_chunk(session, self._run, tick)):
                 self._note_gap(session, tick)
                 recordings.add_chunks(session, self._run, _split_chunks(tick, table))
-                runs.keep_walls(session, self._run, self._walls.until(tick + len(rows) - 1))
+                runs.save_walls(session, self._run, self._walls.until(tick + len(rows) - 1))
         self._next_tick = tick + len(rows)
         self._walls.discard_until(self._next_tick - 1)
 
@@ -360,8 +360,8 @@ def describe_end(end: RunEnded) -> tuple[EndState, str]:
     if not isinstance(end.why, Fault):
         return EndState.STOPPED, "the program was ended before its end"
     if end.why is Fault.SERVICE_ENDED:  # its name is for the screen; who ended it stands in the detail
-        return runs.end_state_of(end.why), end.detail or "service ended"
-    return runs.end_state_of(end.why), f"{end.why}: {end.detail}" if end.detail else end.why.value
+        return runs.derive_end_state(end.why), end.detail or "service ended"
+    return runs.derive_end_state(end.why), f"{end.why}: {end.detail}" if end.detail else end.why.value
 
 
 def _stretch(rows: Rows) -> int:

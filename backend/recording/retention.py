@@ -61,7 +61,7 @@ class Overview:
 def summarise_retention(database: Database, rule: RetentionRule) -> Overview:
     """Return what recordings take, and which may go: the oldest that nothing came from, until the rest fits."""
     with database.reading() as session:
-        runs = recordings.held(session)
+        runs = recordings.load_held(session)
     total = sum(run.size_bytes for run in runs)
     before = datetime.now(UTC) - timedelta(days=rule.keep_days)
     may_go, left = [], total
@@ -90,7 +90,7 @@ def delete_recordings(database: Database, rule: RetentionRule, run_ids: Sequence
 def _remove(database: Database, run: RetentionEntry, who: str) -> None:
     day = datetime.now(UTC).date().isoformat()
     with database.session() as session:
-        if next((held.in_use for held in recordings.held(session) if held.run_id == run.run_id), True):
+        if next((held.in_use for held in recordings.load_held(session) if held.run_id == run.run_id), True):
             raise NotRemovableError(f"run {run.run_id} has come into use meanwhile; its samples stay")
         recordings.mark_removed(session, run.run_id, f"the samples were deleted by {who} on {day} to make room")
         text = f"samples of run {run.run_id} deleted to make room, {_gigabytes(run.size_bytes)}"

@@ -281,7 +281,7 @@ class Trigger:
         armed = self.status.armed if self.status is not None and self.is_armed else None
         document = None if armed is None else armed.document() | {"who": armed.who}
         with self._database.session() as session:
-            settings.put(session, SETTING, document, who)
+            settings.save(session, SETTING, document, who)
 
     async def run(self) -> None:
         """Look at what is new, and store what is complete, until cancelled."""
@@ -416,7 +416,7 @@ class Trigger:
             )
             enforce_quota(session, self._quota, TRIGGER)
             if capture.number == armed.captures and not self.is_armed:
-                settings.put(session, SETTING, None, armed.who)
+                settings.save(session, SETTING, None, armed.who)
 
 
 def load_armed_trigger(database: Database) -> Document | None:
@@ -425,6 +425,6 @@ def load_armed_trigger(database: Database) -> Document | None:
         stored = settings.newest(session, SETTING)
         if stored is None or stored.value is None:
             return None
-        settings.put(session, SETTING, None, "")
+        settings.save(session, SETTING, None, "")
     found: Document = stored.value
     return found

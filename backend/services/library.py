@@ -255,7 +255,7 @@ class StoredPreferences:
             known = formulas.ever(session)
         check_preferences(preferences.layouts, known)
         with self._database.session() as session:
-            settings.put(session, _setting_of(person), preferences.model_dump(), person.name)
+            settings.save(session, _setting_of(person), preferences.model_dump(), person.name)
         return preferences
 
 
@@ -333,14 +333,14 @@ class RunLibrary:
         query = parse_query(where)
         with self._database.session() as session:
             search.search(session, query, everywhere=False, limit=1)
-            settings.put(session, f"{_SEARCH}{called}", {"where": where}, who)
+            settings.save(session, f"{_SEARCH}{called}", {"where": where}, who)
         return self.saved_searches()
 
     def drop_search(self, name: str, who: str) -> SavedSearchList:
         """Take a search off the list; what it was stays in the database. Raises UnknownRecordError."""
         self.where_of(name)
         with self._database.session() as session:
-            settings.put(session, f"{_SEARCH}{name}", None, who)
+            settings.save(session, f"{_SEARCH}{name}", None, who)
         return self.saved_searches()
 
     def tag(self, run_ids: Sequence[int], put: Sequence[str], taken: Sequence[str]) -> None:
@@ -348,7 +348,7 @@ class RunLibrary:
         with self._database.session() as session:
             for run_id in sorted(run_ids):  # in the order in which everybody locks them
                 for one in put:
-                    tags.put(session, run_id, one)
+                    tags.add(session, run_id, one)
                 for one in taken:
                     tags.take(session, run_id, one)
 

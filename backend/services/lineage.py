@@ -61,7 +61,7 @@ Found = Identification | None
 
 def checklist_steps(session: Session, parameters: Document, in_use: int | None) -> list[ChecklistStep]:
     """Return the steps in order, for the plant's present ``parameters`` and the number of the bank ``in_use``."""
-    imported = origins.numbers_of(session, origins.IDENTIFICATION)
+    imported = origins.load_imported_numbers(session, origins.IDENTIFICATION)
     estimates = [one for one in identifications.find(session) if one.id not in imported]
 
     def run_of(estimate: Identification) -> Run | None:
@@ -324,7 +324,7 @@ class LineageGraph:
                 digest=(None, str(error)),
                 origins=[self._parameters(run)],
             )
-        way = origins.banks_on_the_way(self._session, run)
+        way = origins.load_banks_during_run(self._session, run)
         used = [banks.get(self._session, number) for number in sorted(way.numbers - {run.bank_id})]
         if run.bank_id is None:
             made_of, content = [self._parameters(run)], document_digest(run.parameters)
@@ -489,7 +489,7 @@ class LineageGraph:
                     origins=[],
                 )
             ]
-        content = [commissioning.told(one) for one in then.values()]
+        content = [commissioning.describe_calibration(one) for one in then.values()]
         detail = ", ".join(f"{one.step} {one.at:%Y-%m-%d}" for one in then.values())
         mark = f"done again since: {', '.join(later)}" if later else ""
         digest = document_digest(content)

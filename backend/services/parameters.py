@@ -140,7 +140,7 @@ def undoing(database: Database, base: PlantParameters) -> AppliedParameters:
 
 def store_parameters(session: Session, applied: AppliedParameters, who: str) -> None:
     """Store a new version: it is the one in force from now on."""
-    settings.put(session, NAME, APPLIED.write(applied), who)
+    settings.save(session, NAME, APPLIED.write(applied), who)
 
 
 def changed_sections(applied: AppliedParameters) -> dict[str, dict[str, dict[str, Any]]]:

@@ -273,7 +273,7 @@ class Queue:
         """Take what waited when the service ended, and hold it: a person says when it goes on."""
         try:
             with self._database.reading() as session:
-                kept = queue.waiting(session)
+                kept = queue.load_waiting(session)
         except StorageError as error:
             _log.warning("The service cannot read the stored queue: %s", error)
             self._tell(f"held because what waited in it cannot be read: {error}")

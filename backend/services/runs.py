@@ -859,7 +859,7 @@ class StoredRuns:
     def _views(self, session: Session, found: Sequence[Run]) -> list[RunView]:
         """Return runs with their tags and the extent of what was recorded of them."""
         numbers = [run.id for run in found]
-        newest, tagged = results.newest_of(session, numbers), tags.of_runs(session, numbers)
+        newest, tagged = results.load_newest(session, numbers), tags.of_runs(session, numbers)
         fits = identifications.fits_of_runs(session, numbers)
         recorded, imported = recordings.of_runs(session, numbers), origins.of_runs(session, numbers)
 

@@ -345,7 +345,7 @@ class Formulas:
                 )
             steps = [asdict(step) for step in derived.steps]
             return _view(
-                formulas.put(
+                formulas.save(
                     session=session,
                     name=name,
                     expression=text.expression,

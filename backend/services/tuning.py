@@ -365,7 +365,7 @@ class SavedTunings:
         """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
         parts = SAVED_TUNING.write(SavedParts(**parts_of(tuning.choice)))
         with self._database.session() as session:
-            stored = settings.put(session, _setting_of(tuning), parts, who)
+            stored = settings.save(session, _setting_of(tuning), parts, who)
         return _saved(stored)
 
 

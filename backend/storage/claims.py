@@ -31,7 +31,7 @@ BEAT_S = 1.0
 LIFE_S = 10.0
 """A claim that does not beat for so long [s] is given up: a beat may wait 5 s for the write lock of another program."""
 
-_LOOK_S = 0.1
+_POLL_S = 0.1
 _SETTING = "service_claim"
 _PROC = Path("/proc")
 
@@ -49,7 +49,7 @@ class Claim:
     beat: int = 0
 
     @property
-    def said(self) -> str:
+    def describe(self) -> str:
         """Who it is, for a person."""
         return f"a service of version {self.version} (process {self.process} on {self.host})"
 
@@ -74,13 +74,13 @@ class HeldClaim:
         """Claim the database for a station. Raises StationTakenError while another service has it."""
         self._engine, self._station, self._claim = engine, station, own_claim()
         self._over, self._problem = threading.Event(), ""
-        found = _read(engine, station)
+        found = _read_claim(engine, station)
         if found is not None and is_alive(engine, station, found):
-            raise StationTakenError(station, found.said)
+            raise StationTakenError(station, found.describe)
         with engine.begin() as connection:
-            now = _claim_of(connection, station)
+            now = _load_claim(connection, station)
             if now is not None and now != found:
-                raise StationTakenError(station, now.said)
+                raise StationTakenError(station, now.describe)
             _write(connection, station, self._claim)
 
     def problem(self) -> str:
@@ -100,9 +100,9 @@ class HeldClaim:
     def beat(self) -> None:
         """Count the beat up, or note that another service has the claim."""
         with self._engine.begin() as connection:
-            now = _claim_of(connection, self._station)
+            now = _load_claim(connection, self._station)
             if now is None or now.key != self._claim.key:
-                by = "another service" if now is None else now.said
+                by = "another service" if now is None else now.describe
                 self._problem = (
                     f"{by} has taken over this database, as this service gave no sign of life for {LIFE_S:g} s: "
                     "both write to it now. Stop one of the two"
@@ -115,7 +115,7 @@ class HeldClaim:
         """Give the claim up, if it is still held."""
         self.end()
         with suppress(SQLAlchemyError), self._engine.begin() as connection:
-            now = _claim_of(connection, self._station)
+            now = _load_claim(connection, self._station)
             if now is not None and now.key == self._claim.key:
                 _delete(connection, self._station)
 
@@ -125,11 +125,11 @@ def describe_claim(engine: Engine) -> str:
     try:
         with engine.connect() as connection:
             rows = connection.execute(text("SELECT station, value FROM setting WHERE name = :name"), {"name": _SETTING})
-            found = [(str(station), _parsed(value)) for station, value in rows]
+            found = [(str(station), _parse_claim(value)) for station, value in rows]
     except SQLAlchemyError:  # of a schema before stations, which no service has claimed
         return ""
     alive = (claim for station, claim in found if claim is not None and is_alive(engine, station, claim))
-    return next((claim.said for claim in alive), "")
+    return next((claim.describe for claim in alive), "")
 
 
 def is_alive(engine: Engine, station: str, claim: Claim) -> bool:
@@ -138,27 +138,27 @@ def is_alive(engine: Engine, station: str, claim: Claim) -> bool:
         return _began(claim.process) == claim.began
     end = time.monotonic() + LIFE_S
     while time.monotonic() < end:
-        now = _read(engine, station)
+        now = _read_claim(engine, station)
         if now is None:
             return False
         if now != claim:
             return True
-        time.sleep(_LOOK_S)
+        time.sleep(_POLL_S)
     return False
 
 
-def _read(engine: Engine, station: str) -> Claim | None:
+def _read_claim(engine: Engine, station: str) -> Claim | None:
     with engine.connect() as connection:
-        return _claim_of(connection, station)
+        return _load_claim(connection, station)
 
 
-def _claim_of(connection: Connection, station: str) -> Claim | None:
+def _load_claim(connection: Connection, station: str) -> Claim | None:
     of_station = {"name": _SETTING, "station": station}
     found = connection.scalar(text("SELECT value FROM setting WHERE name = :name AND station = :station"), of_station)
-    return _parsed(found)
+    return _parse_claim(found)
 
 
-def _parsed(value: object) -> Claim | None:
+def _parse_claim(value: object) -> Claim | None:
     """Return the claim of a row; None for what is none, so that a spoilt row keeps nobody out."""
     with suppress(TypeError, ValueError):
         document = json.loads(value) if isinstance(value, str) else value

@@ -64,8 +64,8 @@ def held_at(session: Session, station: str, at: datetime) -> list[StoredStepResu
     return list({one.step: one for one in calibrations(session, station) if one.at <= at}.values())
 
 
-def told(result: StoredStepResult) -> dict[str, Any]:
-    """Return what a lineage tells of a calibration."""
+def describe_calibration(result: StoredStepResult) -> dict[str, Any]:
+    """Return the facts of a calibration for a lineage."""
     return {"step": result.step, "fingerprint": result.fingerprint, "calibrations": result.calibrations}
 
 

@@ -25,7 +25,7 @@ from backend.data_folder import FILE, FOLDER, make_private
 from backend.storage import search_index
 from backend.storage.claims import describe_claim
 from backend.storage.orm import DamagedError, GoneError, StorageError, UnfitError, take_touched
-from backend.storage.stations import info_of, one_at_a_time
+from backend.storage.stations import make_session_info, one_at_a_time
 from plant import ErrorCode, SinewError
 
 if TYPE_CHECKING:
@@ -246,23 +246,23 @@ def recover_database(file: Path) -> list[str]:
 
     For whoever has the data folder for itself. Leftovers of copies, new databases and imports are removed.
     """
-    said = []
+    messages = []
     if file.with_name(f"{file.name}{_RESTORED}").exists():
         _complete_restore(file)
-        said.append("a restore that was cut short has been completed: the database is the backup now")
+        messages.append("a restore that was cut short has been completed: the database is the backup now")
     unfinished = file.with_name(f"{file.name}{_RESTORING}")
     if unfinished.exists():
         _remove_with_logs(unfinished)
-        said.append("a restore that was cut short has been taken back: the database is as it was before")
+        messages.append("a restore that was cut short has been taken back: the database is as it was before")
     backups = file.parent / "backups"
     leftovers = [*backups.glob(f"*{_UNFINISHED}"), *file.parent.glob(f"{file.name}.*.creating")]
     for leftover in leftovers:
         _remove_with_logs(leftover)
-        said.append(f"{leftover.name} was removed: the command that wrote it was killed")
+        messages.append(f"{leftover.name} was removed: the command that wrote it was killed")
     for folder in file.parent.glob(f"{IMPORTING}*"):
         shutil.rmtree(folder, ignore_errors=True)
-        said.append(f"{folder.name} was removed: the import that unpacked it was killed, and stored nothing")
-    return said
+        messages.append(f"{folder.name} was removed: the import that unpacked it was killed, and stored nothing")
+    return messages
 
 
 def is_restore_incomplete(file: Path) -> bool:
@@ -287,11 +287,11 @@ def _fold_in_log(file: Path) -> None:
 
 def _move_aside(file: Path) -> None:
     """Give a database another name, with the log that is left of a damaged one: SQLite would play it into the next."""
-    kept = file.with_name(f"{file.stem}{BEFORE_RESTORE}{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db")
+    backup = file.with_name(f"{file.stem}{BEFORE_RESTORE}{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}.db")
     for end in ("", "-wal", "-shm"):
         part = file.with_name(file.name + end)
         if part.exists():
-            os.replace(part, kept.with_name(kept.name + end))
+            os.replace(part, backup.with_name(backup.name + end))
 
 
 def _remove_with_logs(file: Path) -> None:
@@ -361,7 +361,7 @@ NEWEST_BACKUPS = 3
 Identity = tuple[int, int]
 
 
-def file_of(engine: Engine) -> Path | None:
+def get_database_file(engine: Engine) -> Path | None:
     """Return the file of an SQLite database, None for any other and for one in memory."""
     name = engine.url.database
     if engine.dialect.name != "sqlite" or name in (None, "", ":memory:") or name.startswith("file:"):
@@ -374,35 +374,36 @@ def identity(file: Path) -> Identity:
     try:
         known = file.stat()
     except OSError as error:
-        raise GoneError(_gone(file, error.strerror or str(error))) from None
+        raise GoneError(_describe_replaced_file(file, error.strerror or str(error))) from None
     return known.st_dev, known.st_ino
 
 
 def require_in_place(file: Path, opened: Identity) -> None:
     """Raise GoneError unless ``file`` is still the one that was opened, with the log that SQLite keeps beside it."""
     if identity(file) != opened:
-        raise GoneError(_gone(file, "another file stands in its place"))
-    log = _log_of(file)
+        raise GoneError(_describe_replaced_file(file, "another file stands in its place"))
+    log = _get_wal_file(file)
     if not log.exists() and _is_open_though_deleted(log):
-        raise GoneError(_gone(log, "it was deleted"))
+        raise GoneError(_describe_replaced_file(log, "it was deleted"))
 
 
-def require_usable(file: Path, backups: Path) -> bool:
+def is_usable(file: Path, backups: Path) -> bool:
     """Return whether a database is there. Raises DamagedError for what would silently be replaced by an empty one."""
     if file.is_file():
         if file.stat().st_size == 0:
-            raise DamagedError(f"{file} is empty (0 bytes): something cut it off; {way_back(file, backups)}")
+            raise DamagedError(f"{file} is empty (0 bytes): something cut it off; {describe_recovery(file, backups)}")
         return True
-    if _log_of(file).is_file() and _log_of(file).stat().st_size:
+    if _get_wal_file(file).is_file() and _get_wal_file(file).stat().st_size:
         raise DamagedError(
-            f"{file} is gone, but the log beside it ({_log_of(file).name}) is still there: "
-            f"put the database back; or {way_back(file, backups)}"
+            f"{file} is gone, but the log beside it ({_get_wal_file(file).name}) is still there: "
+            f"put the database back; or {describe_recovery(file, backups)}"
         )
     if traces := find_database_traces(file, backups):
         named = ", ".join(trace.name for trace in sorted(traces)[-NEWEST_BACKUPS:])
         raise DamagedError(
             f"{file} is gone, but copies of it are still there ({named}): no empty database is made in its place. "
-            f"Put the database back; or {way_back(file, backups)}; or choose another --data to begin with an empty one"
+            f"Put the database back; or {describe_recovery(file, backups)}; "
+            "or choose another --data to begin with an empty one"
         )
     return file.exists()
 
@@ -424,7 +425,7 @@ def quick_check(file: Path, backups: Path) -> None:
     except sqlite3.DatabaseError as error:
         found = [str(error)]
     if found:
-        raise DamagedError(f"{file} is damaged ({' '.join(found[0].split())}): {way_back(file, backups)}")
+        raise DamagedError(f"{file} is damaged ({' '.join(found[0].split())}): {describe_recovery(file, backups)}")
 
 
 def is_quick_to_check(file: Path) -> bool:
@@ -432,7 +433,7 @@ def is_quick_to_check(file: Path) -> bool:
     return file.stat().st_size <= CHECKED_AT_START_BYTES
 
 
-def way_back(file: Path, backups: Path) -> str:
+def describe_recovery(file: Path, backups: Path) -> str:
     """Return what to do when ``file`` cannot be used: which backups there are, and the command for them."""
     with suppress(OSError):
         copies = sorted(backups.glob("*.db"), key=lambda copy: copy.stat().st_mtime, reverse=True)
@@ -448,11 +449,11 @@ def way_back(file: Path, backups: Path) -> str:
     )
 
 
-def _log_of(file: Path) -> Path:
+def _get_wal_file(file: Path) -> Path:
     return file.with_name(f"{file.name}-wal")
 
 
-def _gone(file: Path, why: str) -> str:
+def _describe_replaced_file(file: Path, why: str) -> str:
     return (
         f"{file} is not the file any more that this service opened: {why}. Put it back where it was, "
         "or stop the service and start it again"
@@ -491,7 +492,7 @@ class Database:
     def __init__(self, engine: Engine, opened: Identity | None = None, station: str = "") -> None:
         self.engine = engine
         self.station = station
-        self.file = file_of(engine)
+        self.file = get_database_file(engine)
         self._opened = opened or (identity(self.file) if self.file else None)
         # SQLite's snapshots are one by nature; the servers' default would show later commits midway.
         isolation = {} if engine.dialect.name == "sqlite" else {"isolation_level": "REPEATABLE READ"}
@@ -506,15 +507,15 @@ class Database:
         the file was deleted or replaced, as SQLite would go on writing to where nobody finds it.
         """
         self.require_in_place()
-        told = info_of(self.station)
-        with _told(), Session(self.engine, expire_on_commit=False, info=told) as session, session.begin():
+        info = make_session_info(self.station)
+        with _translate_errors(), Session(self.engine, expire_on_commit=False, info=info) as session, session.begin():
             yield session
             search_index.update(session, take_touched(session))
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
         """One consistent snapshot to read from; waits for no writer and delays none. Raises StorageError."""
-        with _told(), Session(self._reading_engine, info=info_of(self.station)) as session:
+        with _translate_errors(), Session(self._reading_engine, info=make_session_info(self.station)) as session:
             yield session
 
     def require_in_place(self) -> None:
@@ -528,7 +529,7 @@ class Database:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let another process work on the same database, with connections of its own."""
-        return _reopened, (self.engine.url, self._opened, self.station)
+        return _reopen, (self.engine.url, self._opened, self.station)
 
 
 Outdated = Literal["migrate", "refuse", "read"]
@@ -553,12 +554,12 @@ def open_database(
     """
     _require_writable(data_dir)
     engine = connect_database(url or sqlite_url(data_dir), password)
-    file, backups = file_of(engine), data_dir / "backups"
+    file, backups = get_database_file(engine), data_dir / "backups"
     try:
-        with _told():
+        with _translate_errors():
             if file is not None:
                 _require_no_restore(file)
-                if not require_usable(file, backups):
+                if not is_usable(file, backups):
                     _create(file)
             if is_outdated(engine):
                 if outdated == "read" and can_read(engine):
@@ -581,7 +582,7 @@ def open_database(
         engine.dispose()
         if file is None:
             raise
-        hint = f"; {way_back(file, backups)}" if _is_none_of_sqlites(error) else ""
+        hint = f"; {describe_recovery(file, backups)}" if _is_none_of_sqlites(error) else ""
         raise StorageError(f"{file}: {error}{hint}") from error
     except BaseException:
         engine.dispose()
@@ -654,7 +655,7 @@ def _create(file: Path) -> None:
     leftovers = [fresh, *(fresh.with_name(fresh.name + end) for end in ("-wal", "-shm"))]
     for leftover in leftovers:
         leftover.unlink(missing_ok=True)
-    engine = connect_database(_url_of(fresh))
+    engine = connect_database(_make_url(fresh))
     try:
         upgrade(engine)
         engine.dispose()
@@ -668,12 +669,12 @@ def _create(file: Path) -> None:
             leftover.unlink(missing_ok=True)
 
 
-def _reopened(url: URL, opened: Identity | None, station: str) -> Database:
+def _reopen(url: URL, opened: Identity | None, station: str) -> Database:
     return Database(connect_database(url), opened, station)
 
 
 @contextmanager
-def _told() -> Iterator[None]:
+def _translate_errors() -> Iterator[None]:
     try:
         yield
     except (IntegrityError, DataError) as error:
@@ -685,7 +686,7 @@ def _told() -> Iterator[None]:
 
 def sqlite_url(data_dir: Path) -> URL:
     """SQLAlchemy URL of the database file in a data folder."""
-    return _url_of((data_dir / FILE_NAME).resolve())
+    return _make_url((data_dir / FILE_NAME).resolve())
 
 
 def find_database_file(data_dir: Path, url: str | None = None) -> Path | None:
@@ -693,12 +694,12 @@ def find_database_file(data_dir: Path, url: str | None = None) -> Path | None:
     if url is None:
         return (data_dir / FILE_NAME).resolve()
     engine = connect_database(url)
-    found = file_of(engine)
+    found = get_database_file(engine)
     engine.dispose()
     return None if found is None else found.resolve()
 
 
-def _url_of(file: Path) -> URL:
+def _make_url(file: Path) -> URL:
     """Return the URL of a file whose path may hold what means something in the text of a URL, such as a ?."""
     return URL.create("sqlite", database=str(file))
 

@@ -94,7 +94,7 @@ def find(session: Session, *, run_id: int | None = None, kind: str | None = None
     return [to_record(Event, row) for row in session.scalars(query)]
 
 
-def trip_of(session: Session, tick: int, at: datetime) -> Event | None:
+def find_trip(session: Session, tick: int, at: datetime) -> Event | None:
     """Return the station's event of the trip at ``tick`` at about the time ``at``, None where none was stored.
 
     Ticks begin anew with each loop process, so the time decides between trips at one tick. The death of the loop is

@@ -10,7 +10,7 @@ from backend.storage import runs
 from backend.storage.orm import Document, EventRow, FlightRow, UnknownRecordError, require
 from backend.storage.stations import session_station
 
-GIVE_WAY_AT_ONCE = 50
+DELETE_BATCH = 50
 TRIGGER = "trigger"
 """What stands in place of the fault in a record that a trigger made, and its condition in the detail of the event."""
 
@@ -64,11 +64,11 @@ def known_run(session: Session, run_id: int) -> int | None:
         return None
 
 
-def give_way(session: Session, records: int, size_bytes: int, of: str = "") -> int:
+def delete_oldest(session: Session, records: int, size_bytes: int, of: str = "") -> int:
     """Delete the station's oldest records beyond a number of them or of bytes; return how many. The newest stays.
 
     Captures ``of`` triggers and records of trips are counted apart: neither takes the room of the other.
-    Their events stay too. At most ``GIVE_WAY_AT_ONCE`` go, so that nobody waits long for the database.
+    Their events stay too. At most ``DELETE_BATCH`` go, so that nobody waits long for the database.
     """
     sizes = select(FlightRow.event_id, func.length(FlightRow.samples)).join(EventRow)
     alike = FlightRow.fault == TRIGGER if of == TRIGGER else FlightRow.fault != TRIGGER
@@ -78,7 +78,7 @@ def give_way(session: Session, records: int, size_bytes: int, of: str = "") -> i
         total += size
         if position > 0 and (position >= records or total > size_bytes):
             beyond.append(event_id)
-    going = beyond[-GIVE_WAY_AT_ONCE:]
+    going = beyond[-DELETE_BATCH:]
     session.execute(delete(FlightRow).where(FlightRow.event_id.in_(going)))
     return len(going)
 

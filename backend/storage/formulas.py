@@ -23,7 +23,7 @@ class Formula:
     at: datetime
 
 
-def put(
+def save(
     session: Session, name: str, expression: str, steps: list[Document], unit: str, meaning: str, who: str
 ) -> Formula:
     """Write a formula, or change the one of this name."""

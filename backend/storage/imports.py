@@ -117,7 +117,11 @@ def find_same_record(session: Session, kind: str, document: Document) -> int | N
     for row in session.scalars(query.where(mine)):
         here = build_record_document(session, kind, row.id)
         changing = (*_CHANGES.get(kind, ()), *REFERENCES)
-        if all(_compared(name, here) == _compared(name, document) for name in here if name not in changing):
+        if all(
+            _normalise_for_comparison(name, here) == _normalise_for_comparison(name, document)
+            for name in here
+            if name not in changing
+        ):
             return int(row.id)
         raise UnfitDocumentError(f"{kind} {row.id} was made at the same moment here, and says something else")
     return None
@@ -164,7 +168,7 @@ def connect_imported_bank(session: Session, run_id: int, document: Document) -> 
     return True
 
 
-def _compared(name: str, document: Document) -> Any:
+def _normalise_for_comparison(name: str, document: Document) -> Any:
     """Return what is compared of a part of a record: settings name banks by their numbers."""
     part = document[name]
     return renumber_banks(drop_first_bank(part), lambda _: 0) if name == "settings" else part

@@ -51,7 +51,7 @@ def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, Origin]:
     return {row.number: to_record(Origin, row) for row in session.scalars(query)}
 
 
-def banks_on_the_way(session: Session, run: Run) -> OnTheWay:
+def load_banks_during_run(session: Session, run: Run) -> OnTheWay:
     """Return the banks here that a run changed to on its way; of an imported one those that came with it."""
     named, origin = list_changed_banks(run.settings), of_runs(session, [run.id]).get(run.id)
     return named if origin is None or BANKS not in origin.carried else OnTheWay(frozenset(), named.computed)
@@ -69,6 +69,6 @@ def bring_banks(session: Session, run_id: int, *, where_there_are: bool) -> bool
     return True
 
 
-def numbers_of(session: Session, kind: str) -> set[int]:
+def load_imported_numbers(session: Session, kind: str) -> set[int]:
     """Return the numbers of all records of a kind that were imported."""
     return set(session.scalars(select(OriginRow.number).where(OriginRow.kind == kind)))

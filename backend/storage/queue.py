@@ -22,7 +22,7 @@ class StoredQueued:
     added_at: datetime
 
 
-def waiting(session: Session) -> list[StoredQueued]:
+def load_waiting(session: Session) -> list[StoredQueued]:
     """Return what waits, the next one to run first."""
     of_station = QueuedRow.station == session_station(session)
     rows = session.scalars(select(QueuedRow).where(of_station).order_by(QueuedRow.place, QueuedRow.id))

@@ -105,8 +105,8 @@ def begin_imported(
 ) -> None:
     """Open the recording of a run that was recorded elsewhere. Raises UnknownRecordError."""
     require(session, RunRow, run_id, "run")
-    told = {"missed": missed, "problem": problem, "size_bytes": 0, "removed_at": None}
-    session.add(RecordingRow(run_id=run_id, fields=fields, period_s=period_s, **told))
+    values = {"missed": missed, "problem": problem, "size_bytes": 0, "removed_at": None}
+    session.add(RecordingRow(run_id=run_id, fields=fields, period_s=period_s, **values))
     session.flush()
 
 
@@ -249,7 +249,7 @@ class RetentionEntry:
     in_use: bool
 
 
-def held(session: Session) -> list[RetentionEntry]:
+def load_held(session: Session) -> list[RetentionEntry]:
     """Return what is held of the station's runs, oldest first."""
     needs = [
         exists().where(table.run_id == RunRow.id).correlate(RunRow)

@@ -61,7 +61,7 @@ def newest(session: Session, run_id: int) -> Result | None:
     return None if row is None else _result(row)
 
 
-def newest_of(session: Session, run_ids: Sequence[int]) -> dict[int, Result | None]:
+def load_newest(session: Session, run_ids: Sequence[int]) -> dict[int, Result | None]:
     """Return the newest result of each of these runs that has one; None for one that cannot be read."""
     last = select(func.max(ResultRow.id)).where(ResultRow.run_id.in_(run_ids)).group_by(ResultRow.run_id)
     return {row.run_id: _readable(row) for row in session.scalars(select(ResultRow).where(ResultRow.id.in_(last)))}

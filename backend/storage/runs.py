@@ -54,7 +54,7 @@ _OF_A_FAULT = {
 }
 
 
-def end_state_of(fault: Fault) -> EndState:
+def derive_end_state(fault: Fault) -> EndState:
     """Return how a run ends that this fault has stopped."""
     return _OF_A_FAULT.get(fault, EndState.TRIPPED)
 
@@ -201,7 +201,7 @@ def set_evaluation_problem(session: Session, run_id: int, problem: str) -> None:
     require(session, RunRow, run_id, "run").evaluation_problem = problem
 
 
-def keep_walls(session: Session, run_id: int, walls: Sequence[KeptWall]) -> None:
+def save_walls(session: Session, run_id: int, walls: Sequence[KeptWall]) -> None:
     """Add to a run's settings which walls stood in the joint's way. Raises UnknownRecordError, UnreadableDocumentError.
 
     Nothing changes where there were none.
@@ -265,15 +265,15 @@ def run_title(run: Run) -> str:
     """Return what was run, in words on one line; of an experiment that is data its own title."""
     if run.kind != RunKind.EXPERIMENT:
         return run.kind.replace("_", " ").capitalize()
-    return as_line(_written(run, "title")) or "Experiment that cannot be read"
+    return as_line(_get_experiment_part(run, "title")) or "Experiment that cannot be read"
 
 
 def run_experiment_name(run: Run) -> str:
     """Return what was run as it is called when it is ordered, "" where that cannot be read."""
-    return _written(run, "name") if run.kind == RunKind.EXPERIMENT else run.kind
+    return _get_experiment_part(run, "name") if run.kind == RunKind.EXPERIMENT else run.kind
 
 
-def _written(run: Run, part: str) -> str:
+def _get_experiment_part(run: Run, part: str) -> str:
     """Return a part of the experiment that a run has kept, "" where it cannot be read."""
     try:
         return str(json.loads(run.set_to.experiment or "")[part])

@@ -108,8 +108,8 @@ class QueryError(RequestRejectedError):
         near = get_close_matches(given, legal, _NEAR) if given else []
         hint = f"; did you mean {' or '.join(near)}?" if near else f"; known: {', '.join(legal[:12])}" if legal else ""
         more = f" and {len(legal) - 12} more" if legal and not near and len(legal) > 12 else ""
-        said = f"search, character {place + 1}: {problem}{hint}{more}"
-        super().__init__(ErrorCode.BAD_VALUE, said, code="bad_search", legal=legal or None)
+        message = f"search, character {place + 1}: {problem}{hint}{more}"
+        super().__init__(ErrorCode.BAD_VALUE, message, code="bad_search", legal=legal or None)
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class _Token:
     def is_sign(self, sign: str) -> bool:
         return not self.quoted and self.text == sign
 
-    def says(self, keyword: str) -> bool:
+    def is_keyword(self, keyword: str) -> bool:
         return not self.quoted and self.text.lower() == keyword
 
 
@@ -174,14 +174,14 @@ class _Parser:
 
     def _either(self, depth: int) -> Query:
         parts = [self._both(depth)]
-        while self._takes("or"):
+        while self._accept("or"):
             parts.append(self._both(depth))
         return parts[0] if len(parts) == 1 else AnyOf(tuple(parts))
 
     def _both(self, depth: int) -> Query:
         parts = [self._one(depth)]
-        while (token := self._next()) is not None and not token.says("or") and not token.is_sign(")"):
-            self._takes("and")
+        while (token := self._next()) is not None and not token.is_keyword("or") and not token.is_sign(")"):
+            self._accept("and")
             parts.append(self._one(depth))
         return parts[0] if len(parts) == 1 else All(tuple(parts))
 
@@ -191,7 +191,7 @@ class _Parser:
             raise QueryError(self._end, "it ends where a term is expected: write a word, or NAME = VALUE")
         if depth > _DEEPEST:
             raise QueryError(token.place, f"brackets and nots go {_DEEPEST} deep at most: write it flatter")
-        if self._takes("not"):
+        if self._accept("not"):
             return Not(self._one(depth + 1))
         if token.is_sign("("):
             self._at += 1
@@ -207,13 +207,13 @@ class _Parser:
         self._terms += 1
         if self._terms > _MOST_TERMS:
             raise QueryError(token.place, f"a search has {_MOST_TERMS} terms at most: leave some out")
-        if not token.is_word() or token.says("and") or token.says("or"):
+        if not token.is_word() or token.is_keyword("and") or token.is_keyword("or"):
             raise QueryError(
                 token.place, f"{token.text} stands where a term is expected: write a word, or NAME = VALUE"
             )
         self._at += 1
         sign = self._next()
-        if token.says("run") and sign is not None and self._is_number_alone(sign):
+        if token.is_keyword("run") and sign is not None and self._is_number_alone(sign):
             self._at += 1
             return Compare(Value("run", token.place), Op.EQUAL, (Value(sign.text, sign.place),))
         if token.quoted or sign is None or sign.quoted or sign.text not in set(Op):
@@ -244,9 +244,9 @@ class _Parser:
     def _next(self) -> _Token | None:
         return self._tokens[self._at] if self._at < len(self._tokens) else None
 
-    def _takes(self, keyword: str) -> bool:
+    def _accept(self, keyword: str) -> bool:
         token = self._next()
-        taken = token is not None and token.says(keyword)
+        taken = token is not None and token.is_keyword(keyword)
         self._at += taken
         return taken
 
@@ -258,8 +258,8 @@ def _tokens(text: str) -> Iterator[_Token]:
         if found is None:
             at += len(text[at:]) - len(text[at:].lstrip())
             open_quote = text[at] == '"'
-            said = 'the quote is not closed: write " at its end' if open_quote else f"{text[at]} means nothing here"
-            raise QueryError(at, said)
+            problem = 'the quote is not closed: write " at its end' if open_quote else f"{text[at]} means nothing here"
+            raise QueryError(at, problem)
         sign, quoted, word = found.groups()
         if quoted is not None:
             yield _Token(re.sub(r"\\(.)", r"\1", quoted), found.start(2) - 1, quoted=True)
@@ -335,16 +335,16 @@ def station(session: Session, term: Compare) -> Condition:
         _require_known(term, known, "station")
     match term.op:
         case Op.EQUAL:
-            return RunIndexRow.station.in_([_station_of(value, known) for value in term.values])
+            return RunIndexRow.station.in_([_resolve_station(value, known) for value in term.values])
         case Op.UNLIKE:
-            return RunIndexRow.station.not_in([_station_of(value, known) for value in term.values])
+            return RunIndexRow.station.not_in([_resolve_station(value, known) for value in term.values])
         case Op.CONTAINS:
             return or_(*(RunIndexRow.station.icontains(value.text, autoescape=True) for value in term.values))
         case _:
             raise QueryError(term.name.place, f"station is a text, which {term.op} does not compare: use = != ~")
 
 
-def _station_of(value: Value, known: Sequence[str]) -> str:
+def _resolve_station(value: Value, known: Sequence[str]) -> str:
     """Return the station of a name, whose capitals matter only where another one differs by nothing else."""
     meant = [name for name in known if name == value.text] or [
         name for name in known if name.casefold() == value.text.casefold()
@@ -376,14 +376,14 @@ def _require_known(term: Compare, known: Sequence[str], what: str) -> None:
             raise QueryError(value.place, f"there is no {what} {value.text!r}", known, value.text)
 
 
-def tag_as_kept(tag: str) -> str:
-    """Return a word as tags are kept: small letters, an accent and its letter as one character (Unicode's NFC)."""
+def normalise_tag(tag: str) -> str:
+    """Normalise a word as tags are stored: small letters, an accent and its letter as one character (Unicode's NFC)."""
     return normalize("NFC", normalize("NFC", tag).casefold())
 
 
 def tag(term: Compare) -> Condition:
     """Compare the tags of a run, of which one has to fit."""
-    tags = [tag_as_kept(value.text) for value in term.values]
+    tags = [normalise_tag(value.text) for value in term.values]
     tagged = select(RunTagRow.run_id)
     any_tag = RunIndexRow.run_id.in_(tagged)
     named = RunIndexRow.run_id.in_(tagged.where(RunTagRow.tag.in_(tags)))
@@ -450,7 +450,7 @@ def or_none(term: Compare, there: Condition, compared: Callable[[Compare], Condi
 
 def number(column: NumberColumn, term: Compare) -> Condition:
     """Compare a number; where there is none, no comparison holds."""
-    numbers = [_read(value, term) for value in term.values]
+    numbers = [_parse_number(value, term) for value in term.values]
     within = or_(*(column.between(*_around(number)) for number in numbers))
     match term.op:
         case Op.EQUAL:
@@ -475,7 +475,7 @@ def _around(number: float) -> tuple[float, float]:
     return number - _EVEN * abs(number), number + _EVEN * abs(number)
 
 
-def _read(value: Value, term: Compare) -> float:
+def _parse_number(value: Value, term: Compare) -> float:
     number = as_number(value.text)
     if number is None:
         raise QueryError(
@@ -604,7 +604,7 @@ def _condition(session: Session, query: Query) -> Condition:
         case Not(part):
             return not_(_condition(session, part))
         case Compare():
-            return _compared(session, query)
+            return _compile_comparison(session, query)
 
 
 def _word(text: str) -> Condition:
@@ -616,7 +616,7 @@ def _is_run_number(text: str) -> bool:
     return text.isascii() and text.isdigit() and len(text) < 10
 
 
-def _compared(session: Session, term: Compare) -> Condition:
+def _compile_comparison(session: Session, term: Compare) -> Condition:
     name = term.name.text
     match name:
         case "kind":
@@ -644,11 +644,11 @@ def _plain(session: Session, term: Compare) -> Condition:
     if name == "run":
         return number(RunIndexRow.run_id, term)
     if name == "lasted_s":
-        return _lasted(term)
+        return _compile_duration(term)
     return _value(session, term)
 
 
-def _lasted(term: Compare) -> Condition:
+def _compile_duration(term: Compare) -> Condition:
     """Compare how long a run lasted; one that is not over fits no comparison, and so each ``not`` of one."""
     over = RunIndexRow.lasted_s.is_not(None)
     return or_none(term, over, lambda asked: and_(over, number(RunIndexRow.lasted_s, asked)))
@@ -656,7 +656,7 @@ def _lasted(term: Compare) -> Condition:
 
 def _value(session: Session, term: Compare) -> Condition:
     """Compare a parameter, a setting or a metric, by its name or with its source before it: metric.rise_q_s."""
-    source, name_id = _named(session, term.name)
+    source, name_id = _find_value_name(session, term.name)
     if source is ValueSource.PARAMETER:
         of_sets = select(ParameterValueRow.parameters_sha256).where(ParameterValueRow.name_id == name_id)
         digest = RunIndexRow.parameters_sha256
@@ -669,8 +669,8 @@ def _value(session: Session, term: Compare) -> Condition:
         fits = _number_or_word
         numbers = session.scalar(of_runs.where(RunValueRow.value.is_not(None)).limit(1))
         if numbers is None and term.op not in (Op.EQUAL, Op.UNLIKE, Op.CONTAINS):
-            said = f"{term.name.text} is a word, which {term.op} does not compare: use = != ~"
-            raise QueryError(term.name.place, said)
+            problem = f"{term.name.text} is a word, which {term.op} does not compare: use = != ~"
+            raise QueryError(term.name.place, problem)
     run_id = RunIndexRow.run_id
     return or_none(term, run_id.in_(of_runs), lambda asked: run_id.in_(of_runs.where(fits(asked))))
 
@@ -691,7 +691,7 @@ def _number_or_word(term: Compare) -> Condition:
             return number(RunValueRow.value, term)
 
 
-def _named(session: Session, name: Value) -> tuple[ValueSource, int]:
+def _find_value_name(session: Session, name: Value) -> tuple[ValueSource, int]:
     rows = session.execute(select(ValueNameRow.source, ValueNameRow.name, ValueNameRow.id)).all()
     by_name = {(source, known): name_id for source, known, name_id in rows}
     before, dot, rest = name.text.partition(".")
@@ -702,6 +702,6 @@ def _named(session: Session, name: Value) -> tuple[ValueSource, int]:
         known = sorted({known for _, known in by_name})
         raise QueryError(name.place, f"no stored run has a {wanted!r}", [*FIELDS, *known], wanted)
     if len(found) > 1:
-        said = " or ".join(f"{source}.{wanted}" for source, _ in found)
-        raise QueryError(name.place, f"{wanted} is the name of several things: write {said}")
+        candidates = " or ".join(f"{source}.{wanted}" for source, _ in found)
+        raise QueryError(name.place, f"{wanted} is the name of several things: write {candidates}")
     return found[0]

@@ -84,7 +84,7 @@ def _behind() -> Select[int]:
 
 
 def _write(session: Session, run: Run) -> None:
-    metrics, outcome = _judged(session, run)
+    metrics, outcome = _index_result(session, run)
     settings = _settings(run)
     tags = list(session.scalars(select(RunTagRow.tag).where(RunTagRow.run_id == run.id)))
     bank = None if run.bank_id is None else session.get(BankRow, run.bank_id)
@@ -121,7 +121,7 @@ def _write(session: Session, run: Run) -> None:
     _write_parameters(session, digest, run.parameters)
 
 
-def _judged(session: Session, run: Run) -> tuple[dict[str, float | str], str]:
+def _index_result(session: Session, run: Run) -> tuple[dict[str, float | str], str]:
     """Return the numbers of a run's newest result by name, and how it counts."""
     try:
         result = results.newest(session, run.id)
@@ -141,12 +141,12 @@ def _is_number(value: object) -> TypeGuard[float]:
 def _settings(run: Run) -> dict[str, float | str]:
     """Return what a run was set to, by name; truth as yes or no."""
     try:
-        told = {name: value for name, value in run.set_to.told().items() if name != "experiment"}
+        values = {name: value for name, value in run.set_to.told().items() if name != "experiment"}
         mode = run.set_to.mode
     except UnreadableDocumentError:
         return {}
     found: dict[str, float | str] = {} if mode is None else {"mode": mode.casefold()}
-    for name, value in told.items():
+    for name, value in values.items():
         if isinstance(value, bool):
             found[name] = "yes" if value else "no"
         elif _is_number(value):
@@ -160,7 +160,7 @@ def _write_values(session: Session, run_id: int, values: Mapping[ValueSource, Ma
     rows = [
         {
             "run_id": run_id,
-            "name_id": _number_of(session, source, name),
+            "name_id": _get_name_number(session, source, name),
             "value": None if isinstance(value, str) else value,
             "word": value if isinstance(value, str) else None,
         }
@@ -176,7 +176,7 @@ def _write_parameters(session: Session, digest: str, document: Mapping[str, Any]
     if session.scalar(select(ParameterValueRow.name_id).where(ParameterValueRow.parameters_sha256 == digest).limit(1)):
         return
     rows = [
-        {"parameters_sha256": digest, "name_id": _number_of(session, ValueSource.PARAMETER, name), "value": value}
+        {"parameters_sha256": digest, "name_id": _get_name_number(session, ValueSource.PARAMETER, name), "value": value}
         for name, value in dict(iterate_parameters(document)).items()
         if len(name) <= VALUE_NAME_MAX
     ]
@@ -197,7 +197,7 @@ def iterate_parameters(document: Mapping[str, Any]) -> Iterator[tuple[str, float
                 yield f"{section}.{name}", float(value)
 
 
-def _number_of(session: Session, source: ValueSource, name: str) -> int:
+def _get_name_number(session: Session, source: ValueSource, name: str) -> int:
     """Return the number of a name; one that is new gets one, whoever else is giving it one at this moment.
 
     New names are given by one transaction at a time: two that have some in common would wait for each other.

@@ -21,8 +21,8 @@ class StoredSetting:
     at: datetime
 
 
-def put(session: Session, name: str, value: Any, who: str) -> StoredSetting:
-    """Give a setting a new value (anything JSON can say)."""
+def save(session: Session, name: str, value: Any, who: str) -> StoredSetting:
+    """Save a new value of a setting (anything that JSON can hold)."""
     row = SettingRow(name=name, value=value, who=who, at=datetime.now(UTC), station=session_station(session))
     session.add(row)
     session.flush()
@@ -31,13 +31,13 @@ def put(session: Session, name: str, value: Any, who: str) -> StoredSetting:
 
 def newest(session: Session, name: str) -> StoredSetting | None:
     """Return the value in force, None when it was never set."""
-    row = session.scalar(_of(session, name).limit(1))
+    row = session.scalar(_select_setting(session, name).limit(1))
     return None if row is None else to_record(StoredSetting, row)
 
 
 def history(session: Session, name: str) -> list[StoredSetting]:
     """Return all values the setting had, newest first."""
-    return [to_record(StoredSetting, row) for row in session.scalars(_of(session, name))]
+    return [to_record(StoredSetting, row) for row in session.scalars(_select_setting(session, name))]
 
 
 def newest_under(session: Session, prefix: str) -> list[StoredSetting]:
@@ -48,6 +48,6 @@ def newest_under(session: Session, prefix: str) -> list[StoredSetting]:
     return [to_record(StoredSetting, row) for row in rows]
 
 
-def _of(session: Session, name: str) -> Select[SettingRow]:
+def _select_setting(session: Session, name: str) -> Select[SettingRow]:
     of_station = SettingRow.station == session_station(session)
     return select(SettingRow).where(SettingRow.name == name, of_station).order_by(SettingRow.id.desc())

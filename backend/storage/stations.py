@@ -86,8 +86,8 @@ class StationTakenError(RequestRejectedError):
         )
 
 
-def info_of(station: str) -> dict[str, str]:
-    """Return what a session is told of its station."""
+def make_session_info(station: str) -> dict[str, str]:
+    """Return the session info that names its station."""
     return {_KEY: station}
 
 

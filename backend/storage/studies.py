@@ -94,11 +94,11 @@ def claim(session: Session, study_id: int, runner: str) -> bool:
     if row.stop_asked:
         return False
     row.runner, row.seen_at, row.begun_at = runner, now, now
-    row.begun_with, row.problem = done(session, study_id), ""
+    row.begun_with, row.problem = count_rows(session, study_id), ""
     return True
 
 
-def beat(session: Session, study_id: int, runner: str) -> bool:
+def refresh_claim(session: Session, study_id: int, runner: str) -> bool:
     """Keep that ``runner`` is alive; return whether it may go on: nobody asked it to stop, or took the study over."""
     row = _own(session, study_id)
     if row.runner != runner:
@@ -131,7 +131,7 @@ def forget(session: Session, study_id: int, ends: Sequence[str]) -> None:
     session.execute(delete(StudyPointRow).where(StudyPointRow.study_id == study_id, StudyPointRow.state.in_(ends)))
 
 
-def done(session: Session, study_id: int) -> int:
+def count_rows(session: Session, study_id: int) -> int:
     """Count the rows that are there."""
     query = select(func.count()).select_from(StudyPointRow).where(StudyPointRow.study_id == study_id)
     return session.scalar(query) or 0

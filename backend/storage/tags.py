@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from backend.errors import RequestRejectedError
 from backend.storage import runs
 from backend.storage.orm import TAG_MAX, RunRow, RunTagRow, UnknownRecordError, mark_for_reindex
-from backend.storage.search import NONE, tag_as_kept
+from backend.storage.search import NONE, normalise_tag
 from backend.storage.search_index import insert_new
 from backend.storage.stations import session_station
 from plant import ErrorCode
@@ -29,7 +29,7 @@ class TagError(RequestRejectedError):
         )
 
 
-def put(session: Session, run_id: int, tag: str) -> None:
+def add(session: Session, run_id: int, tag: str) -> None:
     """Put a tag on a run of the station, which may have it already. Raises TagError, UnknownRecordError."""
     runs.own(session, run_id)
     insert_new(session, RunTagRow, [{"run_id": run_id, "tag": read_tag(tag)}])
@@ -69,7 +69,7 @@ def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, list[str]]:
 
 def read_tag(tag: str) -> str:
     """Return a tag as it is kept. Raises TagError."""
-    kept = tag_as_kept(tag)
-    if not _TAG.fullmatch(kept) or len(kept) > TAG_MAX or kept == NONE:
+    normalised = normalise_tag(tag)
+    if not _TAG.fullmatch(normalised) or len(normalised) > TAG_MAX or normalised == NONE:
         raise TagError(tag)
-    return kept
+    return normalised

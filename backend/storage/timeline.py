@@ -72,21 +72,21 @@ class LogEntry:
 
 def find(session: Session, asked: LogQuery, limit: int) -> tuple[list[LogEntry], datetime | None]:
     """Return the newest of the station, and before which time there is more; None where there is none."""
-    found = _merged(session, asked, limit)
+    found = _merge_entries(session, asked, limit)
     if len(found) < limit:
-        return _placed(session, found), None
+        return _locate_entries(session, found), None
     last = found[-1].at  # what happened at one moment is not torn apart
     newer = [one for one in found if one.at > last]
-    at_once = _merged(session, replace(asked, since=last, before=last + _NEXT), None)
-    more = _merged(session, replace(asked, before=last), 1)
-    return _placed(session, newer + at_once), last if more else None
+    at_once = _merge_entries(session, replace(asked, since=last, before=last + _NEXT), None)
+    more = _merge_entries(session, replace(asked, before=last), 1)
+    return _locate_entries(session, newer + at_once), last if more else None
 
 
-def _merged(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
+def _merge_entries(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
     wanted = set(asked.kinds) or set(EventKind)
     found = _events(session, asked, limit) if wanted - {EventKind.RUN} else []
     if EventKind.RUN in wanted:
-        found += _began(session, asked, limit) + _ended(session, asked, limit)
+        found += _began(session, asked, limit) + _load_run_ends(session, asked, limit)
     found.sort(key=lambda one: (one.at, one.event_id or 0), reverse=True)
     return found[:limit]
 
@@ -119,21 +119,21 @@ def count(session: Session, asked: LogQuery) -> int:
     if wanted - {EventKind.RUN}:
         found += _count(session, _of_events(session, asked), _event, asked)
     if EventKind.RUN in wanted:
-        for moment, made in ((RunRow.started_at, _beginning), (RunRow.ended_at, _end)):
+        for moment, made in ((RunRow.started_at, _make_begin_entry), (RunRow.ended_at, _end)):
             found += _count(session, _of_runs(session, moment, asked), made, asked)
     return found
 
 
 def _count(session: Session, query: _Query, made: Callable[[_Row], tuple[LogEntry, str]], asked: LogQuery) -> int:
     if any(map(_may_be_of_angle, asked.words)):
-        return len(_found(session, query, made, asked, None))
+        return len(_query_entries(session, query, made, asked, None))
     return session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
 
 
-def _found(
+def _query_entries(
     session: Session,
     query: _Query,
-    made: Callable[[_Row], tuple[LogEntry, str]],
+    make: Callable[[_Row], tuple[LogEntry, str]],
     asked: LogQuery,
     limit: int | None,
 ) -> list[LogEntry]:
@@ -141,20 +141,20 @@ def _found(
 
     The database has angles in rad: it leaves rows with an angle to be looked at here.
     """
-    words = [_evened(word) for word in asked.words if _may_be_of_angle(word)]
+    words = [_normalise_text(word) for word in asked.words if _may_be_of_angle(word)]
     if not words:
-        return [made(row)[0] for row in session.execute(query.limit(limit))]
+        return [make(row)[0] for row in session.execute(query.limit(limit))]
 
-    def shows(found: tuple[LogEntry, str]) -> bool:
+    def matches(found: tuple[LogEntry, str]) -> bool:
         one, beside = found
         turned = (format_angles(text, asked.angles) for text in (one.text, beside))
-        read = [_evened(place) for place in (*turned, one.who, one.note, *one.tags)]
+        read = [_normalise_text(place) for place in (*turned, one.who, one.note, *one.tags)]
         read += [place.replace("°", " deg") for place in read]
         return all(word == str(one.run_id) or any(word in place for place in read) for word in words)
 
     rows = session.execute(query.execution_options(yield_per=_AT_ONCE))
     try:
-        return [one for one, _ in islice(filter(shows, map(made, rows)), limit)]
+        return [one for one, _ in islice(filter(matches, map(make, rows)), limit)]
     finally:
         rows.close()
 
@@ -164,7 +164,7 @@ def _may_be_of_angle(word: str) -> bool:
     return any(letter.isdigit() for letter in word) or bool(_UNITS.fullmatch(word.casefold()))
 
 
-def _evened(text: str) -> str:
+def _normalise_text(text: str) -> str:
     return _SPELLED.sub("°", text.casefold().replace("−", "-"))
 
 
@@ -173,7 +173,7 @@ def _with_angle(place: InstrumentedAttribute[str]) -> list[Condition]:
 
 
 def _events(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
-    return _found(session, _of_events(session, asked), _event, asked, limit)
+    return _query_entries(session, _of_events(session, asked), _event, asked, limit)
 
 
 def _of_events(session: Session, asked: LogQuery) -> _Query:
@@ -194,7 +194,7 @@ def _of_events(session: Session, asked: LogQuery) -> _Query:
 
 
 def _event(row: _Row) -> tuple[LogEntry, str]:
-    event, said, flight = row
+    event, text, flight = row
     happening = LogEntry(
         at=event.at,
         kind=EventKind(event.kind) if event.kind in set(EventKind) else EventKind.NOTE,
@@ -204,22 +204,22 @@ def _event(row: _Row) -> tuple[LogEntry, str]:
         run_id=event.run_id,
         tick=event.tick,
         flight=flight is not None,
-        note="" if said is None else said.note,
-        tags=() if said is None else tuple(said.tags.split()),
-        remark_by="" if said is None else said.who,
+        note="" if text is None else text.note,
+        tags=() if text is None else tuple(text.tags.split()),
+        remark_by="" if text is None else text.who,
     )
     return happening, ""
 
 
 def _began(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
-    return _found(session, _of_runs(session, RunRow.started_at, asked), _beginning, asked, limit)
+    return _query_entries(session, _of_runs(session, RunRow.started_at, asked), _make_begin_entry, asked, limit)
 
 
-def _ended(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
-    return _found(session, _of_runs(session, RunRow.ended_at, asked), _end, asked, limit)
+def _load_run_ends(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:
+    return _query_entries(session, _of_runs(session, RunRow.ended_at, asked), _end, asked, limit)
 
 
-def _beginning(row: _Row) -> tuple[LogEntry, str]:
+def _make_begin_entry(row: _Row) -> tuple[LogEntry, str]:
     run, at, who, title, words, _, _ = row
     return LogEntry(at, EventKind.RUN, who, f"{title} began", run_id=run), words
 
@@ -261,7 +261,7 @@ def _holds(place: InstrumentedAttribute[str], word: str) -> Condition:
     return func.lower(place).contains(word.lower(), autoescape=True)
 
 
-def _placed(session: Session, found: list[LogEntry]) -> list[LogEntry]:
+def _locate_entries(session: Session, found: list[LogEntry]) -> list[LogEntry]:
     """Find the second of the recording at which each event of a tick stands, in the run that was recorded then.
 
     Ticks begin anew with each loop process: an event belongs to a run only if both its time and its tick fit.
@@ -277,7 +277,7 @@ def _placed(session: Session, found: list[LogEntry]) -> list[LogEntry]:
     rows = session.execute(overlap.order_by(RunRow.started_at.desc())).all()
     known = recordings.of_runs(session, [run for run, _, _ in rows])
 
-    def placed(one: LogEntry) -> LogEntry:
+    def locate(one: LogEntry) -> LogEntry:
         for run, began, ended in rows:
             recording, extent = known.get(run, (None, None))
             if one.tick is None or recording is None or extent is None:
@@ -287,4 +287,4 @@ def _placed(session: Session, found: list[LogEntry]) -> list[LogEntry]:
                 return replace(one, run_id=run, t=(one.tick - extent.first_tick) * recording.period_s)
         return one
 
-    return [placed(one) for one in found]
+    return [locate(one) for one in found]

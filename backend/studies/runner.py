@@ -121,7 +121,7 @@ class _Work:
             if time.monotonic() - beaten >= BEAT_S:
                 beaten = time.monotonic()
                 with self._database.session() as session:
-                    may_go_on = studies.beat(session, self._study_id, self._runner)
+                    may_go_on = studies.refresh_claim(session, self._study_id, self._runner)
                 self._tell()
 
     def _keep(self, results: list[PointResult]) -> None:

@@ -119,7 +119,7 @@ def test_a_tuning_is_done_once_it_is_saved_for_the_bank_in_use(database: Databas
     other = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION, S=14.0))
     with database.session() as session:
         value = SAVED_TUNING.write(SavedParts(lam_q=0.45, lam_S=0.1, bank=bank))
-        settings.put(session, saved_tuning_key(bank), value, "Ada")
+        settings.save(session, saved_tuning_key(bank), value, "Ada")
     with database.reading() as session:
         [step] = [one for one in checklist_steps(session, PARAMETERS, bank) if one.name == "tuning"]
     assert (step.state, step.run) == (ChecklistState.DONE, None)

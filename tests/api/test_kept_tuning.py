@@ -117,7 +117,7 @@ def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
     with database.session() as session:
         stored = settings.newest(session, TUNING_NAME)
         assert stored is not None
-        settings.put(session, TUNING_NAME, {**stored.value, name: value}, "A. Operator")
+        settings.save(session, TUNING_NAME, {**stored.value, name: value}, "A. Operator")
     restored, said = kept.restore(ideal)
     assert restored.choice == default_tuning_choice(ideal).choice
     assert str(value) in said

@@ -109,7 +109,7 @@ def make_runs(database: Database, count: int) -> dict[int, Made]:
                 if one.kind is not RunKind.SESSION:
                     results.add(session, one.result(run.id))
                 if one.tag:
-                    tags.put(session, run.id, one.tag)
+                    tags.add(session, run.id, one.tag)
                 at = {"at": one.started.replace(tzinfo=None), "id": run.id}
                 session.execute(text("UPDATE run SET started_at = :at, ended_at = :at WHERE id = :id"), at)
                 made[run.id] = replace(one)

@@ -19,7 +19,7 @@ def test_formulas_are_further_columns_of_an_export(command: Command, tmp_path: P
     with closing(open_database(folder)) as database, database.session() as session:
         run = recorded(session)
         steps = [asdict(step) for step in parse_derived_signal("F_mean", "N", "(F_A + F_B) / 2").steps]
-        formulas.put(session, "F_mean", "(F_A + F_B) / 2", steps, "N", "", "Ana")
+        formulas.save(session, "F_mean", "(F_A + F_B) / 2", steps, "N", "", "Ana")
     told = command("runs", "export", str(run), str(file), "--formula", "F_mean", folder=folder)
     assert told.returncode == 0, told.stderr
     rows = list(csv.DictReader(line for line in file.read_text().splitlines() if not line.startswith("#")))

@@ -25,7 +25,7 @@ def test_it_is_taken_in_again_without_what_was_derived(
     with here.session() as session:
         run = recorded(session)
         steps = [asdict(step) for step in parse_derived_signal("F_mean", "N", EXPRESSION).steps]
-        formulas.put(session, "F_mean", EXPRESSION, steps, "N", "", "Ana")
+        formulas.save(session, "F_mean", EXPRESSION, steps, "N", "", "Ana")
     export = export_run(here, run, ["F_mean"])
     assert (export.facts.names[-1], export.facts.columns[-1].unit) == ("F_mean", "N")
     assert EXPRESSION in export.facts.columns[-1].meaning

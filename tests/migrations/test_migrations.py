@@ -180,7 +180,7 @@ def test_the_queue_goes_down_and_up_again_and_leaves_the_runs(tmp_path: Path) ->
     engine.dispose()
     database = open_database(tmp_path)
     with database.session() as session:
-        assert queue.waiting(session) == []
+        assert queue.load_waiting(session) == []
         assert queue.add(session, "sequence", {}, "Ana").settings == {}
     database.close()
 

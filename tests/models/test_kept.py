@@ -34,7 +34,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 def left(database: Database, document: Any) -> None:
     with database.session() as session:
-        settings.put(session, tuning_settings.TUNING_NAME, document, "Ana")
+        settings.save(session, tuning_settings.TUNING_NAME, document, "Ana")
 
 
 def test_what_was_kept_before_versions_is_in_force_again(database: Database) -> None:

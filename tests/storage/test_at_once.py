@@ -34,7 +34,7 @@ def server(postgres: str, tmp_path: Path) -> Iterator[Database]:
 CHANGES: tuple[Callable[[Session, int], object], ...] = (
     lambda session, run: runs.end(session, run, EndState.COMPLETED),
     lambda session, run: results.add(session, NewResult(run, METRICS, (), "1")),
-    lambda session, run: tags.put(session, run, "worn"),
+    lambda session, run: tags.add(session, run, "worn"),
     lambda session, run: runs.set_note(session, run, "slack"),
 )
 
@@ -79,9 +79,9 @@ def test_new_names_in_another_order_do_not_block_each_other(server: Database) ->
 
     def give(names: tuple[str, str], wait: Callable[[], object]) -> None:
         with server.session() as session:
-            search_index._number_of(session, ValueSource.METRIC, names[0])
+            search_index._get_name_number(session, ValueSource.METRIC, names[0])
             wait()
-            search_index._number_of(session, ValueSource.METRIC, names[1])
+            search_index._get_name_number(session, ValueSource.METRIC, names[1])
 
     def first_waits() -> None:
         one_has_one.set()

@@ -87,7 +87,7 @@ def test_what_another_machine_claims_is_told_by_its_beats(database: Database) ->
     held.beat()
     assert "taken over" in held.problem()
     held.let_go()  # is not the other's to give up
-    assert claims._read(database.engine, "") is not None
+    assert claims._read_claim(database.engine, "") is not None
 
 
 @pytest.mark.usefixtures("elsewhere")

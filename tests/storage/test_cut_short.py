@@ -21,7 +21,7 @@ KILLED = Path(__file__).with_name("restore_killed.py")
 
 def put(database: Database, value: str) -> None:
     with database.session() as session:
-        settings.put(session, "weather", value, "Ana")
+        settings.save(session, "weather", value, "Ana")
 
 
 def value_of(data: Path) -> object:

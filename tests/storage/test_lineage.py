@@ -180,8 +180,8 @@ def test_events_tell_who_and_when(database: Database) -> None:
 def test_settings_remember_earlier_values(database: Database) -> None:
     with database.session() as session:
         assert settings.newest(session, "active_bank") is None
-        settings.put(session, "active_bank", 1, who="Ana")
-        settings.put(session, "active_bank", None, who="Bo")
+        settings.save(session, "active_bank", 1, who="Ana")
+        settings.save(session, "active_bank", None, who="Bo")
     with database.reading() as session:
         in_force = settings.newest(session, "active_bank")
         assert in_force is not None

@@ -25,7 +25,7 @@ def add(database: Database, *names: str) -> list[int]:
 
 def waiting(database: Database) -> list[str]:
     with database.reading() as session:
-        return [item.name for item in queue.waiting(session)]
+        return [item.name for item in queue.load_waiting(session)]
 
 
 def test_what_waits_is_read_in_its_order(database: Database) -> None:
@@ -39,7 +39,7 @@ def test_what_waits_is_read_in_its_order(database: Database) -> None:
     (fourth,) = add(database, "d")
     assert waiting(database) == ["c", "b", "d"]
     with database.reading() as session:
-        item = queue.waiting(session)[-1]
+        item = queue.load_waiting(session)[-1]
     assert (item.id, item.settings, item.who) == (fourth, {"lam_q": 0.5, "segments": "[]"}, "Ana")
 
 

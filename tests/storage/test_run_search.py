@@ -67,9 +67,9 @@ def find(database: Database) -> Find:
         add(session, "session", replace(NEW, kind=RunKind.SESSION, settings={"mode": "run"}, parameters={}))
         own = {"plan": {"experiment": '{"name": "my_battery", "title": "Meine Batterie"}'}}
         add(session, "open", replace(NEW, kind=RunKind.EXPERIMENT, settings=own), EndState.RUNNING)
-        tags.put(session, good, "Paper")
-        tags.put(session, bad, "worn")
-        tags.put(session, good, "rig:2")
+        tags.add(session, good, "Paper")
+        tags.add(session, bad, "worn")
+        tags.add(session, good, "rig:2")
 
     def found(query: str) -> set[str]:
         with database.reading() as session:

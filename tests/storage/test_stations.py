@@ -59,8 +59,8 @@ def test_each_station_has_its_own_of_everything(stations: tuple[Database, Databa
             run = runs.create(session, replace(NEW_RUN, note=f"at {station.station}"))
             identification = identifications.add(session, replace(NEW_IDENTIFICATION, run_id=run.id))
             bank = banks.add(session, "bench", [BankEntry(8.0, {})], who="Ana")
-            settings.put(session, "active bank", bank.id, "Ana")
-            settings.put(session, "search/mine", {"where": station.station}, "Ana")
+            settings.save(session, "active bank", bank.id, "Ana")
+            settings.save(session, "search/mine", {"where": station.station}, "Ana")
             text_of = experiments.add(session, "battery", f"of {station.station}", "Ana")
             event = events.add(session, "trip", "too much force", run_id=run.id, tick=7)
             flights.add(session, NewFlight(event.id, "force_limit", 0, 7, 9, ["q"], b"xx"))
@@ -137,10 +137,10 @@ def test_what_keeps_house_leaves_other_stations_alone(stations: tuple[Database, 
         retention.delete_recordings(a, rule, [numbers[1]], "Ana")
     retention.delete_recordings(a, rule, [numbers[0]], "Ana")
     with a.session() as session:
-        assert flights.give_way(session, records=1, size_bytes=10**9) == 2
+        assert flights.delete_oldest(session, records=1, size_bytes=10**9) == 2
     with b.reading() as session:
         assert len(flights.find(session)) == 3
-        assert [one.run_id for one in recordings.held(session)] == numbers[1:]
+        assert [one.run_id for one in recordings.load_held(session)] == numbers[1:]
         assert recordings.extent(session, numbers[1]).count == 10
 
 
@@ -150,7 +150,7 @@ def test_lists_are_of_the_station_unless_others_are_asked_for(stations: tuple[Da
     for station in stations:
         with station.session() as session:
             numbers.append(runs.create(session, NEW_RUN).id)
-            tags.put(session, numbers[-1], "worn")
+            tags.add(session, numbers[-1], "worn")
     of_a, of_b = numbers
     for query, everywhere, expected in (
         ("", False, [of_a]),
@@ -187,9 +187,9 @@ def test_what_is_said_of_a_run_is_changed_at_its_station(stations: tuple[Databas
     a, b = stations
     with a.session() as session:
         run = runs.create(session, NEW_RUN).id
-        tags.put(session, run, "worn")
+        tags.add(session, run, "worn")
     changes: tuple[Callable[[Session], object], ...] = (
-        lambda session: tags.put(session, run, "mine"),
+        lambda session: tags.add(session, run, "mine"),
         lambda session: tags.take(session, run, "worn"),
         lambda session: runs.set_note(session, run, "overwritten"),
     )
@@ -222,7 +222,7 @@ def test_what_was_of_no_station_is_given_to_one(database: Database, tmp_path: Pa
     url = database.engine.url.render_as_string(hide_password=False)
     with database.session() as session:
         run = runs.create(session, NEW_RUN)
-        settings.put(session, "active bank", 3, "Ana")
+        settings.save(session, "active bank", 3, "Ana")
         banks.add(session, "bench", [BankEntry(8.0, {})], who="Ana")
     with database.session() as session:
         assert assign_unowned_rows(session, "rig-a") == 1

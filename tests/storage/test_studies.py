@@ -29,7 +29,7 @@ def test_rows_come_back_as_they_were_in_order_and_once(database: Database) -> No
         assert studies.points(session, study, first=1, limit=5) == [OTHER]
         assert studies.numbers(session, study) == {0, 2}
         assert studies.states(session, study) == {"completed": 1, "refused": 1}
-        assert studies.done(session, study) == 2
+        assert studies.count_rows(session, study) == 2
 
 
 def test_who_computes_a_study_goes_on_until_it_is_asked_to_stop_or_another_one_took_it(database: Database) -> None:
@@ -37,7 +37,7 @@ def test_who_computes_a_study_goes_on_until_it_is_asked_to_stop_or_another_one_t
 
     def may(runner: str) -> bool:
         with database.session() as session:
-            return studies.beat(session, study, runner)
+            return studies.refresh_claim(session, study, runner)
 
     with database.session() as session:
         studies.claim(session, study, "one:1")

@@ -11,10 +11,10 @@ from tests.storage.test_run_search import NEW
 def test_tags_are_put_taken_and_renamed(database: Database) -> None:
     with database.session() as session:
         first, second = (runs.create(session, NEW).id for _ in range(2))
-        tags.put(session, first, "Worn")
-        tags.put(session, first, "worn")
-        tags.put(session, first, "old")
-        tags.put(session, second, "worn")
+        tags.add(session, first, "Worn")
+        tags.add(session, first, "worn")
+        tags.add(session, first, "old")
+        tags.add(session, second, "worn")
         assert tags.of_runs(session, [first, second]) == {first: ["old", "worn"], second: ["worn"]}
         assert tags.rename(session, "worn", "old") == 2
         assert tags.of_runs(session, [first, second]) == {first: ["old"], second: ["old"]}
@@ -28,7 +28,7 @@ def test_an_accent_may_be_typed_as_one_character_or_two(database: Database) -> N
     composed, decomposed = "pr\u00fcfstand", "Pru\u0308fstand"
     with database.session() as session:
         number = runs.create(session, NEW).id
-        tags.put(session, number, decomposed)
+        tags.add(session, number, decomposed)
         assert tags.of_runs(session, [number]) == {number: [composed]}
     with database.reading() as session:
         for typed in (composed, decomposed):
@@ -44,6 +44,6 @@ def test_what_is_no_tag_is_refused(database: Database) -> None:
         number = runs.create(session, NEW).id
         for tag in NO_TAGS:
             with pytest.raises(tags.TagError, match="letters, digits"):
-                tags.put(session, number, tag)
+                tags.add(session, number, tag)
             with pytest.raises(tags.TagError, match="letters, digits"):
                 tags.rename(session, "worn", tag)
