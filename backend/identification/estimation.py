@@ -7,8 +7,16 @@ from typing import Any
 import numpy as np
 
 from backend.identification.excitation import check_frequency_response, external_signal
-from backend.identification.fitting import Fit, Method, adapt, fit_output_error, fit_parameters, refit, with_room
-from backend.identification.friction import SIGNIFICANT_STD, both_ways, dry_friction
+from backend.identification.fitting import (
+    Fit,
+    Method,
+    adapt,
+    fit_output_error,
+    fit_parameters,
+    refit,
+    skip_initial_samples,
+)
+from backend.identification.friction import SIGNIFICANT_STD, dry_friction, has_both_directions
 from backend.identification.initialization import (
     WHITE,
     FitEvaluation,
@@ -43,20 +51,20 @@ from backend.identification.records import (
     Signal,
     UnstableModelError,
     coarse_resolution,
+    find_wrap,
+    has_one_step,
     quantum,
     rest_at_limit,
-    takes_one_step,
     time_at_limit_percent,
-    wrap_of,
 )
 from backend.identification.validation import (
     GOOD_FIT_PERCENT,
     MIN_COUNTS,
     NEGLIGIBLE_PERCENT,
     ValidationData,
+    has_noise_feedback,
     information_criteria,
     judge,
-    reacts_to_noise,
     sandwich,
 )
 
@@ -114,8 +122,8 @@ def split_last_part(record: Record) -> Record:
     return record.part(count_fitted_samples(record), record.u.size)
 
 
-def beside(problem: FitProblem, parameters: Signal) -> ModelComparison:
-    """Set a structure with these parameters beside the record of ``problem``. Raises UnstableModelError."""
+def compare_with_record(problem: FitProblem, parameters: Signal) -> ModelComparison:
+    """Compare a structure with these parameters with the record of ``problem``. Raises UnstableModelError."""
     here = FitEvaluation(problem.unweighted, parameters)
     unknown = least_squares(here.nuisance, here.error)
     left_over = here.error - here.nuisance @ unknown
@@ -125,7 +133,7 @@ def beside(problem: FitProblem, parameters: Signal) -> ModelComparison:
 
 def validate_on_record(model: Model, record: Record) -> ModelComparison:
     """Set a model beside a record that it was not fitted to. Raises UnstableModelError."""
-    return beside(FitProblem(record, find_structure(model.structure), WHITE), model.vector)
+    return compare_with_record(FitProblem(record, find_structure(model.structure), WHITE), model.vector)
 
 
 def validate_held_out(found: Fit) -> ModelComparison:
@@ -135,7 +143,7 @@ def validate_held_out(found: Fit) -> ModelComparison:
     """
     record = found.problem.record
     trained = refit(found, record.part(0, count_fitted_samples(record))).parameters
-    return beside(replace(found.problem, record=split_last_part(record)), trained)
+    return compare_with_record(replace(found.problem, record=split_last_part(record)), trained)
 
 
 # Hints ---------------------------------------------------------------------------------------------
@@ -162,7 +170,7 @@ def find_hint(record: Record, model: Model) -> Hint | None:
     best: Hint | None = None
     for other, starts in _others(problem, shape, model.vector, with_dead_time=record.controller is None):
         try:
-            hint = _compared(problem, model.vector, replace(problem, structure=other), starts)
+            hint = _compare_structures(problem, model.vector, replace(problem, structure=other), starts)
         except (IdentificationError, np.linalg.LinAlgError):
             continue
         if hint is not None and (best is None or hint.BIC_gain > best.BIC_gain):
@@ -179,7 +187,7 @@ def _others(
         yield (
             find_structure(shape.name + DEAD_TIME),
             [
-                np.concatenate((parameters[:1], _shortened(shape, parameters, share)[1:], [late * record.period_s]))
+                np.concatenate((parameters[:1], _shorten_lags(shape, parameters, share)[1:], [late * record.period_s]))
                 for late in dead_times(record)
                 for share in _SHORTER
             ],
@@ -198,7 +206,7 @@ def _others(
         yield higher, starts
 
 
-def _shortened(shape: Structure, parameters: Signal, share: float) -> Signal:
+def _shorten_lags(shape: Structure, parameters: Signal, share: float) -> Signal:
     """Lags of a share of what they are: the dead time takes the rest."""
     powers = share ** np.arange(shape.order + 1)
     return shape.from_denominator(float(parameters[0]), shape.denominator(parameters) * powers)
@@ -212,13 +220,15 @@ def _one_order_more(shape: Structure) -> Structure | None:
     return find_structure(f"order:{shape.order + 1}{suffix}") if shape.order < MAX_ORDER else None
 
 
-def _compared(problem: FitProblem, parameters: Signal, other: FitProblem, starts: list[Signal]) -> Hint | None:
+def _compare_structures(
+    problem: FitProblem, parameters: Signal, other: FitProblem, starts: list[Signal]
+) -> Hint | None:
     """Fit the other structure and this one to the same samples; None where the other is not clearly better."""
     ranked = [start for _, start in ranked_starts(other, starts)][:_STARTS_TRIED]
     if not ranked:
         return None
-    other = with_room(other, ranked)
-    first = max(other.first, _room(problem, parameters))
+    other = skip_initial_samples(other, ranked)
+    first = max(other.first, _count_dead_time_samples(problem, parameters))
     other, problem = replace(other, first=first), replace(problem, first=first)
     before = adapt(problem, parameters)
     after = min((fit_output_error(other, start) for start in ranked), key=lambda found: found.cost)
@@ -244,9 +254,9 @@ def _compared(problem: FitProblem, parameters: Signal, other: FitProblem, starts
     )
 
 
-def _room(problem: FitProblem, parameters: Signal) -> int:
+def _count_dead_time_samples(problem: FitProblem, parameters: Signal) -> int:
     """Return how many samples a dead time that the structure has already leaves out."""
-    return with_room(problem, [parameters]).first
+    return skip_initial_samples(problem, [parameters]).first
 
 
 def _fit_percent(found: FitEvaluation) -> float:
@@ -296,7 +306,7 @@ def estimate_model(
 
 def _cause_in(record: Record, structure_name: str) -> NotConvergedError | None:
     """Name what of the record keeps any model from being found; None where nothing is known to."""
-    wrap = wrap_of(record.y)
+    wrap = find_wrap(record.y)
     if wrap is not None:
         return NotConvergedError(
             f"{structure_name}: no model is found, as the output jumps by {wrap[1]:.4g} and back after sample"
@@ -344,7 +354,7 @@ def _estimate(
         BIC=BIC,
         FPE=FPE,
     )
-    whole = beside(found.problem, found.parameters)
+    whole = compare_with_record(found.problem, found.parameters)
     fit_percent, fit_all_percent = _held_out_fit(found), whole.fit_percent
     std_errors = dict(zip(shape.names, _standard_errors(covariance), strict=True))
     friction = _dry_friction(found, model)
@@ -354,7 +364,7 @@ def _estimate(
     rounding = 100.0 * (y_resolution or 0.0) / float(np.sqrt(12.0) * np.std(record.y))
     step = quantum(record.y)
     left = whole.measured - whole.predicted
-    wrap = wrap_of(record.y)
+    wrap = find_wrap(record.y)
     evidence = ValidationData(
         first_order=first_order,
         model=model,
@@ -366,8 +376,8 @@ def _estimate(
         resolution_percent=rounding,
         friction=friction,
         fit_all=fit_all_percent,
-        unseen_rests=not fit_percent >= GOOD_FIT_PERCENT and _rests_in_part(whole.predicted),
-        one_step=takes_one_step(record.u),
+        unseen_rests=not fit_percent >= GOOD_FIT_PERCENT and _has_rest(whole.predicted),
+        one_step=has_one_step(record.u),
         rounding=step is not None and float(np.sqrt(np.mean(left**2))) <= 0.5 * step,
         largest_bias_percent=_largest_bias_percent(found, model),
         at_limit=rest_at_limit(record.u, record.y),
@@ -375,7 +385,7 @@ def _estimate(
         lead=_lead(record, float(np.linalg.norm(left))),
         period_s=record.period_s,
         wrap=None if wrap is None else wrap[1],
-        fed_back=external_signal(record) is None and _coloured(found) and _fed_back(found),
+        fed_back=external_signal(record) is None and _has_coloured_residuals(found) and _has_feedback(found),
     )
     return Estimate(
         model=model,
@@ -403,7 +413,7 @@ def _dry_friction(found: Fit, model: Model) -> DryFriction | None:
 
     None where the record could not show any.
     """
-    if not both_ways(found.problem.record.y):
+    if not has_both_directions(found.problem.record.y):
         return None
     return dry_friction(found.problem.record, adapt(found.problem.unweighted, found.parameters).error, model.dead_time)
 
@@ -416,15 +426,15 @@ def _held_out_fit(found: Fit) -> float:
         return float("nan")
 
 
-def _coloured(found: Fit) -> bool:
+def _has_coloured_residuals(found: Fit) -> bool:
     """Whether what the simulation leaves over is coloured, with a noise model or without."""
     return found.problem.whitening.size > 1 or not found.whiteness().passed
 
 
-def _fed_back(found: Fit) -> bool:
+def _has_feedback(found: Fit) -> bool:
     here = FitEvaluation(found.problem.unweighted, found.parameters)
     left = here.without_nuisance(here.error[:, np.newaxis])[:, 0]
-    return reacts_to_noise(found.problem.record.u, left, float(found.parameters[0]))
+    return has_noise_feedback(found.problem.record.u, left, float(found.parameters[0]))
 
 
 def _input_offset(found: Fit) -> InputOffset | None:
@@ -455,7 +465,7 @@ def _input_offset(found: Fit) -> InputOffset | None:
     return InputOffset(u_0, float(np.sqrt(variance)))
 
 
-def _rests_in_part(predicted: Signal) -> bool:
+def _has_rest(predicted: Signal) -> bool:
     """Whether the model's output, shape (n,), hardly moves in the first two thirds or in the last third."""
     split = int(TRAINING_PART * predicted.size)
     return min(float(np.ptp(predicted[:split])), float(np.ptp(predicted[split:]))) < _RESTS * float(np.ptp(predicted))

@@ -41,12 +41,12 @@ def noise_free_input(problem: FitProblem) -> NoiseFreeInput | None:
         return None
     if record.controller is not None:
         feedback = _feedback(record, record.controller)
-        return lambda parameters: _centred(_closed_loop_input(problem, parameters, feedback, external))
-    fitted = _centred(_fitted_input(record, external))
+        return lambda parameters: _centre(_closed_loop_input(problem, parameters, feedback, external))
+    fitted = _centre(_fitted_input(record, external))
     return lambda parameters: fitted
 
 
-def _centred(u: Signal) -> Signal:
+def _centre(u: Signal) -> Signal:
     """Without its mean, so that simulation from rest starts near where the record is."""
     return np.asarray(u - np.mean(u))
 

@@ -11,11 +11,11 @@ from backend.identification.initialization import (
     WHITE,
     FitEvaluation,
     FitProblem,
+    apply_step,
     difference,
     dominant_lag,
     initial_estimates,
     least_squares,
-    moved,
     thorough_starts,
     triangle,
 )
@@ -148,12 +148,12 @@ def _descend(problem: FitProblem, start: Signal, tolerance: float, iterations: i
     here, damping = FitEvaluation(problem, start), 1e-3
     signal = float(np.linalg.norm(problem.whiten(problem.record.y)))
     for _ in range(iterations):
-        factor, right = _normalised(here)
+        factor, right = _factorise(here)
         remaining = float(np.linalg.norm(right))
         if remaining < tolerance * here.noise or remaining < _FLOOR * signal:
             return here, True
         while True:
-            trial = _evaluated(problem, moved(here.parameters, _damped_step(factor, right, damping)))
+            trial = _evaluate(problem, apply_step(here.parameters, _damped_step(factor, right, damping)))
             if trial is not None and trial.cost < here.cost:
                 here, damping = trial, damping / 10.0
                 break
@@ -163,7 +163,7 @@ def _descend(problem: FitProblem, start: Signal, tolerance: float, iterations: i
     return here, False
 
 
-def _normalised(here: FitEvaluation) -> tuple[Signal, Signal]:
+def _factorise(here: FitEvaluation) -> tuple[Signal, Signal]:
     """Triangle of the sensitivities, shape (p, p), and matching right-hand side, nuisance projected out."""
     first, size = here.nuisance.shape[1], here.parameters.size
     factor = triangle(np.column_stack((here.nuisance, here.sensitivities, here.error)))
@@ -179,7 +179,7 @@ def _damped_step(factor: Signal, right: Signal, damping: float) -> Signal:
     return np.asarray(step / max(1.0, float(np.max(np.abs(step[1:]))) / 1.5))
 
 
-def _evaluated(problem: FitProblem, parameters: Signal) -> FitEvaluation | None:
+def _evaluate(problem: FitProblem, parameters: Signal) -> FitEvaluation | None:
     try:
         return FitEvaluation(problem, parameters)
     except UnstableModelError:
@@ -230,7 +230,7 @@ def _stable_step(here: FitEvaluation, step: Signal) -> FitEvaluation:
     step = step / max(1.0, float(np.max(np.abs(step[1:]))))
     for _ in range(30):
         try:
-            return FitEvaluation(here.problem, moved(here.parameters, step))
+            return FitEvaluation(here.problem, apply_step(here.parameters, step))
         except UnstableModelError:
             step = step / 2.0
     raise NotConvergedError(f"{here.problem.structure.name}: refined IV leads to an unstable model")
@@ -357,7 +357,7 @@ def fit_parameters(record: Record, structure: Structure, method: Method) -> Fit:
     if method in (Method.OUTPUT_ERROR, Method.SRIVC):
         return first
     if method is Method.LOW_FREQUENCY:
-        return first if _explains(first) else _low_frequency(first)
+        return first if _is_explanation(first) else _low_frequency(first)
     if method is Method.DEFAULT and first.whiteness().passed:
         return first
     if method is Method.RIVC:
@@ -397,7 +397,7 @@ def _with_noise_model(first: Fit) -> Fit:
     """Alternate between the parameters and the noise model until they settle."""
     found = first
     for _ in range(_NOISE_ROUNDS):
-        problem = replace(first.problem, whitening=fit_autoregression(_unwhitened(found).residuals))
+        problem = replace(first.problem, whitening=fit_autoregression(_without_whitening(found).residuals))
         drive = None if first.drive is None else noise_free_input(problem)
         before = found
         found = _solve(problem, drive, before.parameters)
@@ -424,7 +424,7 @@ def _low_frequency(first: Fit) -> Fit:
         return first
 
 
-def _unwhitened(found: Fit) -> Fit:
+def _without_whitening(found: Fit) -> Fit:
     return Fit(FitEvaluation(replace(found.problem, whitening=WHITE), found.parameters), found.drive)
 
 
@@ -434,7 +434,7 @@ def _from_starts(problem: FitProblem, drive: NoiseFreeInput | None, *further: Si
     That they do not follow the input is not enough: a wrong valley may leave over what looks like coloured noise.
     """
     starts = initial_estimates(problem, *further)
-    problem = with_room(problem, starts[:_STARTS_TRIED])
+    problem = skip_initial_samples(problem, starts[:_STARTS_TRIED])
     found = _first_converged(problem, starts, FINE if drive is None else COARSE)
     if problem.structure.order >= 3 and (found is None or not Fit(found, drive).whiteness().passed):
         # A start that simulates about as well as the solution before it was improved lies in a better valley.
@@ -448,12 +448,12 @@ def _from_starts(problem: FitProblem, drive: NoiseFreeInput | None, *further: Si
     return _with_instruments(found, drive)
 
 
-def _explains(found: Fit) -> bool:
+def _is_explanation(found: Fit) -> bool:
     """Whether nothing of the input is left in the residuals; the quick test first."""
     return found.whiteness().passed or found.input_correlation().passed
 
 
-def with_room(problem: FitProblem, starts: list[Signal]) -> FitProblem:
+def skip_initial_samples(problem: FitProblem, starts: list[Signal]) -> FitProblem:
     """Leave out samples that may come from inputs before the record.
 
     They are as many as the dead time may become: twice what it starts from, and half of the lags, which may hide it.

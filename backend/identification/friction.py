@@ -45,7 +45,7 @@ class FrictionFit:
     residuals: Signal
 
 
-def both_ways(speed: Signal) -> bool:
+def has_both_directions(speed: Signal) -> bool:
     """Whether a speed, shape (n,), goes both ways for long enough to tell friction from an offset of the input."""
     size = _RESTING_PART * float(np.max(np.abs(speed)))
     return min(float(np.mean(speed > size)), float(np.mean(speed < -size))) > _MOVING_SHARE
@@ -57,7 +57,7 @@ def dry_friction(record: Record, linear_error: Signal, dead_time_s: float) -> Dr
     ``linear_error``, shape (n,), is what the linear model's simulation leaves over, ``dead_time_s`` what that model
     has, 0 where its structure has none.
     """
-    if not both_ways(record.y):
+    if not has_both_directions(record.y):
         return None
     try:
         fitted = fit_friction(record, dead_time_s)
@@ -67,13 +67,13 @@ def dry_friction(record: Record, linear_error: Signal, dead_time_s: float) -> Dr
     left = float(np.linalg.norm(fitted.residuals) / np.linalg.norm(linear_error))
     # Other dynamics may look like friction: it is friction where nothing is left beside it, or most of the rest goes.
     explains = left < MOST_EXPLAINED or (left < 1.0 and whiteness(fitted.residuals, record.period_s).passed)
-    told = u_c > SIGNIFICANT_STD * std[2]
-    if told and not explains:
+    is_significant = u_c > SIGNIFICANT_STD * std[2]
+    if is_significant and not explains:
         return None
     fit = 100.0 * (1.0 - np.linalg.norm(fitted.residuals) / np.linalg.norm(record.y - np.mean(record.y)))
     K, T, _, t_d = (float(value) for value in fitted.parameters)
     return DryFriction(
-        found=bool(told),
+        found=bool(is_significant),
         K=K,
         T=T,
         u_c=u_c,
@@ -99,7 +99,7 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
         late = period_s * z[5] if z.size > 5 else 0.0
         return np.asarray(
             y
-            - moving(
+            - simulate_motion(
                 u=u,
                 period_s=period_s,
                 K=z[0],
@@ -151,7 +151,7 @@ def _start(u: Signal, y: Signal, period_s: float, dead_time_s: float) -> Signal:
     lags = np.geomspace(3.0 * period_s, u.size * period_s / 5.0, _LAGS)
     dead_times = (0.0, 0.5 * dead_time_s, dead_time_s) if dead_time_s else (0.0,)
     for T, u_c, t_d in itertools.product(lags.tolist(), _FRICTIONS, dead_times):
-        speed = moving(u=u, period_s=period_s, K=1.0, T=T, u_c=u_c, u_0=0.0, initial=0.0, dead_time_s=t_d)[0]
+        speed = simulate_motion(u=u, period_s=period_s, K=1.0, T=T, u_c=u_c, u_0=0.0, initial=0.0, dead_time_s=t_d)[0]
         size = float(speed @ speed)
         K = float(speed @ y) / size if size > 0.0 else 0.0
         error = float(np.linalg.norm(y - K * speed))
@@ -162,7 +162,7 @@ def _start(u: Signal, y: Signal, period_s: float, dead_time_s: float) -> Signal:
 
 @cache_compiled
 @numba.njit()
-def moving(
+def simulate_motion(
     u: Signal, period_s: float, K: float, T: float, u_c: float, u_0: float, initial: float, dead_time_s: float = 0.0
 ) -> Signal:
     """Speed and turn since the first sample, shape (2, n); exact for an input that is held between samples.
@@ -387,18 +387,18 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * period_s / _KERNEL_S) ** 2)
     kernel /= np.sum(kernel)
 
-    def smoothed(values: Signal) -> Signal:
+    def smooth(values: Signal) -> Signal:
         return np.convolve(values, kernel, mode="same")
 
-    theta_d, u = np.gradient(smoothed(theta), period_s), smoothed(u)
-    load = smoothed(r_m * _undelayed(F, theta, q, most))
+    theta_d, u = np.gradient(smooth(theta), period_s), smooth(u)
+    load = smooth(r_m * _compensate_force_delay(F, theta, q, most))
     # One way for the whole kernel: the slowest speed within its reach is fast, and has the sign of the middle.
     width = 2 * reach + 1
-    one_way = (minimum_filter1d(theta_d, width) > MIN_SPEED_RAD_S) | (
+    is_one_direction = (minimum_filter1d(theta_d, width) > MIN_SPEED_RAD_S) | (
         maximum_filter1d(theta_d, width) < -MIN_SPEED_RAD_S
     )
-    one_way[: 2 * reach] = one_way[-2 * reach - most :] = False
-    counted = int(np.count_nonzero(one_way))
+    is_one_direction[: 2 * reach] = is_one_direction[-2 * reach - most :] = False
+    counted = int(np.count_nonzero(is_one_direction))
     if counted < MIN_SAMPLES:
         return f"motor A turns one way in {counted} samples, fewer than {MIN_SAMPLES}"
     sign = np.sign(theta_d)
@@ -411,10 +411,10 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
         np.gradient(u, period_s),
         np.ones(u.size),
     )
-    return np.column_stack(columns) * one_way[:, np.newaxis], u * one_way
+    return np.column_stack(columns) * is_one_direction[:, np.newaxis], u * is_one_direction
 
 
-def _undelayed(F: Signal, theta: Signal, q: Signal, most: int) -> Signal:
+def _compensate_force_delay(F: Signal, theta: Signal, q: Signal, most: int) -> Signal:
     """Shift the load cell's force earlier by its delay, whole samples and at most ``most``.
 
     The delay is the one after which the force fits a quadratic in both angles best, which stands for the spring.

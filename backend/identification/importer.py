@@ -76,7 +76,7 @@ class TimeColumn:
     unit_from: str
 
 
-def time_of(
+def find_time_column(
     columns: Columns,
     taken: Collection[str],
     *,
@@ -102,8 +102,8 @@ def time_of(
     if name is None:
         return None
     if name in columns.texts:
-        return _dated(name, columns.texts[name], unit)
-    return _counted(name, columns, unit, period_s)
+        return _read_dates(name, columns.texts[name], unit)
+    return _read_sample_numbers(name, columns, unit, period_s)
 
 
 def _named_like_one(columns: Columns, taken: Collection[str], period_s: float | None) -> str | None:
@@ -142,7 +142,7 @@ def _is_certain(name: str, unit: str) -> bool:
     return bool(_DOUBTFUL.match(name)) and unit.lower() in SECONDS
 
 
-def _dated(name: str, texts: list[str], unit: str | None) -> TimeColumn:
+def _read_dates(name: str, texts: list[str], unit: str | None) -> TimeColumn:
     if unit in SECONDS:
         raise DataFileError(
             f"the time column '{name}' holds '{texts[0]}', so it has no unit: leave --time-unit out",
@@ -155,7 +155,7 @@ def _dated(name: str, texts: list[str], unit: str | None) -> TimeColumn:
     return TimeColumn(name, dates.seconds, f"dates, {dates.form}, with {zone}", "dates")
 
 
-def _counted(name: str, columns: Columns, unit: str | None, period_s: float | None) -> TimeColumn:
+def _read_sample_numbers(name: str, columns: Columns, unit: str | None, period_s: float | None) -> TimeColumn:
     values = columns.column(name)
     if unit in (DAY_FIRST, MONTH_FIRST):
         raise DataFileError(
@@ -176,19 +176,19 @@ def _counted(name: str, columns: Columns, unit: str | None, period_s: float | No
         )
     whole = columns.whole.get(name)
     since = values - values[:1] if whole is None else (whole - whole[:1]).astype(np.float64)
-    unit, unit_from = (unit, "--time-unit") if unit else _unit_of(name, columns, since, period_s)
+    unit, unit_from = (unit, "--time-unit") if unit else _find_time_unit(name, columns, since, period_s)
     return TimeColumn(name, np.asarray(since * SECONDS[unit]), unit, unit_from)
 
 
-def _unit_of(name: str, columns: Columns, since: Signal, period_s: float | None) -> tuple[str, str]:
-    """Return the unit of a time and what says so. Raises DataFileError where nothing does."""
-    said = columns.units.get(name) or _unit_in(name)
-    if said:
-        known = said if said in SECONDS else said.lower()
+def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float | None) -> tuple[str, str]:
+    """Return the unit of a time and its source. Raises DataFileError where it is not given."""
+    unit_text = columns.units.get(name) or _unit_in(name)
+    if unit_text:
+        known = unit_text if unit_text in SECONDS else unit_text.lower()
         if known in SECONDS:
             return known, "heading"
         raise DataFileError(
-            f"the time column '{name}' is in '{said}': say which of {UNITS} that is by --time-unit",
+            f"the time column '{name}' is in '{unit_text}': say which of {UNITS} that is by --time-unit",
             FileFault.TIME_UNIT,
             column=name,
             option="--time-unit",
@@ -505,7 +505,7 @@ def import_record(
         )
     if period_s is not None:
         check_period(period_s)
-    found = time_of(columns, signals, asked=time.column, unit=time.unit, period_s=period_s)
+    found = find_time_column(columns, signals, asked=time.column, unit=time.unit, period_s=period_s)
     _require_one_length(signals, found)
     if found is None and time.unit is not None:
         raise DataFileError(
@@ -686,7 +686,7 @@ def read_mat(stream: BinaryIO) -> Columns:
             "not a readable MATLAB file: it is damaged, or of another kind", FileFault.UNREADABLE
         ) from None
     objects = dict(_objects(content))
-    columns = _gathered(variables, objects)
+    columns = _collect_columns(variables, objects)
     columns.layout |= {"format": "MATLAB file"}
     if not columns:
         what = [f"{name} ({kind})" for name, kind in objects.items()]
@@ -710,7 +710,7 @@ def _save(name: str, kind: str) -> str:
     return _SAVE.get(kind, "u = {0}.u; y = {0}.y; save('new.mat', 'u', 'y', '-v7')").format(name)
 
 
-def _gathered(variables: dict[str, Any], objects: dict[str, str]) -> Columns:
+def _collect_columns(variables: dict[str, Any], objects: dict[str, str]) -> Columns:
     columns = Columns()
     found = [
         one
@@ -736,10 +736,10 @@ def _gathered(variables: dict[str, Any], objects: dict[str, str]) -> Columns:
             columns[name] = np.asarray(values, dtype=np.float64)
             if np.issubdtype(values.dtype, np.integer) and np.any(np.abs(columns[name]) > LARGEST_EXACT):
                 columns.whole[name] = values.astype(np.int64)
-    for short, ways in places.items():
+    for short, keys in places.items():
         if short not in columns and short not in columns.reasons:
             columns.leave_out(
-                short, f"'{short}' of the file may be {' or '.join(ways)}: say which", FileFault.AMBIGUOUS_COLUMN
+                short, f"'{short}' of the file may be {' or '.join(keys)}: say which", FileFault.AMBIGUOUS_COLUMN
             )
     for name, kind in objects.items():
         reason = f"'{name}' is a MATLAB object ({kind}): save its columns as vectors, as in {_save(name, kind)}"

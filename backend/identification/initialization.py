@@ -50,7 +50,7 @@ class FitProblem:
     low_pass: float = 0.0
     first: int = 0
 
-    def simulated(self, parameters: Signal, u: Signal, initial: Signal | None = None) -> Signal:
+    def simulate(self, parameters: Signal, u: Signal, initial: Signal | None = None) -> Signal:
         """Response to ``u`` from rest or from ``initial``, shape (n,). Raises UnstableModelError."""
         state = None if initial is None else initial / parameters[0]
         poles, dead_time_s = self.structure.poles(parameters), self.structure.dead_time(parameters)
@@ -72,7 +72,7 @@ class FitProblem:
         for i in range(1, parameters.size):
             nearby = parameters.copy()
             nearby[i] *= 1.0 + _STEP
-            columns[:, i - 1] = self.whiten(self.simulated(nearby, u, initial)) - simulated
+            columns[:, i - 1] = self.whiten(self.simulate(nearby, u, initial)) - simulated
         return columns / _STEP
 
     def whiten(self, signal: Signal) -> Signal:
@@ -102,7 +102,7 @@ class FitEvaluation:
         dead_time_s = problem.structure.dead_time(parameters)
         if not dead_time_s <= problem.first * problem.record.period_s:
             raise UnstableModelError(f"a dead time of {dead_time_s:.3g} s is longer than what is looked for")
-        self._from_rest = problem.whiten(problem.simulated(parameters, problem.record.u))
+        self._from_rest = problem.whiten(problem.simulate(parameters, problem.record.u))
         if not np.all(np.isfinite(self._from_rest)):
             raise UnstableModelError("the simulation leaves the range of numbers")
         self.error = problem.whiten(problem.record.y) - self._from_rest
@@ -134,7 +134,7 @@ class FitEvaluation:
     def instruments(self, u: Signal) -> Signal:
         """Differentiate the whitened response to an input free of noise in z; shape (n, p)."""
         rest = np.zeros(self.problem.structure.order)
-        clean = self.problem.whiten(self.problem.simulated(self.parameters, u))
+        clean = self.problem.whiten(self.problem.simulate(self.parameters, u))
         in_logarithms = self.problem.sensitivities(self.parameters, u, rest, clean)
         return np.column_stack((clean / self.parameters[0], in_logarithms))
 
@@ -171,7 +171,7 @@ def _factor(columns: Signal) -> Signal:
     return cast(Signal, np.linalg.qr(columns, mode="r"))
 
 
-def moved(parameters: Signal, step: Signal) -> Signal:
+def apply_step(parameters: Signal, step: Signal) -> Signal:
     """Parameters after a step in z: gain added, the others multiplied by the exponential."""
     return np.concatenate((parameters[:1] + step[:1], parameters[1:] * np.exp(step[1:])))
 
@@ -204,17 +204,20 @@ def initial_estimates(problem: FitProblem, *further: Signal) -> list[Signal]:
     estimates over a grid of cut-offs. The gain of each is fitted, the whitened simulation error ranks them.
     """
 
-    def found(plain: FitProblem, *given: Signal) -> list[tuple[float, Signal]]:
+    def find_starts(plain: FitProblem, *candidates: Signal) -> list[tuple[float, Signal]]:
         if plain.structure.kind is DenominatorKind.LAGS:
-            return ranked_starts(plain, [*given, *_equal_lags(plain, plain.structure, _LAGS)])
+            return ranked_starts(plain, [*candidates, *_equal_lags(plain, plain.structure, _LAGS)])
         few = _equal_lags(plain, plain.structure, _FEW_LAGS)
-        return ranked_starts(plain, [*given, *few, *_state_variable_filter(plain)])
+        return ranked_starts(plain, [*candidates, *few, *_state_variable_filter(plain)])
 
     if problem.structure.delayed:  # further ones have their dead time already
-        ranked = [*ranked_starts(problem, list(further)), *_over_dead_times(problem, lambda plain: found(plain)[:1])]
-        ranked = _apart(sorted(ranked, key=lambda pair: pair[0]))
+        ranked = [
+            *ranked_starts(problem, list(further)),
+            *_over_dead_times(problem, lambda plain: find_starts(plain)[:1]),
+        ]
+        ranked = _select_distinct(sorted(ranked, key=lambda pair: pair[0]))
     else:
-        ranked = found(problem, *further)
+        ranked = find_starts(problem, *further)
     if not ranked:
         raise NoStartError(f"no stable model of structure {problem.structure.name} describes the record")
     return [parameters for _, parameters in ranked]
@@ -249,13 +252,13 @@ def _over_dead_times(
     return sorted(found, key=lambda pair: pair[0])
 
 
-def _apart(ranked: list[tuple[float, Signal]]) -> list[tuple[float, Signal]]:
+def _select_distinct(ranked: list[tuple[float, Signal]]) -> list[tuple[float, Signal]]:
     """Leave out starts whose dead time is near that of a better one, and lead where that leads."""
-    kept: list[tuple[float, Signal]] = []
+    distinct: list[tuple[float, Signal]] = []
     for error, start in ranked:
-        if all(abs(np.log(start[-1] / other[-1])) > _NEAR for _, other in kept):
-            kept.append((error, start))
-    return kept
+        if all(abs(np.log(start[-1] / other[-1])) > _NEAR for _, other in distinct):
+            distinct.append((error, start))
+    return distinct
 
 
 def dead_times(record: Record) -> list[float]:
@@ -289,8 +292,8 @@ def _fit_gain(problem: FitProblem, candidate: Signal) -> tuple[float, Signal]:
     """Whitened error with the best gain, and the parameters with that gain."""
     unit = np.concatenate(([1.0], candidate[1:]))
     record = problem.record
-    rows = _thinned(record.u.size)
-    both = problem.whiten(problem.simulated(unit, record.u))[rows], problem.whiten(record.y)[rows]
+    rows = _make_decimation(record.u.size)
+    both = problem.whiten(problem.simulate(unit, record.u))[rows], problem.whiten(record.y)[rows]
     columns = np.column_stack((problem.nuisance(unit)[rows], *both))
     columns[:, :-2] /= np.linalg.norm(columns[:, :-2], axis=0)
     factor = triangle(columns)
@@ -300,7 +303,7 @@ def _fit_gain(problem: FitProblem, candidate: Signal) -> tuple[float, Signal]:
     return float(abs(factor[-1, -1])), np.concatenate(([gain], candidate[1:]))
 
 
-def _thinned(count: int, first: int = 0) -> slice:
+def _make_decimation(count: int, first: int = 0) -> slice:
     """Every so many samples: a few thousand equations choose a start as well as all of them."""
     return slice(first, None, max(1, count // _EQUATIONS))
 
@@ -334,7 +337,7 @@ def _state_variable_filter(problem: FitProblem) -> list[Signal]:
         u_filtered = simulate_response(np.full(order, -cut_off, dtype=np.complex128), record.period_s, u)
         settled = min(count // 4, int(3.0 * order / (cut_off * record.period_s)))
         columns = (*(-d for d in derivatives[1:]), *trend, u_filtered, derivatives[0])
-        rows = _thinned(count, settled)
+        rows = _make_decimation(count, settled)
         factor = triangle(np.column_stack([column[rows] for column in columns]))
         try:
             solution = least_squares(factor[:-1, :-1], factor[:-1, -1])

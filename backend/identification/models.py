@@ -82,18 +82,18 @@ def state_space(poles: Poles) -> tuple[Signal, Signal, Signal]:
     state, fed_by = 0, -1
     for lag in lags:
         A[state, state] = lag
-        _feed(A, B, state, fed_by, -lag)
+        _connect_input(A, B, state, fed_by, -lag)
         state, fed_by = state + 1, state
     for pole in pairs:
         omega = abs(pole)
         A[state, state + 1], A[state + 1, state], A[state + 1, state + 1] = omega, -omega, 2.0 * pole.real
-        _feed(A, B, state + 1, fed_by, omega)
+        _connect_input(A, B, state + 1, fed_by, omega)
         state, fed_by = state + 2, state
     C[fed_by] = 1.0
     return A, B, C
 
 
-def _feed(A: Signal, B: Signal, state: int, fed_by: int, rate: float) -> None:
+def _connect_input(A: Signal, B: Signal, state: int, fed_by: int, rate: float) -> None:
     if fed_by < 0:
         B[state] = rate
     else:
@@ -124,8 +124,8 @@ def moving_average(poles: Poles, period_s: float, part: float = 1.0) -> Signal:
     """
     A, B, C = state_space(poles)
     order = B.size
-    step, x = _held(A, B, period_s)
-    seen, first = _held(A, B, part * period_s)
+    step, x = _discretise_zoh(A, B, period_s)
+    seen, first = _discretise_zoh(A, B, part * period_s)
     impulse = np.empty(order + 1)
     impulse[0] = C @ first
     for k in range(1, order + 1):
@@ -135,7 +135,7 @@ def moving_average(poles: Poles, period_s: float, part: float = 1.0) -> Signal:
     return np.asarray(taps / taps.sum())
 
 
-def _held(A: Signal, B: Signal, time_s: float) -> tuple[Signal, Signal]:
+def _discretise_zoh(A: Signal, B: Signal, time_s: float) -> tuple[Signal, Signal]:
     """Transition of the state, shape (n, n), and what an input that is held so long adds to it, shape (n,)."""
     from scipy.linalg import expm
 

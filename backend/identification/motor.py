@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from backend.identification.estimation import ModelComparison
-from backend.identification.friction import SIGNIFICANT_STD, both_ways, differences, moving, positive_lag
+from backend.identification.friction import (
+    SIGNIFICANT_STD,
+    differences,
+    has_both_directions,
+    positive_lag,
+    simulate_motion,
+)
 from backend.identification.initialization import dead_times
 from backend.identification.models import CorrelationTest, Grade, Verdict, worst_grade
 from backend.identification.records import (
@@ -20,8 +26,8 @@ from backend.identification.records import (
     RecordError,
     Signal,
     coarse_resolution,
+    find_wrap,
     quantum,
-    wrap_of,
 )
 from backend.identification.validation import (
     CAUTION_MISFIT_PERCENT,
@@ -31,7 +37,7 @@ from backend.identification.validation import (
     MIN_COUNTS,
     MIN_FIT_PERCENT,
     NEGLIGIBLE_PERCENT,
-    graded,
+    grade_value,
     input_correlation,
     sandwich,
     whiteness,
@@ -309,9 +315,9 @@ def judge_motor(K_m: float, T_m: float, spread_percent: float, counts: float, mi
     if not (K_m > 0.0 and T_m > 0.0):
         return Grade.UNUSABLE
     return worst_grade(
-        graded(spread_percent, CAUTION_STD_PERCENT, MAX_STD_PERCENT),
-        graded(counts, MAX_MISFIT_COUNTS, np.inf),
-        graded(misfit_percent, CAUTION_MISFIT_PERCENT, MAX_MOTOR_MISFIT_PERCENT),
+        grade_value(spread_percent, CAUTION_STD_PERCENT, MAX_STD_PERCENT),
+        grade_value(counts, MAX_MISFIT_COUNTS, np.inf),
+        grade_value(misfit_percent, CAUTION_MISFIT_PERCENT, MAX_MOTOR_MISFIT_PERCENT),
     )
 
 
@@ -448,7 +454,7 @@ def identify_motor_record(record: Record, y_resolution: float | None = None) -> 
 
 
 def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
-    wrap = wrap_of(record.y, least=1)
+    wrap = find_wrap(record.y, least=1)
     if wrap is not None:
         raise RecordError(
             quantity=f"jump of the angle after sample {wrap[0]}",
@@ -469,32 +475,35 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
             unit="counts",
             remedy="step higher or record for longer",
         )
-    both = _goes_both_ways(record)
+    both = _has_both_directions(record)
     free = [which for which in _ALL if both or which != _OFFSET]
     starts = _starts(record, offset=False)[: 1 if both else _STARTS_TRIED]
     starts += _starts(record, offset=True)[: _STARTS_TRIED - 1] if both else []
-    whole = found = _fitted(record, free, starts)
+    whole = found = _fit(record, free, starts)
     step = y_resolution or quantum(record.y)
     # Beside a standard error, which looks at the next neighbourhood only: one voltage does not tell gain from friction.
-    friction_std = float(whole.std_errors[2]) if _friction_told(record, whole, free) else float("nan")
-    while len(left := [which for which in free if which not in _OPTIONAL or _significant(found, which)]) < len(free):
-        free, found = left, _fitted(record, left, [np.where(np.isin(_ALL, left), found.solution, 0.0)])
+    friction_std = float(whole.std_errors[2]) if _is_friction_significant(record, whole, free) else float("nan")
+    while len(left := [which for which in free if which not in _OPTIONAL or _is_significant(found, which)]) < len(free):
+        free, found = left, _fit(record, left, [np.where(np.isin(_ALL, left), found.solution, 0.0)])
     fit, fit_all = _held_out(record, found, free), _fit_of_all(record, found)
-    rests = not fit >= GOOD_FIT_PERCENT and _rests_in_part(record, found)
+    rests = not fit >= GOOD_FIT_PERCENT and _has_rest(record, found)
     used = fit_all if rests else fit
     tests = whiteness(found.left, record.period_s), _input_correlation(record, found)
     rms = float(np.sqrt(np.mean(found.left**2)))
     # What is below a count is the sensor's; more that is not white, or follows the voltage, is the motor's.
-    told = all(test.passed for test in tests) or (step is not None and rms < step)
-    told = told or 100.0 - fit_all <= NEGLIGIBLE_PERCENT
+    is_trusted = all(test.passed for test in tests) or (step is not None and rms < step)
+    is_trusted = is_trusted or 100.0 - fit_all <= NEGLIGIBLE_PERCENT
     spread = _spread(whole, found) if np.isfinite(friction_std) else float("nan")
     K_m, T_m, u_c, t_d, u_0 = (float(value) for value in found.parameters)
     findings = [
         # Where the rest is white it is noise, and the floor is that of every structure; else it is the motor's.
-        (graded(100.0 - used, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT), ""),
-        (judge_motor(K_m, T_m, spread, rms / resolution if resolution else 0.0, 0.0 if told else 100.0 - used), ""),
+        (grade_value(100.0 - used, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT), ""),
+        (
+            judge_motor(K_m, T_m, spread, rms / resolution if resolution else 0.0, 0.0 if is_trusted else 100.0 - used),
+            "",
+        ),
         *([(Grade.CAUTION, _RESTS_WORDS.format(fit_all))] if rests else []),
-        *_findings(record, friction_std, float(whole.std_errors[3]), T_m, told=told),
+        *_findings(record, friction_std, float(whole.std_errors[3]), T_m, is_friction_significant=is_trusted),
     ]
     reasons = [
         *(words for grade, words in findings if words and grade is not Grade.USABLE),
@@ -522,7 +531,7 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
     )
 
 
-def _significant(found: _Fitted, which: int) -> bool:
+def _is_significant(found: _Fitted, which: int) -> bool:
     from scipy.stats import norm
 
     at = _ORDER.index(which)
@@ -531,11 +540,11 @@ def _significant(found: _Fitted, which: int) -> bool:
     return bool(found.parameters[at] > norm.ppf(1.0 - LEVEL / 2.0) * found.std_errors[at])
 
 
-def _friction_told(record: Record, whole: _Fitted, free: list[int]) -> bool:
+def _is_friction_significant(record: Record, whole: _Fitted, free: list[int]) -> bool:
     """Whether a friction that is more by a tenth of the voltage would leave more over, everything else adapted."""
     other = whole.solution.copy()
     other[_FRICTION] += 0.01 * MAX_STD_PERCENT * _size(record.u)
-    worse = _fitted(record, [which for which in free if which != _FRICTION], [other], whole.first)
+    worse = _fit(record, [which for which in free if which != _FRICTION], [other], whole.first)
     ratio = float(np.linalg.norm(worse.left) / np.linalg.norm(whole.left))
     return 2.0 * whole.left.size * float(np.log(ratio)) > _MIN_LIKELIHOOD_RATIO
 
@@ -559,18 +568,18 @@ def _input_correlation(record: Record, found: _Fitted) -> CorrelationTest:
 
 
 def _findings(
-    record: Record, friction_std: float, dead_time_std: float, T_m: float, *, told: bool
+    record: Record, friction_std: float, dead_time_std: float, T_m: float, *, is_friction_significant: bool
 ) -> Iterator[tuple[Grade, str]]:
     """Grade what friction and dead time may be: in shares of what they stand beside, voltage and lag."""
     friction, dead_time = 100.0 * friction_std / _size(record.u), 100.0 * dead_time_std / T_m
-    for name, share, beside in (("friction", friction, "voltage"), ("dead time", dead_time, "lag")):
+    for name, share, reference in (("friction", friction, "voltage"), ("dead time", dead_time, "lag")):
         yield (
-            graded(share, CAUTION_STD_PERCENT, MAX_STD_PERCENT),
-            f"the record tells the {name} only to ±{share:.2g} % of the {beside}"
+            grade_value(share, CAUTION_STD_PERCENT, MAX_STD_PERCENT),
+            f"the record tells the {name} only to ±{share:.2g} % of the {reference}"
             if np.isfinite(share)
             else f"the record does not tell the {name} from gain and lag: drive the motor with several voltages",
         )
-    if not told:
+    if not is_friction_significant:
         yield Grade.CAUTION, "the residuals are not white: the motor does something that this model leaves out"
 
 
@@ -579,7 +588,7 @@ def _model(record: Record, z: Signal) -> Signal:
     late = record.period_s * float(z[_DELAY])
     lag = positive_lag(float(z[_LAG]), record.period_s)
     return np.asarray(
-        moving(
+        simulate_motion(
             u=record.u,
             period_s=record.period_s,
             K=z[_GAIN],
@@ -592,7 +601,7 @@ def _model(record: Record, z: Signal) -> Signal:
     )
 
 
-def _fitted(record: Record, free: list[int], starts: list[Signal], first: int | None = None) -> _Fitted:
+def _fit(record: Record, free: list[int], starts: list[Signal], first: int | None = None) -> _Fitted:
     """Least squares on the angle, the best from all starts; what is not ``free`` stays. Raises NotConvergedError."""
     from scipy.optimize import least_squares
 
@@ -609,14 +618,14 @@ def _fitted(record: Record, free: list[int], starts: list[Signal], first: int | 
         error = (record.y - _model(record, full(z)))[first:]
         return np.asarray(error - np.mean(error))
 
-    def descended(start: Signal) -> "OptimizeResult":
+    def descend(start: Signal) -> "OptimizeResult":
         scale = np.maximum(np.abs(start), 0.1 * np.max(np.abs(start[:_DELAY])))[free]
         try:
             return least_squares(residuals, start[free], jac=differences(residuals), x_scale=scale, max_nfev=_MAX_STEPS)
         except ValueError:  # a simulation that leaves the range of numbers
             raise NotConvergedError(_NO_MOTOR) from None
 
-    best = min((descended(start) for start in starts), key=lambda one: float(one.cost))
+    best = min((descend(start) for start in starts), key=lambda one: float(one.cost))
     sensitivities = -np.asarray(best.jac, dtype=np.float64)
     moves = np.linalg.norm(sensitivities, axis=0) > 0.0
     if not (np.all(np.isfinite(best.x)) and moves[_GAIN] and moves[_LAG]):
@@ -633,12 +642,12 @@ def _fitted(record: Record, free: list[int], starts: list[Signal], first: int | 
     return _Fitted(solution, record.period_s, errors, np.asarray(best.fun), first)
 
 
-def _goes_both_ways(record: Record) -> bool:
+def _has_both_directions(record: Record) -> bool:
     """Whether the angle goes up and down for long enough to tell an offset of the voltage from friction."""
-    return both_ways(np.diff(record.y[:: max(1, record.y.size // _WINDOWS)]))
+    return has_both_directions(np.diff(record.y[:: max(1, record.y.size // _WINDOWS)]))
 
 
-def _rests_in_part(record: Record, found: _Fitted) -> bool:
+def _has_rest(record: Record, found: _Fitted) -> bool:
     """Whether the model hardly turns in the first two thirds of the record or in its last third."""
     turn, split = _model(record, found.solution), int(_TRAINING_PART * record.u.size)
     return min(float(np.ptp(turn[:split])), float(np.ptp(turn[split:]))) < _RESTS * float(np.ptp(turn))
@@ -678,7 +687,7 @@ def _held_out(record: Record, found: _Fitted, free: list[int]) -> float:
     """Fit on the last third; the speed at which it begins is that of the model over the whole record."""
     split = int(_TRAINING_PART * record.u.size)
     try:
-        trained = _fitted(record.part(0, split), free, [found.solution]).solution
+        trained = _fit(record.part(0, split), free, [found.solution]).solution
     except IdentificationError:
         return float("nan")
     y = record.y[split:] - np.mean(record.y[split:])

@@ -274,13 +274,13 @@ def rest_at_limit(u: Signal, y: Signal) -> RestAtLimit | None:
             before = y[max(start - 3, 0)]
             passed = abs(int(np.searchsorted(levels, before)) - int(np.searchsorted(levels, limit)))
             abrupt += passed >= 3 and abs(limit - before) > 3.0 * _ABRUPT * speed
-        told = moving > bound or (resting > bound and abrupt >= 2)
-        if told and (found is None or resting > 0.01 * found.share_percent * y.size):
+        is_at_limit = moving > bound or (resting > bound and abrupt >= 2)
+        if is_at_limit and (found is None or resting > 0.01 * found.share_percent * y.size):
             found = RestAtLimit(limit, 100.0 * resting / y.size, 100.0 * moving / y.size, abrupt >= 2)
     return found
 
 
-def takes_one_step(u: Signal) -> bool:
+def has_one_step(u: Signal) -> bool:
     """Whether an input, shape (n,), is at one value, then at another, and that is all."""
     high = u > 0.5 * (float(np.min(u)) + float(np.max(u)))
     if np.count_nonzero(np.diff(high)) != 1:
@@ -299,7 +299,7 @@ def time_at_limit_percent(u: Signal) -> float:
     return 100.0 * at_limit / u.size
 
 
-def wrap_of(values: Signal, least: int = 2) -> tuple[int, float] | None:
+def find_wrap(values: Signal, least: int = 2) -> tuple[int, float] | None:
     """Return the sample before the first wrap of an angle, shape (n,), and the size of a turn; None without one.
 
     An angle that wraps jumps from one end of its range to the other, always by about the same, and moves slowly

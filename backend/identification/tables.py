@@ -82,7 +82,7 @@ def read_dates(name: str, texts: Sequence[str], order: str | None = None) -> Dat
             FileFault.DATES,
             column=name,
         )
-    day_of = _day_of(name, form, matches, order)
+    day_of = _make_day_reader(name, form, matches, order)
     first: int | None = None
     elapsed = []
     for row, match in enumerate(matches):
@@ -104,7 +104,7 @@ def _no_date(name: str, cell: str, row: int) -> DataFileError:
     )
 
 
-def _day_of(
+def _make_day_reader(
     name: str, form: str, matches: Sequence[re.Match[str]], order: str | None
 ) -> Callable[[re.Match[str]], int]:
     """Return what gives the number of the day of a date."""
@@ -221,7 +221,7 @@ def is_number(cell: str) -> bool:
     return not is_missing(cell) and any(number(cell, mark) is not None for mark in DecimalMark)
 
 
-def tells_by_itself(text: str, mark: DecimalMark) -> bool:
+def is_unambiguous(text: str, mark: DecimalMark) -> bool:
     """Whether a text without the other mark holds a number that only this mark allows, such as 0.5 or 12.25."""
     pattern = _POINT_ONLY if mark is DecimalMark.POINT else _COMMA_ONLY
     return pattern.search(text) is not None
@@ -241,7 +241,7 @@ class _Column:
         return not self.readings and len(self.only) == 2
 
 
-def _looked_over(cells: Sequence[str]) -> _Column:
+def _scan_column(cells: Sequence[str]) -> _Column:
     readings, doubtful = set(DecimalMark), None
     only: dict[DecimalMark, int] = {}
     for at, cell in enumerate(cells):
@@ -269,7 +269,7 @@ class Decimals:
     misfits: dict[int, int] | None = None
 
 
-def decimals_of(
+def detect_decimal_mark(
     columns: Sequence[Sequence[str]],
     names: Sequence[str],
     lines: Sequence[int],
@@ -282,13 +282,13 @@ def decimals_of(
     ``names`` and ``lines`` say where a cell is. ``is_point_usual`` where a point as in 8.019 needs no other evidence.
     Raises DataFileError where the cells do not tell, or contradict each other.
     """
-    looked = [_looked_over(cells) for cells in columns]
-    told = {
-        mark: next((at for at, column in enumerate(looked) if mark in column.only and mark in column.readings), None)
+    scanned = [_scan_column(cells) for cells in columns]
+    marks = {
+        mark: next((at for at, column in enumerate(scanned) if mark in column.only and mark in column.readings), None)
         for mark in DecimalMark
     }
-    if asked is None and None not in told.values():
-        places = [(told[mark], looked[told[mark] or 0].only[mark]) for mark in DecimalMark]
+    if asked is None and None not in marks.values():
+        places = [(marks[mark], scanned[marks[mark] or 0].only[mark]) for mark in DecimalMark]
         (one, row), (other, other_row) = ((column or 0, row) for column, row in places)
         raise DataFileError(
             f"column '{names[one]}' has a decimal point, as '{columns[one][row]}' in line {lines[row]}, and column"
@@ -299,31 +299,31 @@ def decimals_of(
             line=lines[other_row],
             option="--decimal",
         )
-    mark = asked or next((mark for mark in DecimalMark if told[mark] is not None), None)
+    mark = asked or next((mark for mark in DecimalMark if marks[mark] is not None), None)
     if mark is None:
-        unclear = [at for at, column in enumerate(looked) if column.doubtful is not None and column.readings]
+        unclear = [at for at, column in enumerate(scanned) if column.doubtful is not None and column.readings]
         commas = [at for at in unclear if any("," in cell for cell in columns[at])]
         if commas or (unclear and not is_point_usual):
-            _refuse((commas or unclear)[0], looked, columns, names, lines)
+            _make_ambiguity_error((commas or unclear)[0], scanned, columns, names, lines)
         mark = DecimalMark.POINT
     grouped = [
         at
-        for at, column in enumerate(looked)
+        for at, column in enumerate(scanned)
         if mark in column.readings and any(mark.other.character in cell for cell in columns[at])
     ]
     for at in grouped:
-        if asked is None and not _groups_throughout(columns[at], mark):
-            _refuse(at, looked, columns, names, lines)
-    misfits = {at: max(column.only.values()) for at, column in enumerate(looked) if column.is_mixed}
+        if asked is None and not _has_groups_only(columns[at], mark):
+            _make_ambiguity_error(at, scanned, columns, names, lines)
+    misfits = {at: max(column.only.values()) for at, column in enumerate(scanned) if column.is_mixed}
     misfits |= {
         at: column.only[mark.other]
-        for at, column in enumerate(looked)
+        for at, column in enumerate(scanned)
         if mark not in column.readings and mark.other in column.readings and mark.other in column.only
     }
     return Decimals(mark, tuple(grouped), misfits)
 
 
-def _groups_throughout(cells: Sequence[str], mark: DecimalMark) -> bool:
+def _has_groups_only(cells: Sequence[str], mark: DecimalMark) -> bool:
     """Whether a column groups each number from 1000 on, and some cell shows that it is no decimal mark."""
     group, shown = mark.other.character, False
     for cell in cells:
@@ -336,10 +336,10 @@ def _groups_throughout(cells: Sequence[str], mark: DecimalMark) -> bool:
     return shown
 
 
-def _refuse(
-    at: int, looked: Sequence[_Column], columns: Sequence[Sequence[str]], names: Sequence[str], lines: Sequence[int]
+def _make_ambiguity_error(
+    at: int, scanned: Sequence[_Column], columns: Sequence[Sequence[str]], names: Sequence[str], lines: Sequence[int]
 ) -> None:
-    row = looked[at].doubtful or 0
+    row = scanned[at].doubtful or 0
     cell = columns[at][row]
     values = " or ".join(f"{number(cell, mark):.10g} with a decimal {mark}" for mark in DecimalMark)
     raise DataFileError(
@@ -437,7 +437,7 @@ def read_csv(text: str, *, header: int | None = None, decimal: DecimalMark | Non
     not given. Raises DataFileError.
     """
     table = _Table(text)
-    heading, first = table.given_heading(header) if header is not None else table.heading()
+    heading, first = table.read_heading(header) if header is not None else table.find_heading()
     return table.columns(heading, first, decimal)
 
 
@@ -516,12 +516,12 @@ class _Table:
             cells.pop()
         return cells
 
-    def _holds_numbers(self, line: str) -> bool:
+    def _has_numbers(self, line: str) -> bool:
         cells = self.cells(line)
         fits = len(cells) == self.width and all(is_number(cells[at]) or is_missing(cells[at]) for at in self.numeric)
         return fits and any(is_number(cells[at]) for at in self.numeric)
 
-    def _holds_words(self, line: str) -> bool:
+    def _has_words(self, line: str) -> bool:
         """Whether a line may name the columns."""
         cells = self._names(line)
         fits = len(cells) == self.width or (self.is_open and len(cells) == self.width - 1)
@@ -535,13 +535,13 @@ class _Table:
             names.pop()
         return names
 
-    def heading(self) -> tuple[_Heading, int]:
+    def find_heading(self) -> tuple[_Heading, int]:
         """Find the names of the columns; also the index of the first row. Raises DataFileError."""
         if not self.lines:
             raise _no_heading()
-        first = next((at for at, (_, line) in enumerate(self.lines) if self.numeric and self._holds_numbers(line)), 1)
+        first = next((at for at, (_, line) in enumerate(self.lines) if self.numeric and self._has_numbers(line)), 1)
         start = first
-        while start > 0 and self._holds_words(self.lines[start - 1][1]):
+        while start > 0 and self._has_words(self.lines[start - 1][1]):
             start -= 1
         above = self.lines[start:first]
         units: list[str] = []
@@ -560,7 +560,7 @@ class _Table:
             )
         for line, comment in reversed(self.comments):
             names = comment.lstrip().lstrip("".join(_COMMENTS)).strip()
-            if first < len(self.lines) and line < self.lines[first][0] and self._holds_words(names):
+            if first < len(self.lines) and line < self.lines[first][0] and self._has_words(names):
                 return _Heading(line, self._names(names), units), first
         if first > 0:
             line, words = self.lines[first - 1]
@@ -573,7 +573,7 @@ class _Table:
             )
         raise DataFileError("the first line holds numbers: put the names of the columns there", FileFault.NO_HEADING)
 
-    def given_heading(self, line: int) -> tuple[_Heading, int]:
+    def read_heading(self, line: int) -> tuple[_Heading, int]:
         """Return the heading of a line, comment or not, and the index of the first row. Raises DataFileError."""
         words = dict((*self.comments, *self.lines)).get(line)
         if words is None:
@@ -585,7 +585,7 @@ class _Table:
             )
         names = words.lstrip().lstrip("".join(_COMMENTS)).strip() if words.lstrip().startswith(_COMMENTS) else words
         below = next((at for at, (number_of, _) in enumerate(self.lines) if number_of > line), len(self.lines))
-        first = next((at for at in range(below, len(self.lines)) if self._holds_numbers(self.lines[at][1])), below)
+        first = next((at for at in range(below, len(self.lines)) if self._has_numbers(self.lines[at][1])), below)
         between = self.lines[below:first]
         units: list[str] = []
         if between and all(_TABLE_UNIT.fullmatch(cell) for cell in self.cells(between[0][1])):
@@ -607,13 +607,13 @@ class _Table:
         fast = self._plain(rows, decimal)
         if fast is not None and fast[0].shape[1] == len(heading.names):
             values, mark = fast
-            columns = _named(heading, list(values.T), [], {})
+            columns = _make_columns(heading, list(values.T), [], {})
             for at, name in enumerate(heading.names):
-                if (name := _parted(name)[0]) in columns and float(np.max(np.abs(values[:, at]))) > LARGEST_EXACT:
-                    _keep_whole(columns, name, [self.cells(line)[at] for _, line in rows])
+                if (name := _split_cell(name)[0]) in columns and float(np.max(np.abs(values[:, at]))) > LARGEST_EXACT:
+                    _store_integers(columns, name, [self.cells(line)[at] for _, line in rows])
         else:
             columns, mark = self._read_by_cell(heading, rows, decimal)
-        self._say(columns, heading, mark, rows=len(rows), empty=empty)
+        self._note_format(columns, heading, mark, rows=len(rows), empty=empty)
         return columns
 
     def _read_by_cell(
@@ -631,21 +631,21 @@ class _Table:
                     option="--header",
                 )
         lines, cells_of = [line for line, _ in table], [[cells[at] for _, cells in table] for at in range(width)]
-        found = decimals_of(cells_of, heading.names, lines, decimal, is_point_usual=self.separator != ";")
+        found = detect_decimal_mark(cells_of, heading.names, lines, decimal, is_point_usual=self.separator != ";")
         values = [_values(cells, found.mark) for cells in cells_of]
         misfits = {
-            at: f"column '{_parted(heading.names[at])[0]}' holds '{cells_of[at][row]}' in line {lines[row]}, whose"
+            at: f"column '{_split_cell(heading.names[at])[0]}' holds '{cells_of[at][row]}' in line {lines[row]}, whose"
             f" decimal mark is not that of the table, a {found.mark}"
             for at, row in (found.misfits or {}).items()
         }
-        columns = _named(heading, values, lines, misfits)
+        columns = _make_columns(heading, values, lines, misfits)
         for at in found.grouped:
-            name = _parted(heading.names[at])[0]
+            name = _split_cell(heading.names[at])[0]
             columns.notes.append(f"thousands of '{name}' are grouped by '{found.mark.other.character}'")
         for at, column in enumerate(values):
-            name = _parted(heading.names[at])[0]
+            name = _split_cell(heading.names[at])[0]
             if not isinstance(column, list) and name in columns and float(np.max(np.abs(column))) > LARGEST_EXACT:
-                _keep_whole(columns, name, cells_of[at])
+                _store_integers(columns, name, cells_of[at])
         return columns, found.mark
 
     def _plain(self, rows: list[Line], decimal: DecimalMark | None) -> tuple[Signal, DecimalMark] | None:
@@ -656,8 +656,8 @@ class _Table:
         if self.separator != ",":
             has_point, has_comma = "." in whole, "," in whole
             mark = DecimalMark.COMMA if has_comma else DecimalMark.POINT
-            told = tells_by_itself(whole, mark) or not (has_point or has_comma)
-            if (has_point and has_comma) or not (told or (mark is DecimalMark.POINT and self.separator != ";")):
+            is_known = is_unambiguous(whole, mark) or not (has_point or has_comma)
+            if (has_point and has_comma) or not (is_known or (mark is DecimalMark.POINT and self.separator != ";")):
                 return None
             texts = whole.replace(",", ".").split("\n")
         if decimal not in (None, mark) or not rows:
@@ -669,7 +669,7 @@ class _Table:
         except ValueError:
             return None
 
-    def _say_holes(self, columns: Columns, *, rows: int, empty: int) -> None:
+    def _note_gaps(self, columns: Columns, *, rows: int, empty: int) -> None:
         """Say which lines between rows may be samples that are missing."""
         lines = [line for line, _ in self.lines[len(self.lines) - empty - rows : len(self.lines) - empty]]
         first, last = (lines[0], lines[-1]) if lines else (0, 0)
@@ -679,12 +679,12 @@ class _Table:
         if columns.holes:
             columns.notes.append(f"{blank} lines between rows are empty")
         between = [words for line, words in self.comments if first < line < last]
-        commented = sum(self._holds_numbers(words.lstrip().lstrip("".join(_COMMENTS))) for words in between)
+        commented = sum(self._has_numbers(words.lstrip().lstrip("".join(_COMMENTS))) for words in between)
         columns.holes += commented
         if commented:
             columns.notes.append(f"{commented} comments between rows hold numbers like a row and are not read")
 
-    def _say(self, columns: Columns, heading: _Heading, mark: DecimalMark, *, rows: int, empty: int) -> None:
+    def _note_format(self, columns: Columns, heading: _Heading, mark: DecimalMark, *, rows: int, empty: int) -> None:
         above = sum(line < heading.line for line, _ in self.lines) + (self.directive is not None)
         below = len(self.lines) - rows - empty - sum(line <= heading.line for line, _ in self.lines)
         comments = len(self.comments) - sum(line == heading.line for line, _ in self.comments)
@@ -698,7 +698,7 @@ class _Table:
             "lines_of_units": 1 if heading.units else 0,
             "comment_lines": comments,
         }
-        self._say_holes(columns, rows=rows, empty=empty)
+        self._note_gaps(columns, rows=rows, empty=empty)
         if empty:
             columns.notes.append(f"{empty} rows without a value at the end of the file are not read")
         if below > (1 if heading.units else 0):
@@ -723,7 +723,7 @@ def _cells(line: str, separator: str) -> list[str]:
         return [line]
 
 
-def _parted(heading: str) -> tuple[str, str]:
+def _split_cell(heading: str) -> tuple[str, str]:
     """Name and unit of a cell of the heading."""
     match = _HEADING.match(heading)
     return (match["name"], match["unit"] or "") if match else (heading, "")
@@ -740,7 +740,7 @@ def _values(cells: list[str], mark: DecimalMark) -> Signal | list[str]:
     return cells
 
 
-def _keep_whole(columns: Columns, name: str, cells: list[str]) -> None:
+def _store_integers(columns: Columns, name: str, cells: list[str]) -> None:
     """Keep the exact numbers of a column of whole numbers that are too large for floating point."""
     try:
         columns.whole[name] = np.array([int(cell) for cell in cells], dtype=np.int64)
@@ -748,12 +748,12 @@ def _keep_whole(columns: Columns, name: str, cells: list[str]) -> None:
         return
 
 
-def _named(
+def _make_columns(
     heading: _Heading, values: Sequence[Signal | list[str]], lines: list[int], misfits: dict[int, str]
 ) -> Columns:
     columns = Columns()
     for index, (cell, column) in enumerate(zip(heading.names, values, strict=True)):
-        name, unit = _parted(cell)
+        name, unit = _split_cell(cell)
         if not name:
             if isinstance(column, list) or not np.all(np.isnan(column)):
                 columns.notes.append(f"column {index + 1} has no name and is not read")

@@ -91,7 +91,7 @@ def whiteness(residuals: Signal, period_s: float) -> CorrelationTest:
     lags = np.arange(1, _WHITENESS_LAGS + 1)
     products = correlation(residuals, residuals)
     deviation = np.full(lags.size, 1.0 / np.sqrt(residuals.size))
-    return _tested(lags * period_s, products[lags] / max(products[0], np.finfo(float).tiny), deviation)
+    return _make_correlation_test(lags * period_s, products[lags] / max(products[0], np.finfo(float).tiny), deviation)
 
 
 def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: float) -> CorrelationTest:
@@ -109,10 +109,10 @@ def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: 
     variance = max(float(both[0] + 2.0 * np.sum(both[1:])), np.finfo(float).tiny)
     size = np.sqrt(max(own[0] * drive[0], np.finfo(float).tiny))
     deviation = np.full(lags.size, np.sqrt(variance) / size)
-    return _tested(lags * period_s, cross / size, deviation)
+    return _make_correlation_test(lags * period_s, cross / size, deviation)
 
 
-class KeptTest(Protocol):
+class StoredTest(Protocol):
     """A test as it was made, or as it is stored."""
 
     @property
@@ -128,7 +128,7 @@ class KeptTest(Protocol):
         """Whether none leaves its bound."""
 
 
-def read_whiteness_test(test: KeptTest) -> Judged:
+def read_whiteness_test(test: StoredTest) -> Judged:
     """Return what a stored test asked and found."""
     correlation, bound = np.array(test.correlation, dtype=float), np.array(test.bound, dtype=float)
     critical = critical_deviation(correlation.size)
@@ -148,7 +148,7 @@ def critical_deviation(lags: int) -> float:
     return float(norm.ppf(1.0 - RESIDUAL_LEVEL / (2.0 * lags)))
 
 
-def _tested(lags_s: Reals, correlations: Reals, deviation: Reals) -> CorrelationTest:
+def _make_correlation_test(lags_s: Reals, correlations: Reals, deviation: Reals) -> CorrelationTest:
     bound = critical_deviation(lags_s.size) * deviation
     return CorrelationTest(
         lags_s=tuple(lags_s.tolist()),
@@ -318,7 +318,7 @@ class ValidationData:
 
         Standard errors do not cover what the structure leaves out: where the residuals tell of that, it counts as well.
         """
-        known = _errors_of(self.first_order)
+        known = _compute_relative_errors(self.first_order)
         if not self.unexplained:
             return float(np.max(known))
         return float(np.max([*known, self.largest_bias_percent if self.negligible else self.misfit]))
@@ -329,10 +329,10 @@ class ValidationData:
         if self.friction is None:
             return self.spread
         off = self.friction.off_percent(self.first_order.K, self.first_order.T)
-        return float(np.max([self.spread, *np.add(np.abs(off), _errors_of(self.friction))]))
+        return float(np.max([self.spread, *np.add(np.abs(off), _compute_relative_errors(self.friction))]))
 
 
-def _errors_of(found: FirstOrder | DryFriction) -> list[float]:
+def _compute_relative_errors(found: FirstOrder | DryFriction) -> list[float]:
     return [100.0 * found.K_std / abs(found.K), 100.0 * found.T_std / abs(found.T)]
 
 
@@ -365,7 +365,7 @@ def judge(evidence: ValidationData) -> Verdict:
     return Verdict(Grade.USABLE, tuple(praise))
 
 
-def graded(value: float, caution: float, most: float) -> Grade:
+def grade_value(value: float, caution: float, most: float) -> Grade:
     """Grade a figure that is better the smaller it is; NaN, not measured, is never usable."""
     if value <= caution:
         return Grade.USABLE
@@ -403,7 +403,7 @@ def _signals(evidence: ValidationData) -> Iterator[Finding]:
         )
     if evidence.biased_by_loop:
         yield (
-            graded(evidence.misfit, 0.0, MAX_STD_PERCENT),
+            grade_value(evidence.misfit, 0.0, MAX_STD_PERCENT),
             "the record is of a closed loop: the input reacts to the noise of the output, which is not white, so K and"
             f" T may be off by as much as it is of the motion, {evidence.misfit:.2g} %, whatever their standard errors"
             " say: give --setpoint or --controller",
@@ -440,7 +440,7 @@ def _friction(evidence: ValidationData) -> Iterator[Finding]:
     if friction is None or not friction.found:
         return
     K_off, T_off = friction.off_percent(evidence.first_order.K, evidence.first_order.T)
-    grade = graded(max(abs(K_off), abs(T_off)), 0.0, MAX_FRICTION_ERROR_PERCENT)
+    grade = grade_value(max(abs(K_off), abs(T_off)), 0.0, MAX_FRICTION_ERROR_PERCENT)
     yield (
         grade,
         f"dry (Coulomb) friction takes {friction.u_c:.3g} of the input: with it the record says"
@@ -453,7 +453,7 @@ def _friction(evidence: ValidationData) -> Iterator[Finding]:
 def _fit(evidence: ValidationData) -> Iterator[Finding]:
     if evidence.unseen_rests:
         yield (
-            worst_grade(Grade.CAUTION, graded(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
+            worst_grade(Grade.CAUTION, grade_value(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
             "fit on unseen data not measured, as the output rests in the first two thirds of the record or in its last"
             f" third; the fit on the record itself is {percent(evidence.fit_all)} %",
         )
@@ -465,7 +465,7 @@ def _fit(evidence: ValidationData) -> Iterator[Finding]:
             " motion for a model of their own",
         )
         return
-    grade = graded(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
+    grade = grade_value(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
     if grade is not Grade.USABLE:
         bound = MIN_FIT_PERCENT if grade is Grade.UNUSABLE else GOOD_FIT_PERCENT
         yield grade, f"fit of {percent(evidence.fit)} % on unseen data, where {bound:.0f} % are needed"
@@ -475,7 +475,7 @@ def _gain(evidence: ValidationData) -> Iterator[Finding]:
     error = evidence.gain_error_percent
     if error is None:
         return
-    grade = graded(abs(error), CAUTION_GAIN_ERROR_PERCENT, MAX_GAIN_ERROR_PERCENT)
+    grade = grade_value(abs(error), CAUTION_GAIN_ERROR_PERCENT, MAX_GAIN_ERROR_PERCENT)
     if grade is not Grade.USABLE:
         yield grade, f"gain {error:+.1f} % off the geometric one"
 
@@ -486,17 +486,17 @@ def _errors(evidence: ValidationData) -> Iterator[Finding]:
     reduced = () if evidence.biased_by_loop else (("K", found.K, found.K_std), ("T", found.T, found.T_std))
     for name, value, std in reduced:
         spread = 100.0 * std / abs(value)
-        grade = graded(spread, CAUTION_STD_PERCENT, MAX_STD_PERCENT)
+        grade = grade_value(spread, CAUTION_STD_PERCENT, MAX_STD_PERCENT)
         if grade is not Grade.USABLE:
-            yield grade, _known(name, spread)
+            yield grade, _describe_uncertainty(name, spread)
     for name, value in list(evidence.model.parameters.items())[1:]:
         spread = 100.0 * evidence.std_errors[name] / abs(value)
-        grade = graded(spread, MAX_STD_PERCENT, MAX_OTHER_STD_PERCENT)
+        grade = grade_value(spread, MAX_STD_PERCENT, MAX_OTHER_STD_PERCENT)
         if grade is not Grade.USABLE and name != "T":
-            yield grade, f"{_known(name, spread)} (take a simpler structure)"
+            yield grade, f"{_describe_uncertainty(name, spread)} (take a simpler structure)"
 
 
-def _known(name: str, spread: float) -> str:
+def _describe_uncertainty(name: str, spread: float) -> str:
     if not np.isfinite(spread):
         return f"standard error of {name} not measured, the record does not determine it"
     return f"{name} known to ±{spread:.3g} % only"
@@ -510,7 +510,7 @@ def _residuals(evidence: ValidationData) -> Iterator[Finding]:
         return
     if follows or known_sensor:
         # Where the resolution is known, so is the sensor: what is larger and coloured is friction, not noise.
-        grade = graded(misfit, CAUTION_MISFIT_PERCENT, MAX_MISFIT_PERCENT)
+        grade = grade_value(misfit, CAUTION_MISFIT_PERCENT, MAX_MISFIT_PERCENT)
         if grade is not Grade.USABLE:
             yield (
                 grade,
@@ -519,10 +519,10 @@ def _residuals(evidence: ValidationData) -> Iterator[Finding]:
             )
             return
     if not known_sensor:
-        told = "follow the input" if follows else "are not white"
+        label = "follow the input" if follows else "are not white"
         yield (
             Grade.CAUTION,
-            f"the residuals ({misfit:.2g} % of the motion) {told}: the model leaves something out that standard errors"
+            f"the residuals ({misfit:.2g} % of the motion) {label}: the model leaves something out that standard errors"
             " do not cover",
         )
 
@@ -541,7 +541,7 @@ _USUAL = 4.0
 _EXACT = 1e-9
 
 
-def reacts_to_noise(u: Signal, residuals: Signal, gain: float) -> bool:
+def has_noise_feedback(u: Signal, residuals: Signal, gain: float) -> bool:
     """Whether u, shape (n,), acts against a model's residuals up to its own instant, beyond what its past tells.
 
     In open loop the noise of the output says nothing about the input to come. Samples at which the input takes an
@@ -554,23 +554,23 @@ def reacts_to_noise(u: Signal, residuals: Signal, gain: float) -> bool:
 
     if np.mean(np.diff(u) == 0.0) > 0.5:
         return False  # held, as no controller does at this rate
-    past = np.column_stack([np.ones(u.size - _OWN_LAGS), *_lagged(u, range(1, _OWN_LAGS + 1))])
-    noise = np.column_stack(_lagged(residuals, range(_FEEDBACK_LAGS)))
+    past = np.column_stack([np.ones(u.size - _OWN_LAGS), *_make_lags(u, range(1, _OWN_LAGS + 1))])
+    noise = np.column_stack(_make_lags(residuals, range(_FEEDBACK_LAGS)))
     now = u[_OWN_LAGS:]
     try:
         open_ = np.abs(now - past @ least_squares(past, now))
         usual = float(np.median(open_))
         if not usual > _EXACT * float(np.std(u)):
             return False  # its past tells it exactly
-        kept = open_ <= _USUAL * usual
-        past, both, now = past[kept], np.column_stack((past, noise))[kept], now[kept]
+        is_open = open_ <= _USUAL * usual
+        past, both, now = past[is_open], np.column_stack((past, noise))[is_open], now[is_open]
         open_ = now - past @ least_squares(past, now)
         left = [float(np.sum(error**2)) for error in (open_, now - both @ least_squares(both, now))]
     except (UnstableModelError, np.linalg.LinAlgError):
         return False
     spare = now.size - both.shape[1]
     explained = 1.0 - left[1] / left[0]
-    against = gain * float(open_ @ noise[kept, 0]) < 0.0
+    against = gain * float(open_ @ noise[is_open, 0]) < 0.0
     if not (against and spare > 0 and explained > MIN_EXPLAINED):
         return False
     return bool(
@@ -578,5 +578,5 @@ def reacts_to_noise(u: Signal, residuals: Signal, gain: float) -> bool:
     )
 
 
-def _lagged(signal: Signal, lags: range) -> list[Signal]:
+def _make_lags(signal: Signal, lags: range) -> list[Signal]:
     return [signal[_OWN_LAGS - lag : signal.size - lag] for lag in lags]

@@ -16,10 +16,10 @@ from backend.identification.importer import (
     Selection,
     TimeChoice,
     decode_text,
+    find_time_column,
     import_record,
     read_mat,
     read_parquet,
-    time_of,
 )
 from backend.identification.records import DataFileError, FileFault, RecordError
 from backend.identification.tables import DecimalMark, read_csv
@@ -515,7 +515,7 @@ def test_objects_of_matlab_are_named_with_the_command_that_saves_them(kind: str,
 @pytest.mark.parametrize(("unit", "days"), [("dmy", 1), ("mdy", 31)])
 def test_days_and_months_are_told_by_an_option(unit: str, days: int) -> None:
     columns = read_csv(lines("time,u,y", lambda k: f"{1 + k // 200:02d}/01/2026 00:00:00.{k % 200:03d},{U[k]},{Y[k]}"))
-    time = time_of(columns, ("u", "y"), unit=unit)
+    time = find_time_column(columns, ("u", "y"), unit=unit)
     assert time is not None
     assert time.seconds[200] == pytest.approx(86400.0 * days)
 
