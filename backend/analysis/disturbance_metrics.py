@@ -753,7 +753,7 @@ def _impulse_responses(in_force: EvaluationContext, start: int, S: float, size: 
     for place, act in enumerate((INPUTS.tau_ext, INPUTS.q_e, INPUTS.q_off)[:count]):
         w = np.zeros((size, len(INPUTS)))
         w[0, act] = 1.0
-        found[place] = closed.played(w)[:, OUTPUTS.q]
+        found[place] = closed.simulate(w)[:, OUTPUTS.q]
     return found
 
 

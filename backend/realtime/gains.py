@@ -66,7 +66,7 @@ def build_cascade_tuning(command: SetTuning, plant_model: PlantModel) -> cascade
     check_range("u_plan", command.u_plan, 0.0, plant_model.bounds.u_max, "V")
     require_share(command.k_ext)
     return combine_tuning(
-        known=plant_model,
+        plant_model=plant_model,
         inner=inner,
         entries=table,
         interpolate=command.interpolate,

@@ -380,10 +380,10 @@ def _step(step: StepForecast) -> StepPreview:
 
 def _push(push: PushForecast) -> PushPreview:
     return PushPreview(
-        give=push.give,
+        give=push.deflection,
         t=push.t.tolist(),
         off=push.off.tolist(),
-        back_s=_finite(push.back_s),
+        back_s=_finite(push.recovery_s),
         felt_slow=push.felt_slow,
         felt_fast=push.felt_fast,
     )

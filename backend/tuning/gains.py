@@ -161,8 +161,8 @@ def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) ->
 
 def motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
     """Model of the motor of one side, as identified (equation 17); its L/R is the data sheet's."""
-    known = parameters.select_identified(side)
-    return MotorModel(known.K_m, known.T_m, parameters.select_motor(side).tau_e)
+    plant_model = parameters.select_identified(side)
+    return MotorModel(plant_model.K_m, plant_model.T_m, parameters.select_motor(side).tau_e)
 
 
 def true_motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
@@ -256,9 +256,9 @@ class PlantModel(NamedTuple):
 
 def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
     """Return geometry, bounds, the model that a plan moves, and a count of the joint's encoder [rad]."""
-    known = parameters.make_identified_dynamics()
+    plant_model = parameters.make_identified_dynamics()
     A, B = parameters.select_identified("A"), parameters.select_identified("B")
-    joint, motor_A, motor_B = known.joint, known.motor_A, known.motor_B
+    joint, motor_A, motor_B = plant_model.joint, plant_model.motor_A, plant_model.motor_B
     model = trajectory.TrajectoryModel(
         K_A=A.K_m,
         T_A=A.T_m,
@@ -274,19 +274,19 @@ def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
     return PlantModel(build_decoupler(parameters), compute_bounds(parameters), model, parameters.sensors.joint_step)
 
 
-def following(known: PlantModel, u_plan: float) -> Following:
+def build_following(plant_model: PlantModel, u_plan: float) -> Following:
     """Plan within ``u_plan`` [V], and errors at rest that the outer integrators leave alone; 0 V: as in the paper.
 
     The paper's law is linear throughout where the joint's encoder has no counts: nothing rests there.
     """
-    unseen_S = UNSEEN_S if u_plan > 0.0 or known.q_count > 0.0 else 0.0
-    return Following(u_plan, known.model, UNSEEN_COUNTS * known.q_count, unseen_S)
+    unseen_S = UNSEEN_S if u_plan > 0.0 or plant_model.q_count > 0.0 else 0.0
+    return Following(u_plan, plant_model.model, UNSEEN_COUNTS * plant_model.q_count, unseen_S)
 
 
-def rejection(known: PlantModel, inner: pid.MotorPairGains, k_ext: float) -> Rejection:
+def rejection(plant_model: PlantModel, inner: pid.MotorPairGains, k_ext: float) -> Rejection:
     """Feed-forward of the share ``k_ext`` of an outside force, behind the lags of motor loops ``inner``."""
-    lags = [motor_lag(gains, T) for gains, T in ((inner.A, known.model.T_A), (inner.B, known.model.T_B))]
-    r_j = known.decoupler.r_j
+    lags = [motor_lag(gains, T) for gains, T in ((inner.A, plant_model.model.T_A), (inner.B, plant_model.model.T_B))]
+    r_j = plant_model.decoupler.r_j
     return Rejection(k_ext, UNSEEN_F * r_j, MOST_F * r_j, math.exp(-T_s / (0.5 * sum(lags))))
 
 
@@ -355,15 +355,20 @@ def make_cascade_tuning(
     for point in points:
         q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
         rows.append((point.S_nominal, q.k_p, q.k_i, q.k_r, S.k_p, S.k_i, S.k_r))
-    known = collect_plant_knowledge(parameters)
+    plant_model = collect_plant_knowledge(parameters)
     inner = make_motor_loops(parameters, lambdas.lam_motor, motor)
     return combine_tuning(
-        known=known, inner=inner, entries=np.array(rows), interpolate=interpolate, u_plan=u_plan, k_ext=k_ext
+        plant_model=plant_model,
+        inner=inner,
+        entries=np.array(rows),
+        interpolate=interpolate,
+        u_plan=u_plan,
+        k_ext=k_ext,
     )
 
 
 def combine_tuning(
-    known: PlantModel,
+    plant_model: PlantModel,
     inner: pid.MotorPairGains,
     entries: NDArray[np.float64],
     interpolate: bool,
@@ -371,14 +376,14 @@ def combine_tuning(
     k_ext: float,
 ) -> cascade.CascadeTuning:
     """Put gains of the motor loops and of a bank (n, 7) together with what is known of the plant."""
-    bounds, schedule = known.bounds, Schedule(entries, interpolate)
+    bounds, schedule = plant_model.bounds, Schedule(entries, interpolate)
     return cascade.CascadeTuning(
         motors=inner,
         schedule=schedule,
-        decoupler=known.decoupler,
+        decoupler=plant_model.decoupler,
         envelope=bounds.envelope,
         omega_max=bounds.omega_max,
         u_max=bounds.u_max,
-        following=following(known, u_plan),
-        disturbance_feedforward=rejection(known, inner, k_ext),
+        following=build_following(plant_model, u_plan),
+        disturbance_feedforward=rejection(plant_model, inner, k_ext),
     )

@@ -47,9 +47,9 @@ from backend.tuning.simulation import (
     SimulatedRig,
     StepForecast,
     expected_plant,
+    forecast_push,
     held_plant,
-    push_forecast,
-    rig_of,
+    make_simulated_rig,
     simulate_cascade,
     step_forecast,
 )
@@ -104,7 +104,7 @@ LAM_RESOLUTION = 1e-3
 
 Job = Callable[[], object]
 
-_STIFFNESSES_KEPT = 32
+_CACHED_STIFFNESSES = 32
 """So many stiffnesses have their high-order models kept: making one takes longer than all else of a preview."""
 
 
@@ -177,7 +177,7 @@ class TuningPreviewer:
         check_range("lam_motor", lam_motor, *self.motor_range(), "s")
         self.points = sorted(points or (designed_point(parameters, lam_motor),), key=lambda point: point.S_nominal)
         self._lam_motor, self._b = lam_motor, b
-        self._models_at = lru_cache(_STIFFNESSES_KEPT)(self._new_models)
+        self._models_at = lru_cache(_CACHED_STIFFNESSES)(self._new_models)
         self.ranges = ranges or [
             cached(("outer ranges", parameters, motor, point, lam_motor, b), 2, partial(self._safe_ranges, entry))
             for entry, point in enumerate(self.points)
@@ -199,7 +199,7 @@ class TuningPreviewer:
     def _expected(self) -> tuple[PlantParameters, SimulatedRig]:
         """The plant that is simulated."""
         plant = expected_plant(self._parameters)
-        return plant, rig_of(plant)
+        return plant, make_simulated_rig(plant)
 
     @cached_property
     def _motor_robustness(self) -> Robustness:
@@ -220,7 +220,10 @@ class TuningPreviewer:
     def motor_at(self, lam_motor: float) -> Robustness:
         """Robustness of the less robust of the two motor loops. Raises OutOfRangeError for a λ that is not offered."""
         check_range("lam_motor", lam_motor, *self.motor_range(), "s")
-        loops = [motor_robustness(known, motor_gains(known.K_m, known.T_m, lam_motor)) for known in self._motors]
+        loops = [
+            motor_robustness(plant_model, motor_gains(plant_model.K_m, plant_model.T_m, lam_motor))
+            for plant_model in self._motors
+        ]
         return max(loops, key=lambda loop: loop.M_s)
 
     def plan_range(self) -> tuple[float, float]:
@@ -273,32 +276,32 @@ class TuningPreviewer:
             interpolate=interpolate,
             u_plan=u_plan,
         )
-        known = collect_plant_knowledge(self._parameters)
+        plant_model = collect_plant_knowledge(self._parameters)
         active = decoupler.select_entry(tuning.schedule, entry, S)
         gains = decoupler.interpolate_gains(tuning.schedule, active)
         process_q, process_S, held = self._models_at(S)
         processes = process_q, process_S
         plant, rig = self._expected
 
-        def stepped(number: int, tuning: cascade.CascadeTuning) -> StepForecast:
+        def compute_step_forecast(number: int, tuning: cascade.CascadeTuning) -> StepForecast:
             lam = (lambdas.lam_q, lambdas.lam_S)[number]
             seconds = 2.0 + (3.0 if u_plan else 9.0) * lam
             q, S_ref = ((steps.q, (S, S)), ((steps.q[0], steps.q[0]), steps.S))[number]
             return step_forecast(plant=plant, tuning=tuning, q=q, S=S_ref, seconds=seconds, entry=active, rig=rig)
 
-        def pushed(share: float) -> PushForecast:
-            rejecting = tuning._replace(disturbance_feedforward=rejection(known, tuning.motors, share))
-            return push_forecast(
+        def compute_push_forecast(share: float) -> PushForecast:
+            rejecting = tuning._replace(disturbance_feedforward=rejection(plant_model, tuning.motors, share))
+            return forecast_push(
                 self._parameters, rejecting, S, lambdas.lam_q, F_push, entry=active, rig=rig, held=held
             )
 
         def printed_loop(number: int) -> Printed:
             as_printed = self._printed_gains(lambdas)[round(active)][number]
-            step = None if u_plan else stepped(number, self._with_printed(tuning, lambdas))
+            step = None if u_plan else compute_step_forecast(number, self._with_printed(tuning, lambdas))
             return Printed(processes[number].robustness(as_printed), step)
 
-        jobs: list[Job] = [partial(stepped, 0, tuning), partial(stepped, 1, tuning)]
-        jobs += [partial(pushed, share) for share in shares]
+        jobs: list[Job] = [partial(compute_step_forecast, 0, tuning), partial(compute_step_forecast, 1, tuning)]
+        jobs += [partial(compute_push_forecast, share) for share in shares]
         jobs += [partial(printed_loop, number) for number in (0, 1) if printed]
         done: Iterator[Any] = iter(each(_do, jobs))
         step_q, step_S = next(done), next(done)
@@ -349,9 +352,13 @@ class TuningPreviewer:
             return _within_offer("λ_S", lam, lam_S_min, M_s)
 
         def inner() -> float:
-            return max(motor_lambda(known, M_s) for known in self._motors)
+            return max(motor_lambda(plant_model, M_s) for plant_model in self._motors)
 
-        return {"lam_motor": _found(inner), "lam_q": _found(position), "lam_S": _found(stiffness)}
+        return {
+            "lam_motor": _search_or_error(inner),
+            "lam_q": _search_or_error(position),
+            "lam_S": _search_or_error(stiffness),
+        }
 
     def _safe_ranges(self, entry: int) -> tuple[float, float]:
         point = self.points[entry]
@@ -364,8 +371,8 @@ class TuningPreviewer:
             return self._peak_voltage(self._lambdas(lam_S=lam), point, (0.0, 0.0), STEP_S, lam)
 
         return (
-            _unsaturated(self._robust_q(entry), voltage_q, u_max),
-            _unsaturated(self._robust_S(entry), voltage_S, u_max),
+            _find_unsaturated_lambda(self._robust_q(entry), voltage_q, u_max),
+            _find_unsaturated_lambda(self._robust_S(entry), voltage_S, u_max),
         )
 
     def _robust_q(self, entry: int, M_s: float = M_S_MAX) -> float:
@@ -402,7 +409,7 @@ def _do(job: Job) -> object:
     return job()
 
 
-def _found(search: Callable[[], float]) -> float | TuningError:
+def _search_or_error(search: Callable[[], float]) -> float | TuningError:
     try:
         return search()
     except TuningError as error:
@@ -418,7 +425,7 @@ def _within_offer(name: str, lam: float, least: float, M_s: float) -> float:
     return lam
 
 
-def _unsaturated(robust: float, voltage: Callable[[float], float], u_max: float) -> float:
+def _find_unsaturated_lambda(robust: float, voltage: Callable[[float], float], u_max: float) -> float:
     """Smallest λ [s], from ``robust`` on, whose peak ``voltage`` [V] stays below u_max [V]. Raises TuningError."""
     if voltage(robust) < u_max:
         return robust
@@ -453,7 +460,7 @@ def _time(turn: float, speed: float, T_m: float) -> float:
     if turn == 0.0:
         return 0.0
 
-    def missing(t: float) -> float:
+    def compute_remaining(t: float) -> float:
         return speed * (t - T_m * (1.0 - math.exp(-t / T_m))) - turn
 
-    return find_root(missing, 0.0, turn / speed + T_m)
+    return find_root(compute_remaining, 0.0, turn / speed + T_m)

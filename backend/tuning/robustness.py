@@ -222,21 +222,21 @@ FIGURES: dict[str, tuple[float, ...]] = {}
 MOST = 400
 
 
-def cached(asked: tuple[object, ...], count: int, compute: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
-    """Return the ``count`` figures of ``compute()``, computed the first time that this is ``asked``.
+def cached(cache_key: tuple[object, ...], count: int, compute: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
+    """Return the ``count`` figures of ``compute()``, computed the first time that this is ``cache_key``.
 
-    ``asked`` names the question and all that the answer depends on: words, numbers, frozen dataclasses of numbers. What
-    is remembered in another form, or is not finite, is computed anew; an exception is not remembered.
+    ``cache_key`` names the question and all that the answer depends on: words, numbers, frozen dataclasses of numbers.
+    What is remembered in another form, or is not finite, is computed anew; an exception is not remembered.
     """
-    key = hashlib.sha256(repr(asked).encode()).hexdigest()
-    known = FIGURES.get(key, ())
-    if len(known) != count or not all(map(math.isfinite, known)):
-        known = compute()
+    key = hashlib.sha256(repr(cache_key).encode()).hexdigest()
+    plant_model = FIGURES.get(key, ())
+    if len(plant_model) != count or not all(map(math.isfinite, plant_model)):
+        plant_model = compute()
     FIGURES.pop(key, None)
-    FIGURES[key] = known
+    FIGURES[key] = plant_model
     for oldest in list(FIGURES)[:-MOST]:  # a copy: other threads remember, too
         FIGURES.pop(oldest, None)
-    return known
+    return plant_model
 
 
 # Robustness ----------------------------------------------------------------------------------------
@@ -300,14 +300,14 @@ class OuterProcess:
         return peak(self.loop_response(gains)) if self.is_stable(gains) else math.inf
 
 
-def robustness_of(
+def compute_robustness(
     loop: "control.StateSpace", response: NDArray[np.complex128], omega: NDArray[np.float64]
 ) -> Robustness:
     """Robustness of a loop, continuous or sampled, with its ``response`` (n,) at ``omega`` (n,) [rad/s], evenly in log.
 
     Gain margins are counted on both sides: a conditionally stable loop is lost when gain is taken away, too.
     """
-    return _robustness(_stable(loop), response, omega)
+    return _robustness(_is_stable(loop), response, omega)
 
 
 def _robustness(stable: bool, response: NDArray[np.complex128], omega: NDArray[np.float64]) -> Robustness:
@@ -379,7 +379,7 @@ def peak(response: NDArray[np.complex128]) -> float:
     return float(middle + (high - low) ** 2 / (8.0 * (2.0 * middle - high - low)))
 
 
-def _stable(loop: "control.StateSpace") -> bool:
+def _is_stable(loop: "control.StateSpace") -> bool:
     import control
 
     poles = control.feedback(loop, 1).poles()
@@ -430,8 +430,8 @@ def motor_robustness(motor: MotorModel, gains: pid.IPDGains) -> Robustness:
     """Robustness of the sampled loop of an unloaded motor; tendons change M_s by less than half a per cent."""
     import control
 
-    loop = _sampled(motor) * _law(gains)
-    return robustness_of(control.tf2ss(loop), loop(_Z), _MOTOR_LOOP_OMEGA)
+    loop = _discretise_motor(motor) * _law(gains)
+    return compute_robustness(control.tf2ss(loop), loop(_Z), _MOTOR_LOOP_OMEGA)
 
 
 def motor_range(motor: MotorModel) -> tuple[float, float]:
@@ -494,11 +494,11 @@ def _computed_range(motor: MotorModel) -> tuple[float, float, float]:
 
 
 def _peak(motor: MotorModel, lam: float) -> float:
-    return peak((_sampled(motor) * _law(motor_gains(motor.K_m, motor.T_m, lam)))(_Z))
+    return peak((_discretise_motor(motor) * _law(motor_gains(motor.K_m, motor.T_m, lam)))(_Z))
 
 
 @cache
-def _sampled(motor: MotorModel) -> "control.TransferFunction":
+def _discretise_motor(motor: MotorModel) -> "control.TransferFunction":
     """From the voltage, held over a period, to the position at its end."""
     import control
 
@@ -511,11 +511,11 @@ def _law(gains: pid.IPDGains) -> "control.TransferFunction":
     """From the position to the voltage, sign turned: ``i_pd.step`` as a difference equation."""
     import control
 
-    kept = float(np.exp(-T_s / gains.t_f))
-    proportional = (1.0 - kept) * gains.k_p * np.array([1.0, -1.0, 0.0])
-    integral = (1.0 - kept) * T_s * gains.k_i * np.array([0.0, 1.0, 0.0])
-    derivative = kept * gains.k_d / gains.t_f * np.array([1.0, -2.0, 1.0])
-    return control.tf(proportional + integral + derivative, np.polymul([1.0, -kept], [1.0, -1.0]), T_s)
+    decay = float(np.exp(-T_s / gains.t_f))
+    proportional = (1.0 - decay) * gains.k_p * np.array([1.0, -1.0, 0.0])
+    integral = (1.0 - decay) * T_s * gains.k_i * np.array([0.0, 1.0, 0.0])
+    derivative = decay * gains.k_d / gains.t_f * np.array([1.0, -2.0, 1.0])
+    return control.tf(proportional + integral + derivative, np.polymul([1.0, -decay], [1.0, -1.0]), T_s)
 
 
 # Loop margins --------------------------------------------------------------------------------------
@@ -555,9 +555,9 @@ def compute_loop_margins(
         S.append(OuterProcess(model[1, 1]).robustness(stiffness_gains(parameters, point, lambdas)))
     inner = []
     for side in SIDES:
-        known = motor_model(parameters, side)
-        gains = motor_gains(known.K_m, known.T_m, lambdas.lam_motor)
-        inner.append(motor_robustness(true_motor_model(parameters, side) if true_plant else known, gains))
+        plant_model = motor_model(parameters, side)
+        gains = motor_gains(plant_model.K_m, plant_model.T_m, lambdas.lam_motor)
+        inner.append(motor_robustness(true_motor_model(parameters, side) if true_plant else plant_model, gains))
     return LoopMargins(_worst(q), _worst(S), _worst(inner))
 
 

@@ -221,12 +221,12 @@ class Trajectory:
     tripped_at: int
 
 
-def trajectory_of(out: Array, tripped_at: int) -> Trajectory:
+def make_trajectory(out: Array, tripped_at: int) -> Trajectory:
     """Columns of a filled array (ticks, len(COLUMNS)) by name."""
     return Trajectory(**dict(zip(COLUMNS, out.T, strict=True)), tripped_at=tripped_at)
 
 
-def rig_of(parameters: PlantParameters) -> SimulatedRig:
+def make_simulated_rig(parameters: PlantParameters) -> SimulatedRig:
     """Compile-ready constants of a parameter set."""
     return SimulatedRig(
         parameters.make_dynamics(),
@@ -286,15 +286,15 @@ def simulate_cascade(
     ``rig``: that of ``parameters``, where it is at hand; making it takes as long as some seconds of simulation.
     The same arguments give the same trajectory to the last bit.
     """
-    rig = rig or rig_of(parameters)
+    rig = rig or make_simulated_rig(parameters)
     x, controller = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
     if entry >= 0.0:
         controller = controller._replace(active=float(entry))
-    inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
+    inputs = make_closed_loop_inputs(parameters, q_ref, S_ref, F_push, seed)
     line, out = empty_arrays(q_ref.size)
     if learned_at is not None:
         observer = disturbance_observer.build_observer(parameters)
-        return trajectory_of(
+        return make_trajectory(
             out,
             simulate_feeling(
                 rig=rig,
@@ -309,7 +309,7 @@ def simulate_cascade(
             ),
         )
     _, _, tripped_at = simulate(rig=rig, tuning=tuning, x=x, controller=controller, inputs=inputs, line=line, out=out)
-    return trajectory_of(out, tripped_at)
+    return make_trajectory(out, tripped_at)
 
 
 def at_rest(
@@ -332,7 +332,7 @@ def empty_arrays(ticks: int) -> tuple[Array, Array]:
     return np.zeros((2, DELAY_SLOTS)), np.full((ticks, len(COLUMNS)), np.nan)
 
 
-def inputs_of(
+def make_closed_loop_inputs(
     parameters: PlantParameters, q_ref: Array, S_ref: Array, F_push: Array | None = None, seed: int = 0
 ) -> ClosedLoopInputs:
     """Return references and push (ticks,) together with the load cell noise that the seed gives."""
@@ -397,7 +397,7 @@ class Sampled:
         states = np.linalg.solve(resolvent, np.broadcast_to(self.B, (z.size, *self.B.shape)))
         return np.asarray(self.C @ states + self.D)
 
-    def played(self, w: Array) -> Array:
+    def simulate(self, w: Array) -> Array:
         """Return the outputs (ticks, outputs) under inputs (ticks, inputs), from rest."""
         x = np.zeros(len(self.A))
         y = np.empty((len(w), len(self.C)))
@@ -518,19 +518,19 @@ def axis_response(model: trajectory.TrajectoryModel, f: Array) -> AxisResponse:
     """
     z = np.exp(2j * np.pi * np.asarray(f) * T_s)
     T = max(model.T_A, model.T_B)
-    kept = np.exp(-T_s / T)
-    lost = T * (1.0 - kept)
-    turning = (T_s - lost) * (z - kept) / (1.0 - kept) + lost  # θ (z − 1) = ω turning
+    decay = np.exp(-T_s / T)
+    lost = T * (1.0 - decay)
+    turning = (T_s - lost) * (z - decay) / (1.0 - decay) + lost  # θ (z − 1) = ω turning
     ahead = T_s / LANDING_S
     asked = (1.0 - 1.0 / z) / T_s * (1.0 + ahead) + 1.0 / LANDING_S
     reached = (z - 1.0) * (z + ahead) / turning + 1.0 / LANDING_S
     averaged = sum(z**-ticks for ticks in range(trajectory.WINDOW_TICKS)) / trajectory.WINDOW_TICKS
-    driven = asked / reached * (z - 1.0) / turning * (z - kept) / (1.0 - kept) * averaged
+    driven = asked / reached * (z - 1.0) / turning * (z - decay) / (1.0 - decay) * averaged
     tau_e = max(model.tau_e_A, model.tau_e_B)
     behind = np.exp(-T_s / tau_e)
     lagged = driven * (1.0 - behind) / (z - behind)
     left = (lagged - driven) * tau_e / (tau_e - T)
-    omega = (driven * (1.0 - kept) + left * (behind - kept)) / (z - kept)
+    omega = (driven * (1.0 - decay) + left * (behind - decay)) / (z - decay)
     over = omega - driven - left
     theta = (driven * T_s + left * tau_e * (1.0 - behind) + over * lost) / (z - 1.0)
     return AxisResponse(theta, omega, driven, lagged)
@@ -556,9 +556,9 @@ def planned_response(
 
     plant, law = loop.plant.response(f)[:, :, :2], loop.law.response(f)
     # The loops see y − y_m alone, so y − y_m = P (u_m + L (y − y_m)) − y_m.
-    beside = np.linalg.solve(np.eye(3) - plant @ law[:, :, 2:5], plant @ forward - modelled)
+    coupled = np.linalg.solve(np.eye(3) - plant @ law[:, :, 2:5], plant @ forward - modelled)
     seen = np.array([[1.0, 0.0, 0.0], [0.0, loop.slope, loop.slope]])
-    return np.asarray(seen @ (modelled + beside))
+    return np.asarray(seen @ (modelled + coupled))
 
 
 def _forward(
@@ -605,10 +605,10 @@ def expected_plant(parameters: PlantParameters) -> PlantParameters:
     """Return the set whose true motors and springs are the identified ones of ``parameters``, without asymmetry."""
     sided: dict[str, dict[str, Any]] = dict(parameters.sided)
     for side in SIDES:
-        known = parameters.select_identified(side)
+        plant_model = parameters.select_identified(side)
         motor, spring = (parameters.sided.get(f"{section}_{side}", {}) for section in ("motor", "spring"))
-        sided[f"motor_{side}"] = {**motor, "K_m": known.K_m, "T_m": known.T_m}
-        sided[f"spring_{side}"] = {**spring, "k": known.k, "points": known.points}
+        sided[f"motor_{side}"] = {**motor, "K_m": plant_model.K_m, "T_m": plant_model.T_m}
+        sided[f"spring_{side}"] = {**spring, "k": plant_model.k, "points": plant_model.points}
     return replace(parameters, asymmetry=_ALIKE, sided=sided)
 
 
@@ -738,20 +738,20 @@ LEARNED_S = 2.0
 class PushForecast:
     """Under a held push of PUSH_N, and a sine of force beyond the dead zone.
 
-    ``give`` [rad]: largest deviation. ``back_s`` [s]: from when on it stays within NEAR_RAD, nan where it does not.
-    ``felt_slow``, ``felt_fast`` [N·m/rad]: outside torque over deviation, at FELT_HZ. ``off`` (n,): deviation [rad]
-    over ``t`` (n,) [s].
+    ``deflection`` [rad]: largest deviation. ``recovery_s`` [s]: from when on it stays within NEAR_RAD, nan where it
+    does not. ``felt_slow``, ``felt_fast`` [N·m/rad]: outside torque over deviation, at FELT_HZ. ``off`` (n,): deviation
+    [rad] over ``t`` (n,) [s].
     """
 
-    give: float
-    back_s: float
+    deflection: float
+    recovery_s: float
     felt_slow: float
     felt_fast: float
     t: Array
     off: Array
 
 
-def push_forecast(
+def forecast_push(
     parameters: PlantParameters,
     tuning: cascade.CascadeTuning,
     S: float,
@@ -784,17 +784,17 @@ def push_forecast(
     )
     off = trajectory.q[rest:] - q
     away = np.flatnonzero(~(np.abs(off) <= NEAR_RAD + 1e-9))
-    back = int(away[-1]) + 1 if away.size else 0
-    back_s = back * T_s if back < off.size else np.nan
-    shown = shown_ticks(off.size, back_s)
+    recovery_ticks = int(away[-1]) + 1 if away.size else 0
+    recovery_s = recovery_ticks * T_s if recovery_ticks < off.size else np.nan
+    shown = shown_ticks(off.size, recovery_s)
     closed = make_sampled_loop(parameters, tuning, S, plant=held).closed
     felt_slow, felt_fast = map(
-        float, np.abs(felt_stiffness(closed, tuning.disturbance_feedforward, S, np.array(FELT_HZ)))
+        float, np.abs(compute_felt_stiffness(closed, tuning.disturbance_feedforward, S, np.array(FELT_HZ)))
     )
-    give = float(np.nanmax(np.abs(off)))
+    deflection = float(np.nanmax(np.abs(off)))
     return PushForecast(
-        give=give,
-        back_s=back_s,
+        deflection=deflection,
+        recovery_s=recovery_s,
         felt_slow=felt_slow,
         felt_fast=felt_fast,
         t=np.asarray(shown * T_s, dtype=np.float64),
@@ -810,32 +810,32 @@ def disturbance_response(r: Rejection, tau: Array, S: float) -> tuple[Array, Arr
     q_e, q_off = np.zeros(tau.size), np.zeros(tau.size)
     if r.k_ext == 0.0:
         return q_e, q_off
-    state, estimate = disturbance_observer.update_gain(r, disturbance_observer.IDLE, 0.0), estimated(tau)
+    state, estimate = disturbance_observer.update_gain(r, disturbance_observer.IDLE, 0.0), estimate_torque(tau)
     for k, seen in enumerate(estimate):
         state = disturbance_observer.step_disturbance_feedforward(r, state, float(seen))
         q_e[k], q_off[k] = disturbance_observer.compute_compensation(state, S)
     return q_e, q_off
 
 
-def estimated(tau: Array) -> Array:
+def estimate_torque(tau: Array) -> Array:
     """Estimate (n,) of a torque (n,) [N·m]: that of a tick has what acted before it."""
     from scipy.signal import lfilter
 
-    kept = np.exp(-disturbance_observer.POLE * T_s)
+    decay = np.exp(-disturbance_observer.POLE * T_s)
     estimate = np.append(0.0, tau[:-1])
     for _ in range(3):
-        estimate = lfilter([1.0 - kept], [1.0, -kept], estimate)
+        estimate = lfilter([1.0 - decay], [1.0, -decay], estimate)
     return np.asarray(estimate)
 
 
-def felt_stiffness(closed: Sampled, r: Rejection, S: float, f: Array) -> Complex:
+def compute_felt_stiffness(closed: Sampled, r: Rejection, S: float, f: Array) -> Complex:
     """Outside torque over the deviation of q [N·m/rad] at ``f`` (n,) [Hz], of a push beyond the rejection's dead zone.
 
     ``closed`` is the loop at S [N·m/rad].
     """
     z = np.exp(2j * np.pi * np.asarray(f) * T_s)
-    kept = np.exp(-disturbance_observer.POLE * T_s)
-    estimate = ((1.0 - kept) / (1.0 - kept / z)) ** 3 / z
+    decay = np.exp(-disturbance_observer.POLE * T_s)
+    estimate = ((1.0 - decay) / (1.0 - decay / z)) ** 3 / z
     behind = ((1.0 - r.lag_decay) / (1.0 - r.lag_decay / z)) ** 4
     H = closed.response(f)[:, OUTPUTS.q, :]
     share = r.k_ext * estimate / S

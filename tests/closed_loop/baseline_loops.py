@@ -9,11 +9,11 @@ from backend.tuning.simulation import (
     Trajectory,
     empty_arrays,
     fill_delay_line,
-    inputs_of,
+    make_closed_loop_inputs,
+    make_simulated_rig,
+    make_trajectory,
     record,
     rest_state,
-    rig_of,
-    trajectory_of,
 )
 from plant.compilation import compiled_run
 from plant.dynamics import PlantState
@@ -79,8 +79,8 @@ def run_single_loop(
     rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
     controller = baselines.initialize_single_loop(tuning, u_A, u_B, m)
     line, out = empty_arrays(q_ref.size)
-    inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
-    return trajectory_of(out, _single_loop(rig, tuning, x, controller, inputs, line, out))
+    inputs = make_closed_loop_inputs(parameters, q_ref, S_ref, F_push, seed)
+    return make_trajectory(out, _single_loop(rig, tuning, x, controller, inputs, line, out))
 
 
 def run_feedback_linearization(
@@ -95,13 +95,13 @@ def run_feedback_linearization(
     rig, x, u_A, u_B, m = _at_rest(parameters, tuning.decoupler, float(q_ref[0]), float(S_ref[0]))
     controller = baselines.initialize_feedback_linearization(tuning, u_A, u_B, m)
     line, out = empty_arrays(q_ref.size)
-    inputs = inputs_of(parameters, q_ref, S_ref, F_push, seed)
-    return trajectory_of(out, _feedback_linearization(rig, tuning, x, controller, inputs, line, out))
+    inputs = make_closed_loop_inputs(parameters, q_ref, S_ref, F_push, seed)
+    return make_trajectory(out, _feedback_linearization(rig, tuning, x, controller, inputs, line, out))
 
 
 def _at_rest(
     parameters: PlantParameters, d: Decoupler, q_ref: float, S_ref: float
 ) -> tuple[SimulatedRig, PlantState, float, float, Measurement]:
-    rig = rig_of(parameters)
+    rig = make_simulated_rig(parameters)
     x, u_A, u_B = rest_state(rig, *decoupler.motor_positions(d, q_ref, S_ref))
     return rig, x, u_A, u_B, Measurement(x.q, x.theta_A, x.theta_B, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -210,8 +210,8 @@ def differences(case: Case) -> dict[str, float]:
     off = np.abs(bench.pushed(case.F_push, 2.0 + 9.0 * lambdas.lam_q))
     bench.close()
     told_push, give = preview.pushes[0], float(off.max())
-    found["give"] = _off(told_push.give, give, max(relative * give, counts * JOINT_COUNT))
-    found["back"] = _time_off(told_push.back_s, off, NEAR_RAD, counts * JOINT_COUNT, relative)
+    found["give"] = _off(told_push.deflection, give, max(relative * give, counts * JOINT_COUNT))
+    found["back"] = _time_off(told_push.recovery_s, off, NEAR_RAD, counts * JOINT_COUNT, relative)
     return found
 
 

@@ -25,7 +25,7 @@ class Played(NamedTuple):
 def random_program(plant: PlantParameters, seed: int) -> Played:
     """Play ten legs from rest; the same seed gives the same program."""
     random = np.random.default_rng(seed)
-    rig, bounds = simulation.rig_of(plant), compute_bounds(plant)
+    rig, bounds = simulation.make_simulated_rig(plant), compute_bounds(plant)
     points = [replace(designed_point(plant), S_nominal=S) for S in (8.24, 10.55, 12.43, 14.06)]
 
     def tuning() -> cascade.CascadeTuning:
@@ -46,7 +46,7 @@ def random_program(plant: PlantParameters, seed: int) -> Played:
         room = min(here - 4.0, 46.0 - here, 46.0 - decoupler.tension_under(chosen.decoupler, S_ref))
         F_push = random.uniform(-1.0, 1.0) * min(10.0, max(room, 0.0)) if random.random() < 0.5 else 0.0
         line, out = simulation.empty_arrays(ticks)
-        inputs = simulation.inputs_of(
+        inputs = simulation.make_closed_loop_inputs(
             plant, np.full(ticks, q_ref), np.full(ticks, S_ref), np.full(ticks, F_push), 100 * seed + leg
         )
         x, law, tripped = simulation.simulate(rig, chosen, x, law, inputs, line, out)

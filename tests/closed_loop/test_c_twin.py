@@ -22,9 +22,11 @@ def test_same_trajectory(name: str, pushed_N: float, tmp_path: Path) -> None:
     # The twin has the paper's law alone: no dead zones at rest (decision 0053).
     tuning = tuning._replace(following=tuning.following._replace(dead_zone_q=0.0, dead_zone_S=0.0))
     q_ref, S_ref = np.repeat([-1.0, 1.0, 1.0], 800), np.repeat([10.0, 10.0, 14.0], 800)
-    rig = simulation.rig_of(parameters)
+    rig = simulation.make_simulated_rig(parameters)
     x, controller = simulation.at_rest(rig, tuning, -1.0, 10.0)
-    inputs = simulation.inputs_of(parameters, q_ref, S_ref, F_push=np.linspace(0.0, pushed_N, q_ref.size), seed=7)
+    inputs = simulation.make_closed_loop_inputs(
+        parameters, q_ref, S_ref, F_push=np.linspace(0.0, pushed_N, q_ref.size), seed=7
+    )
     line, mine = simulation.empty_arrays(q_ref.size)
     other, unlimited = np.full_like(mine, np.nan), np.full_like(mine, np.nan)
     simulation.simulate(rig, tuning, x, controller, inputs, line, mine)

@@ -146,16 +146,18 @@ def without_and_with(
 ) -> tuple[Array, Array, cascade.CascadeState, cascade.CascadeState, cascade.CascadeState]:
     """Voltages (2,) in the tick ``at`` without and with the change; the law before it, and after it either way."""
     ideal = load_parameters("ideal")
-    rig = simulation.rig_of(ideal)
+    rig = simulation.make_simulated_rig(ideal)
     q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
     q_ref[:200], S_ref[:200] = -HIGH, 9.0
     x, law = simulation.at_rest(rig, before, -HIGH, 9.0)
     line, out = simulation.empty_arrays(at)
-    x, law, _ = simulation.simulate(rig, before, x, law, simulation.inputs_of(ideal, q_ref[:at], S_ref[:at]), line, out)
+    x, law, _ = simulation.simulate(
+        rig, before, x, law, simulation.make_closed_loop_inputs(ideal, q_ref[:at], S_ref[:at]), line, out
+    )
     voltages, laws = [], []
     for tuning in (before, after):
         line, row = simulation.empty_arrays(1)
-        last = simulation.inputs_of(ideal, q_ref[at:], S_ref[at:])
+        last = simulation.make_closed_loop_inputs(ideal, q_ref[at:], S_ref[at:])
         laws.append(simulation.simulate(rig, tuning, x, law, last, line, row)[1])
         voltages.append(row[0, [simulation.COLUMNS.index(name) for name in ("u_A", "u_B")]])
     return voltages[0], voltages[1], law, laws[0], laws[1]
@@ -200,13 +202,13 @@ def test_a_plan_goes_over_to_the_paper_s_law_without_a_bump(at: int) -> None:
 def test_what_a_plan_has_set_in_motion_it_brings_to_a_stand(name: str, way: tuple[float, float]) -> None:
     """Changed over at any moment of a move between the ends of S: neither goes beyond them, nor takes long to stop."""
     plant = load_parameters(name)
-    rig, planned = simulation.rig_of(plant), make_cascade_tuning(plant, LAMBDAS, u_plan=usual_budget(plant))
+    rig, planned = simulation.make_simulated_rig(plant), make_cascade_tuning(plant, LAMBDAS, u_plan=usual_budget(plant))
     governed = make_cascade_tuning(plant, LAMBDAS)
     x, law = simulation.at_rest(rig, planned, 0.3, way[0])
 
     def play(tuning: cascade.CascadeTuning, x: PlantState, law: cascade.CascadeState, ticks: int) -> tuple[Any, ...]:
         line, out = simulation.empty_arrays(ticks)
-        inputs = simulation.inputs_of(plant, np.full(ticks, 0.3), np.full(ticks, way[1]))
+        inputs = simulation.make_closed_loop_inputs(plant, np.full(ticks, 0.3), np.full(ticks, way[1]))
         return *simulation.simulate(rig, tuning, x, law, inputs, line, out), out
 
     for _ in range(28):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from backend.tuning.gains import TuningParameters, make_cascade_tuning
-from backend.tuning.simulation import SimulatedRig, at_rest, rig_of, simulate_cascade
+from backend.tuning.simulation import SimulatedRig, at_rest, make_simulated_rig, simulate_cascade
 from plant.parameters import PlantParameters, load_parameters
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def rate(rig: SimulatedRig, x: Array, u: tuple[float, float]) -> list[float]:
 
 def cascade_anew(parameters: PlantParameters, q_ref: Array, S_ref: Array) -> tuple[Array, Array, Array]:
     """Return q, S and voltages (ticks, 2)."""
-    tuning, rig = make_cascade_tuning(parameters, TuningParameters()), rig_of(parameters)
+    tuning, rig = make_cascade_tuning(parameters, TuningParameters()), make_simulated_rig(parameters)
     d = tuning.decoupler
     r_m, r_j, k_1, k_2 = d.r_m, d.r_j, d.k_1, d.k_2
     _, p_q, i_q, r_q, p_S, i_S, r_S = tuning.schedule.entries[0]

@@ -143,13 +143,13 @@ def voltages_around(tunings: tuple[cascade.CascadeTuning, cascade.CascadeTuning]
     before, after = tunings
     q_ref, S_ref = np.full(at + 1, HIGH), np.full(at + 1, 13.0)
     q_ref[:200], S_ref[:200] = -HIGH, 9.0
-    rig = simulation.rig_of(parameters)
+    rig = simulation.make_simulated_rig(parameters)
     x, controller = simulation.at_rest(rig, before, -HIGH, 9.0)
     line, out = simulation.empty_arrays(at)
-    inputs = simulation.inputs_of(parameters, q_ref[:at], S_ref[:at])
+    inputs = simulation.make_closed_loop_inputs(parameters, q_ref[:at], S_ref[:at])
     x, controller, _ = simulation.simulate(rig, before, x, controller, inputs, line, out)
     found = []
-    last = simulation.inputs_of(parameters, q_ref[at:], S_ref[at:])
+    last = simulation.make_closed_loop_inputs(parameters, q_ref[at:], S_ref[at:])
     for tuning in (before, after):
         line, row = simulation.empty_arrays(1)
         simulation.simulate(rig, tuning, x, controller, last, line, row)

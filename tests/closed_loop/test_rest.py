@@ -12,7 +12,7 @@ from backend.control.pid import apply_dead_zone
 from backend.control.trajectory import LoopReferences
 from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from backend.tuning.preview import usual_budget
-from backend.tuning.simulation import at_rest, rig_of
+from backend.tuning.simulation import at_rest, make_simulated_rig
 from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
 from tests.closed_loop import true_states
@@ -174,7 +174,7 @@ def test_motors_rest_where_position_and_stiffness_are_as_wanted(
     lab = load_parameters("lab")
     tuning = make_cascade_tuning(lab, LAMBDAS, u_plan=u_plan)
     theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, 0.3, 10.0)
-    _, law = at_rest(rig_of(lab), tuning, 0.3, 10.0)
+    _, law = at_rest(make_simulated_rig(lab), tuning, 0.3, 10.0)
     beside = turned * MOTOR_COUNT
     m = Measurement(0.3 + off, theta_A + beside, theta_B - beside, 17.0, 17.0, 10.0, 0.0, 0.0)
     integrals = []

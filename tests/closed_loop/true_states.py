@@ -14,8 +14,8 @@ from backend.tuning.simulation import (
     at_rest,
     empty_arrays,
     fill_delay_line,
-    inputs_of,
-    rig_of,
+    make_closed_loop_inputs,
+    make_simulated_rig,
 )
 from plant.compilation import compiled_run
 from plant.dynamics import PlantState
@@ -60,9 +60,9 @@ def run(
     parameters: PlantParameters, tuning: cascade.CascadeTuning, q_ref: Array, S_ref: Array, F_push: Array | None = None
 ) -> TrueStates:
     """As ``closed_loop.run``, without the safety module."""
-    rig = rig_of(parameters)
+    rig = make_simulated_rig(parameters)
     x, law = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
     line, _ = empty_arrays(0)
     out = np.empty((q_ref.size, len(TrueStates._fields)))
-    _simulate(rig, tuning, x, law, inputs_of(parameters, q_ref, S_ref, F_push), line, out)
+    _simulate(rig, tuning, x, law, make_closed_loop_inputs(parameters, q_ref, S_ref, F_push), line, out)
     return TrueStates(*out.T)

@@ -82,7 +82,7 @@ def ticks_under_a_push(
     tunings = [
         make_cascade_tuning(IDEAL, TuningParameters(lam_q=0.8), u_plan=u_plan, k_ext=k_ext) for k_ext in (before, after)
     ]
-    rig = simulation.rig_of(IDEAL)
+    rig = simulation.make_simulated_rig(IDEAL)
     x, law = simulation.at_rest(rig, tunings[0], 0.2, S)
     m = NOT_MEASURED._replace(q=x.q, theta_A=x.theta_A, theta_B=x.theta_B, F_A=20.0, F_B=20.0)
     r = LoopReferences(0.2, S, math.nan, math.nan)
@@ -108,7 +108,7 @@ def test_it_is_switched_under_a_push_without_a_bump(u_plan: float, before: float
 
 def test_without_it_an_outside_torque_changes_no_bit() -> None:
     tuning = make_cascade_tuning(IDEAL, TuningParameters(lam_q=0.8), u_plan=8.5)
-    rig = simulation.rig_of(IDEAL)
+    rig = simulation.make_simulated_rig(IDEAL)
     x, law = simulation.at_rest(rig, tuning, 0.2, S)
     told = law
     for k in range(400):

@@ -22,7 +22,7 @@ def test_begins_at_the_nearest_entry() -> None:
 def test_a_cascade_that_takes_over_begins_at_the_nearest_entry(S: float) -> None:
     parameters = load_parameters("ideal")
     tuning = make_cascade_tuning(parameters, TuningParameters())._replace(schedule=Schedule(ENTRIES, interpolate=False))
-    _, state = simulation.at_rest(simulation.rig_of(parameters), tuning, 0.0, S)
+    _, state = simulation.at_rest(simulation.make_simulated_rig(parameters), tuning, 0.0, S)
     assert state.active == np.argmin(np.abs(NOMINAL - S))
 
 

@@ -73,7 +73,7 @@ def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> N
     loop = make_sampled_loop(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam_q)), 10.0).closed
     w = np.zeros((seen["q"].size, len(INPUTS)))
     w[:-1, INPUTS.tau_ext] = R_J * seen["F_push"][1:]
-    seen["q"] = 1.1 * loop.played(w)[:, OUTPUTS.q]
+    seen["q"] = 1.1 * loop.simulate(w)[:, OUTPUTS.q]
     step, ramp, impulse = measure_pushes(seen, plan.program(), of(plan, TuningSettings(lam_q=lam_q)))
     # the answers of earlier pushes have nearly died down
     assert [one.off_percent for one in (step, ramp, impulse)] == pytest.approx([10.0, 10.0, 10.0], abs=1.0)

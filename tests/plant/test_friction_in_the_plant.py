@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from backend.tuning.gains import TuningParameters, make_feedback_linearization_tuning
-from backend.tuning.simulation import rest_state, rig_of
+from backend.tuning.simulation import make_simulated_rig, rest_state
 from plant.dynamics import SUBSTEPS, PlantState, advance_state, state_derivative
 from plant.interface import NO_LOAD, T_s
 from plant.parameters import PlantParameters, load_parameters
@@ -114,7 +114,7 @@ def test_no_more_than_the_last_bit_tells_it_from_the_equation_it_integrates() ->
 
 def test_at_rest_it_rests_and_the_torques_alone_bear_the_tendons() -> None:
     plant = STICK.make_dynamics()
-    x, u_A, u_B = rest_state(rig_of(STICK), 5.0, 4.0)
+    x, u_A, u_B = rest_state(make_simulated_rig(STICK), 5.0, 4.0)
     assert (x.z_A, x.z_B) == (0.0, 0.0)
     after = x
     for _ in range(1000):

@@ -10,7 +10,7 @@ from backend.realtime.gains import build_cascade_tuning, make_tuning_command
 from backend.realtime.modes import Mode
 from backend.realtime.program import ConfigureContactDetection, Law, Program, Segment, SetTuning
 from backend.tuning.gains import UNSEEN_F, TuningParameters, collect_plant_knowledge
-from backend.tuning.simulation import NEAR_RAD, PUSH_N, push_forecast
+from backend.tuning.simulation import NEAR_RAD, PUSH_N, forecast_push
 from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop
 
@@ -50,9 +50,9 @@ def test_the_joint_is_back_when_the_forecast_says_so(k_ext: float) -> None:
     """Nonlinear springs, a simulator of its own method and the whole loop, against the linear model."""
     bench, tuning = learned("ideal", 1.0, k_ext)
     known = build_cascade_tuning(tuning, collect_plant_knowledge(load_parameters("ideal")))
-    forecast = push_forecast(load_parameters("ideal"), known, 10.0, 1.0)
-    assert back_s(bench, PUSH_N, 8.0) == pytest.approx(forecast.back_s, rel=0.06)
-    assert np.max(np.abs(bench.column("q", last=8000))) == pytest.approx(forecast.give, rel=0.02)
+    forecast = forecast_push(load_parameters("ideal"), known, 10.0, 1.0)
+    assert back_s(bench, PUSH_N, 8.0) == pytest.approx(forecast.recovery_s, rel=0.06)
+    assert np.max(np.abs(bench.column("q", last=8000))) == pytest.approx(forecast.deflection, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["lab", "lab-stick"])

@@ -78,7 +78,7 @@ def test_preview_shows_less_robustness_for_a_faster_loop(previewer: TuningPrevie
 def test_a_trajectory_makes_the_steps_and_lambda_the_recovery(previewer: TuningPreviewer) -> None:
     slow, fast = (previewer.preview(TuningParameters(lam_q=lam), 10.0, u_plan=8.5) for lam in (1.0, 0.5))
     assert slow.step_q.t90_s == pytest.approx(fast.step_q.t90_s, abs=0.003)
-    assert slow.pushes[0].back_s > 1.8 * fast.pushes[0].back_s
+    assert slow.pushes[0].recovery_s > 1.8 * fast.pushes[0].recovery_s
     slow, fast = (previewer.preview(TuningParameters(lam_q=lam), 10.0, steps=SMALL) for lam in (1.0, 0.5))
     assert slow.step_q.t90_s == pytest.approx(2.0 * fast.step_q.t90_s, rel=0.1)
 

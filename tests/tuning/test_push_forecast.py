@@ -16,7 +16,7 @@ from backend.control.disturbance_observer import Rejection
 from backend.errors import OutOfRangeError
 from backend.tuning.gains import UNSEEN_F, TuningParameters, make_cascade_tuning, require_share
 from backend.tuning.robustness import decoupling_matrix, linear_plant
-from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, Array, push_forecast
+from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, Array, forecast_push
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.tuning.test_sampled_loop import DIFFERENCE, K_M, R_J, R_M, T_M
@@ -55,18 +55,18 @@ def integrated(lam: float, k_ext: float, tau: float, seconds: float, f: float = 
 @pytest.mark.parametrize("k_ext", [0.0, 0.7, 1.0])
 @pytest.mark.parametrize("lam", [0.4, 1.0])
 def test_a_held_push_does_what_a_differential_equation_says(lam: float, k_ext: float) -> None:
-    found = push_forecast(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam), k_ext=k_ext), HELD, lam)
+    found = forecast_push(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam), k_ext=k_ext), HELD, lam)
     q = np.abs(integrated(lam, k_ext, R_J * PUSH_N, 2.0 + 8.0 * lam))
-    assert found.give == pytest.approx(q.max(), rel=0.01)
+    assert found.deflection == pytest.approx(q.max(), rel=0.01)
     back_s = float(np.flatnonzero(q > NEAR_RAD)[-1] + 1) * T_s
-    assert found.back_s == pytest.approx(back_s, rel=0.03)
+    assert found.recovery_s == pytest.approx(back_s, rel=0.03)
     np.testing.assert_allclose(np.interp(found.t, np.arange(q.size) * T_s, q), np.abs(found.off), atol=0.01 * q.max())
 
 
 @pytest.mark.parametrize("k_ext", [0.0, 1.0])
 def test_the_joint_feels_as_hard_as_a_sine_of_force_finds_it(k_ext: float) -> None:
     lam, tau = 1.0, 0.2
-    found = push_forecast(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam), k_ext=k_ext), HELD, lam)
+    found = forecast_push(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam), k_ext=k_ext), HELD, lam)
     for f, felt in zip(FELT_HZ, (found.felt_slow, found.felt_fast), strict=True):
         periods = 8.0 if f > 0.5 else 2.0
         q = integrated(lam, k_ext, tau, (8.0 if f > 0.5 else 20.0) + periods / f, f)[-round(periods / f / T_s) :]
@@ -78,20 +78,20 @@ def test_the_joint_feels_as_hard_as_a_sine_of_force_finds_it(k_ext: float) -> No
 def test_it_is_harder_to_lean_on_and_softer_to_shake() -> None:
     """With a slow position loop: behind the motors' lags, what comes at 1 Hz comes with the push, not against it."""
     off, on = (
-        push_forecast(LAB, make_cascade_tuning(LAB, TuningParameters(lam_q=2.0), k_ext=k), HELD, 2.0)
+        forecast_push(LAB, make_cascade_tuning(LAB, TuningParameters(lam_q=2.0), k_ext=k), HELD, 2.0)
         for k in (0.0, 1.0)
     )
     assert off.felt_slow == pytest.approx(HELD, rel=0.02)
     assert on.felt_slow > 3.0 * off.felt_slow
     assert on.felt_fast < 0.9 * off.felt_fast
-    assert on.give == pytest.approx(off.give, rel=1e-3)  # the springs are there before any motor is
-    assert on.back_s < 0.25 * off.back_s
+    assert on.deflection == pytest.approx(off.deflection, rel=1e-3)  # the springs are there before any motor is
+    assert on.recovery_s < 0.25 * off.recovery_s
 
 
 def test_what_does_not_come_back_in_time_is_not_said_to() -> None:
     slow = make_cascade_tuning(IDEAL, TuningParameters(lam_q=3.0))
-    assert math.isnan(push_forecast(IDEAL, slow, HELD, 0.1).back_s)  # looked at for 3.4 s
-    assert math.isnan(push_forecast(IDEAL, slow, HELD, 0.1).back_s)  # and as remembered
+    assert math.isnan(forecast_push(IDEAL, slow, HELD, 0.1).recovery_s)  # looked at for 3.4 s
+    assert math.isnan(forecast_push(IDEAL, slow, HELD, 0.1).recovery_s)  # and as remembered
 
 
 @pytest.mark.parametrize("k_ext", [-0.1, 1.1, math.nan])

@@ -135,7 +135,7 @@ def test_a_push_is_answered_as_a_differential_equation_says() -> None:
     loop = make_sampled_loop(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam)), S).closed
     w = np.zeros((3000, len(INPUTS)))
     w[:, INPUTS.tau_ext] = tau
-    q = loop.played(w)[:, OUTPUTS.q]
+    q = loop.simulate(w)[:, OUTPUTS.q]
     assert q.max() == pytest.approx(exact.max(), rel=0.01)
     np.testing.assert_allclose(q, exact, atol=0.01 * exact.max())
 

@@ -10,7 +10,7 @@ from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import ApplyPush
 from backend.realtime.gains import build_cascade_tuning
 from backend.tuning.gains import collect_plant_knowledge
-from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, PushForecast, push_forecast
+from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, PushForecast, forecast_push
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Prose, Table
@@ -70,7 +70,7 @@ def give() -> Found:
         lab = float(np.abs(bench.seconds("q", 1.0)).max())
     finally:
         bench.close()
-    expected = forecast_of("ideal", settings).give
+    expected = forecast_of("ideal", settings).deflection
     return {GIVES: {"give": 1e3 * expected, "per_N": 1e3 * expected / PUSH_N, "lab": 1e3 * lab}}
 
 
@@ -88,7 +88,7 @@ def forecast_of(plant: str, settings: LoopSettings) -> PushForecast:
     """Return what the tuning card expects of a held push."""
     parameters = load_parameters(plant)
     gains = build_cascade_tuning(build_tuning_command(parameters, settings, None), collect_plant_knowledge(parameters))
-    return push_forecast(parameters, gains, S_REF, settings.lam_q)
+    return forecast_push(parameters, gains, S_REF, settings.lam_q)
 
 
 def row(lam_q: float, k_ext: float) -> Found:
@@ -96,7 +96,7 @@ def row(lam_q: float, k_ext: float) -> Found:
     settings = LoopSettings(lam_q=lam_q, lam_S=0.345, motion=TIME_OPTIMAL, u_plan=U_PLAN_V, k_ext=k_ext)
     forecasts = [forecast_of(plant, settings) for plant in PLANTS]
     back, off, slow, fast = zip(*(measured(plant, settings) for plant in PLANTS), strict=True)
-    times = [_beside(forecast.back_s, (one,), ".1f") for forecast, one in zip(forecasts, back, strict=True)]
+    times = [_beside(forecast.recovery_s, (one,), ".1f") for forecast, one in zip(forecasts, back, strict=True)]
     return {
         PUSHED: [
             [
