@@ -19,7 +19,7 @@ from .formats import (
     write_file_whole,
     write_files_whole,
 )
-from .importer import TakenIn, require_matching_facts
+from .importer import ImportResult, require_matching_facts
 from .mcap import TOPIC, foxglove_layout
 from .writers import find_heading_problem, find_schema_problem
 
@@ -32,7 +32,7 @@ __all__ = [
     "ExportError",
     "Facts",
     "ImportRefusedError",
-    "TakenIn",
+    "ImportResult",
     "bundle",
     "describe_columns",
     "export_columns",

@@ -52,7 +52,7 @@ class ImportRefusedError(SinewError, ValueError):
 
 
 class Sink(io.BufferedIOBase):
-    """What a library writes into; ``taken`` returns what has come since it was last asked."""
+    """What a library writes into; ``take`` returns what has come since it was last asked."""
 
     def __init__(self) -> None:
         self._pieces: list[bytes] = []
@@ -73,8 +73,8 @@ class Sink(io.BufferedIOBase):
         """Return how much was written in all [bytes]."""
         return self._written
 
-    def taken(self) -> bytes:
-        """Return what came since, and keep it no longer."""
+    def take(self) -> bytes:
+        """Return and clear the bytes written since the last call."""
         pieces, self._pieces = self._pieces, []
         return b"".join(pieces)
 
@@ -228,10 +228,10 @@ def read_facts(text: str | bytes) -> Facts:
         document = read_finite(text)
         if not isinstance(document, Mapping) or document.get("format") != FORMAT:
             raise ImportRefusedError(f"what it says of itself is not of format {FORMAT}: take the Sinew that wrote it")
-        said = {name: part for name, part in document.items() if name != SEAL}
-        if document.get(SEAL) != document_digest(said):
+        contents = {name: part for name, part in document.items() if name != SEAL}
+        if document.get(SEAL) != document_digest(contents):
             raise ImportRefusedError("what it says of itself was changed: its sha256 is another one")
-        facts = _FACTS.validate_python(said)
+        facts = _FACTS.validate_python(contents)
     except ValidationError as error:
         first = error.errors()[0]
         raise ImportRefusedError(f"what it says of itself: {first['loc'][0]}: {first['msg']}") from None
@@ -256,7 +256,7 @@ def describe_columns(names: Iterable[str]) -> list[Described]:
     ]
 
 
-def table_of(batch: Batch, fields: list[str]) -> NDArray[np.float32]:
+def make_table(batch: Batch, fields: list[str]) -> NDArray[np.float32]:
     """Return the samples of a batch as they are stored: [rows, fields]."""
     return np.column_stack([batch[name] for name in fields]).astype(np.float32, copy=False)
 
@@ -302,14 +302,14 @@ def export_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> 
     for batch in batches():
         samples += batch["t"].size
         for tick, part in unbroken(batch, recording.period_s):
-            digest.add(tick, table_of(part, recording.fields))
+            digest.add(tick, make_table(part, recording.fields))
     facts = Facts(
         of=f"run {run_id}",
         fields=recording.fields,
         period_s=recording.period_s,
         samples=samples,
         sha256=digest.hex(),
-        columns=[*describe_columns(recording.fields), *(_described(written[name]) for name in derived)],
+        columns=[*describe_columns(recording.fields), *(_describe_formula(written[name]) for name in derived)],
         derived=list(derived),
         started_at=run.started_at.isoformat(),
         run=document,
@@ -332,7 +332,7 @@ def export_columns(columns: Columns, of: str, period_s: float = T_s) -> Export:
     batch: Batch = {name: column if name == "t" else column.astype(np.float32) for name, column in columns.items()}
     fields = [name for name in batch if name != "t"]
     digest = SamplesDigest(fields, period_s)
-    digest.add(0, table_of(batch, fields))
+    digest.add(0, make_table(batch, fields))
     facts = Facts(
         of=of,
         fields=fields,
@@ -353,7 +353,7 @@ def unbroken(batch: Batch, period_s: float) -> Iterator[tuple[int, Batch]]:
             yield int(ticks[begin]), {name: column[begin:end] for name, column in batch.items()}
 
 
-def _described(formula: Formula) -> Described:
+def _describe_formula(formula: Formula) -> Described:
     meaning = f"{formula.meaning}, " if formula.meaning else ""
     return Described(formula.name, formula.name, formula.unit, f"{meaning}computed: {formula.expression}")
 

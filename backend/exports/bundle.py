@@ -60,12 +60,12 @@ class Gathered:
     missing: list[str] = field(default_factory=list)
 
 
-def recording_of(run_id: int) -> str:
+def make_recording_name(run_id: int) -> str:
     """Return the name of the member with the samples of a run."""
     return f"recordings/{run_id}.parquet"
 
 
-def report_of(run_id: int) -> str:
+def make_report_name(run_id: int) -> str:
     """Return the name of the member with the report of a run."""
     return f"reports/{run_id}.html"
 
@@ -97,23 +97,23 @@ def write_bundle(database: Database, run_id: int, report: bytes | None, folder: 
                     opened.write(piece)
                     found.update(piece)
                     size += len(piece)
-                    yield sink.taken()
+                    yield sink.take()
             members[name] = {"sha256": found.hexdigest(), "size": size}
-            yield sink.taken()
+            yield sink.take()
 
         def all_members() -> Iterator[bytes]:
-            said = {"run": run_id, "records": gathered.records}
-            yield from member(RECORDS, [_json(said)])
+            content = {"run": run_id, "records": gathered.records}
+            yield from member(RECORDS, [_json(content)])
             for number, export in exports.items():
-                yield from member(recording_of(number), stream_export(export, DataFormat.PARQUET, folder))
+                yield from member(make_recording_name(number), stream_export(export, DataFormat.PARQUET, folder))
             if report is not None:
-                yield from member(report_of(run_id), [report])
+                yield from member(make_report_name(run_id), [report])
             manifest = {
                 "format": FORMAT,
                 "software": __version__,
                 "run": run_id,
                 "missing": gathered.missing,
-                "records": {called(record): document_digest(record) for record in gathered.records},
+                "records": {get_record_name(record): document_digest(record) for record in gathered.records},
                 "members": dict(members),
             }
             yield from member(MANIFEST, [_json(manifest)])
@@ -121,12 +121,12 @@ def write_bundle(database: Database, run_id: int, report: bytes | None, folder: 
         for piece in all_members():
             sha256.update(piece)
             yield piece
-    held = sink.taken()[:-DIGEST_LENGTH]
+    held = sink.take()[:-DIGEST_LENGTH]
     sha256.update(held)
     yield held + sha256.hexdigest().encode()
 
 
-def called(record: dict[str, Any]) -> str:
+def get_record_name(record: dict[str, Any]) -> str:
     """Return what a record is called."""
     return f"{record['kind']} {record['number']}"
 
@@ -134,13 +134,13 @@ def called(record: dict[str, Any]) -> str:
 def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
     if run.end_state == EndState.RUNNING:
         raise ExportError(f"run {run.id} is not over: bundle it when it is")
-    way = origins.load_banks_during_run(session, run)
-    if way.computed:
+    changed = origins.load_banks_during_run(session, run)
+    if changed.computed:
         raise ExportError(
-            f"run {run.id} computes the number of a bank that it changes to, {way.computed[0][:80]}, which elsewhere "
-            "would be that of another one: export its samples"
+            f"run {run.id} computes the number of a bank that it changes to, {changed.computed[0][:80]}, which "
+            "elsewhere would be that of another one: export its samples"
         )
-    for number in sorted({*way.numbers, *([] if run.bank_id is None else [run.bank_id])}):
+    for number in sorted({*changed.numbers, *([] if run.bank_id is None else [run.bank_id])}):
         bank = banks.get(session, number)
         for entry in bank.entries:
             if entry.identification_id is not None:
@@ -149,7 +149,7 @@ def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
                     _gather_run(session, runs.get(session, estimate.run_id), gathered)
                 _add(session, gathered, IDENTIFICATION, estimate.id)
         _add(session, gathered, BANK, bank.id)
-    if _add(session, gathered, RUN, run.id, _carried(session, run)):
+    if _add(session, gathered, RUN, run.id, _collect_calibrations(session, run)):
         found = recordings.of_runs(session, [run.id]).get(run.id)
         if found is not None and found[1] is not None:
             gathered.recorded.append(run.id)
@@ -158,7 +158,7 @@ def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
             gathered.missing.append(f"samples of run {run.id}: {why}")
 
 
-def _carried(session: Session, run: Run) -> Document:
+def _collect_calibrations(session: Session, run: Run) -> Document:
     """Return what goes with a run that is no record of the other installation: what was calibrated when it began."""
     held = commissioning.held_at(session, run.station, run.started_at)
     known = origins.of_runs(session, [run.id])
@@ -167,11 +167,11 @@ def _carried(session: Session, run: Run) -> Document:
     return {origins.CALIBRATIONS: [commissioning.describe_calibration(one) for one in held]} if held else {}
 
 
-def _add(session: Session, gathered: Gathered, kind: str, number: int, carried: Document | None = None) -> bool:
+def _add(session: Session, gathered: Gathered, kind: str, number: int, extra: Document | None = None) -> bool:
     if any((record["kind"], record["number"]) == (kind, number) for record in gathered.records):
         return False
     document = build_record_document(session, kind, number)
-    gathered.records.append({"kind": kind, "number": number, "document": document, "carried": carried or {}})
+    gathered.records.append({"kind": kind, "number": number, "document": document, "carried": extra or {}})
     return True
 
 
@@ -215,7 +215,7 @@ class Bundle:
 
 
 @contextmanager
-def opened(file: Path) -> Iterator[Bundle]:
+def open_bundle(file: Path) -> Iterator[Bundle]:
     """Open a bundle for the block, when all its hashes hold. Raises ImportRefusedError, OSError."""
     whole = _digest(file)
     try:
@@ -264,25 +264,25 @@ def _manifest(archive: zipfile.ZipFile, names: Mapping[str, zipfile.ZipInfo]) ->
     manifest = read_json(archive.read(MANIFEST), MANIFEST)
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise ImportRefusedError(f"{MANIFEST} is not of format {FORMAT}: take the Sinew that wrote it")
-    told, run, records = manifest.get("members"), manifest.get("run"), manifest.get("records")
-    if not isinstance(told, dict) or not isinstance(records, dict) or type(run) is not int:
+    members, run, records = manifest.get("members"), manifest.get("run"), manifest.get("records")
+    if not isinstance(members, dict) or not isinstance(records, dict) or type(run) is not int:
         raise ImportRefusedError(f"{MANIFEST} names no run, no records or no members")
-    for name in sorted({*told, *names} - {MANIFEST}):
+    for name in sorted({*members, *names} - {MANIFEST}):
         if name not in names:
             raise ImportRefusedError(f"{name[:80]} is missing")
-        if not isinstance(told.get(name), dict):
+        if not isinstance(members.get(name), dict):
             raise ImportRefusedError(f"{name} is in the file, and {MANIFEST} does not name it")
-        if told[name].get("sha256") != _hash(archive, name):
-            raise _changed(archive, name, records)
+        if members[name].get("sha256") != _hash(archive, name):
+            raise _make_hash_error(archive, name, records)
     return manifest
 
 
-def _changed(archive: zipfile.ZipFile, name: str, told: Mapping[str, Any]) -> ImportRefusedError:
+def _make_hash_error(archive: zipfile.ZipFile, name: str, members: Mapping[str, Any]) -> ImportRefusedError:
     """Return the refusal of a member whose hash is another one; of records with the name of the one that differs."""
     if name == RECORDS:
         for record in _list(read_json(archive.read(RECORDS), RECORDS)):
-            if told.get(called(record)) != document_digest(record):
-                return ImportRefusedError(f"{called(record)} {_CHANGED}")
+            if members.get(get_record_name(record)) != document_digest(record):
+                return ImportRefusedError(f"{get_record_name(record)} {_CHANGED}")
     return ImportRefusedError(f"{name} {_CHANGED}")
 
 
@@ -291,11 +291,11 @@ def _records(archive: zipfile.ZipFile, manifest: Mapping[str, Any]) -> list[dict
     records = _list(document)
     if document.get("run") != manifest["run"]:
         raise ImportRefusedError(f"{MANIFEST} says that it is of run {manifest['run']}, {RECORDS} of another one")
-    told = manifest["records"]
+    record_list = manifest["records"]
     for record in records:
-        if told.get(called(record)) != document_digest(record):
-            raise ImportRefusedError(f"{called(record)} is another one than {MANIFEST} tells")
-    if len(told) != len(records) or len({called(record) for record in records}) != len(records):
+        if record_list.get(get_record_name(record)) != document_digest(record):
+            raise ImportRefusedError(f"{get_record_name(record)} is another one than {MANIFEST} tells")
+    if len(record_list) != len(records) or len({get_record_name(record) for record in records}) != len(records):
         raise ImportRefusedError(f"{MANIFEST} and {RECORDS} do not tell of the same records")
     return records
 

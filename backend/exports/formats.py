@@ -42,16 +42,16 @@ def write_files_whole(contents: Mapping[Path, Iterable[bytes]]) -> None:
     with ExitStack() as stack:
         written = []
         for file, pieces in contents.items():
-            with _naming(file):
+            with _name_file_in_errors(file):
                 written.append(_Written(file.resolve(), stack))
             for piece in pieces:
-                with _naming(file):
+                with _name_file_in_errors(file):
                     written[-1].opened.write(piece)
-            with _naming(file):
+            with _name_file_in_errors(file):
                 written[-1].complete()
         for one in written:
-            with _naming(one.target):
-                one.put_in_place()
+            with _name_file_in_errors(one.target):
+                one.rename_to_target()
 
 
 class _Written:
@@ -79,7 +79,7 @@ class _Written:
         self.opened.flush()
         os.fsync(self.opened.fileno())
 
-    def put_in_place(self) -> None:
+    def rename_to_target(self) -> None:
         """Give the content the name of its file."""
         if not self._has_name:
             self._part.unlink(missing_ok=True)
@@ -98,7 +98,7 @@ class _Written:
 
 
 @contextmanager
-def _naming(file: Path) -> Iterator[None]:
+def _name_file_in_errors(file: Path) -> Iterator[None]:
     """Raise errors of the operating system with the file that they are about."""
     try:
         yield
@@ -130,8 +130,8 @@ MEDIA_TYPES = {
 _READ = {
     DataFormat.CSV: writers.read_csv,
     DataFormat.PARQUET: writers.read_parquet,
-    DataFormat.MAT: matlab.read,
-    DataFormat.MCAP: mcap.read,
+    DataFormat.MAT: matlab.read_matlab,
+    DataFormat.MCAP: mcap.read_mcap,
 }
 
 
@@ -162,19 +162,19 @@ def read_export(file: Path) -> tuple[Facts, Iterator[Batch]]:
     if kind not in set(DataFormat):
         raise ImportRefusedError(f"it is none of {', '.join(f'.{one}' for one in DataFormat)}")
     file.stat()  # one that is not there is no matter of its content
-    with _refused():
+    with _translate_errors():
         facts, batches = _READ[DataFormat(kind)](file)
     return facts, _each(batches)
 
 
 def _each(batches: Iterator[Batch]) -> Iterator[Batch]:
-    with _refused():
+    with _translate_errors():
         yield from batches
 
 
 @contextmanager
-def _refused() -> Iterator[None]:
-    """Refuse whatever a library stumbles over in a file: it may be anybody's."""
+def _translate_errors() -> Iterator[None]:
+    """Raise ImportRefusedError for any error of a library that reads a file of unknown origin."""
     try:
         yield
     except (ImportRefusedError, GeneratorExit):

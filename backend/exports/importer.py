@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from backend.exports.base import Batch, Facts, ImportRefusedError, require_texts, table_of, unbroken
-from backend.exports.bundle import Bundle, opened, recording_of, report_of
+from backend.exports.base import Batch, Facts, ImportRefusedError, make_table, require_texts, unbroken
+from backend.exports.bundle import Bundle, make_recording_name, make_report_name, open_bundle
 from backend.exports.formats import file_digest, read_export
 from backend.models import UnreadableDocumentError, drop_first_bank, list_changed_banks, renumber_banks
 from backend.recording import CHUNK_TICKS, SamplesDigest, compute_recording_digest, pack_table, summarise_buckets
@@ -47,7 +47,7 @@ from backend.storage import (
 # all.
 
 
-LookOver = Callable[[Run], None]
+RunCheck = Callable[[Run], None]
 """Raises ImportRefusedError for a run that is not accepted, before its samples are stored."""
 
 
@@ -56,7 +56,7 @@ def accept(_run: Run) -> None:
 
 
 @dataclass(frozen=True)
-class TakenIn:
+class ImportResult:
     """The number that a run has here; ``was`` is its number where it was made; ``new`` unless it was here before."""
 
     run: int
@@ -64,7 +64,9 @@ class TakenIn:
     new: bool
 
 
-def import_export(database: Database, file: Path, who: str, name: str = "", look_over: LookOver = accept) -> TakenIn:
+def import_export(
+    database: Database, file: Path, who: str, name: str = "", check_run: RunCheck = accept
+) -> ImportResult:
     """Store an exported run: with its samples, parameters and settings, but without its banks.
 
     These are not in the file: its origin keeps by which numbers it named them. ``name`` is what the file is called
@@ -72,16 +74,16 @@ def import_export(database: Database, file: Path, who: str, name: str = "", look
 
     Raises ImportRefusedError, OSError.
     """
-    facts = checked(file)
-    document, was = run_of(facts), number_of(facts)
+    facts = check_export(file)
+    document, was = get_run(facts), get_run_number(facts)
     named = list_changed_banks(document["settings"]).numbers | ({document["bank_id"]} - {None})
-    carried = {origins.BANKS: sorted(named)} if named else {}
+    extra = {origins.BANKS: sorted(named)} if named else {}
     with database.session() as session:
         exclude_other_imports(session)
         if (here := same_run(session, document, facts)) is not None:
-            return TakenIn(here, was, new=False)
+            return ImportResult(here, was, new=False)
         alone = {**document, "bank_id": None, "settings": drop_first_bank(document["settings"])}
-        run_id = store_run(session, alone if named else document, file, look_over)
+        run_id = store_run(session, alone if named else document, file, check_run)
         origins.add(
             session,
             Origin(
@@ -91,13 +93,13 @@ def import_export(database: Database, file: Path, who: str, name: str = "", look
                 file=name or file.name,
                 sha256=file_digest(file),
                 who=who,
-                carried=carried,
+                carried=extra,
             ),
         )
-    return TakenIn(run_id, was, new=True)
+    return ImportResult(run_id, was, new=True)
 
 
-def checked(file: Path) -> Facts:
+def check_export(file: Path) -> Facts:
     """Read all of an export and return its facts. Raises ImportRefusedError where its samples are others than told."""
     facts, batches = read_export(file)
     try:
@@ -113,7 +115,7 @@ def require_matching_facts(facts: Facts, batches: Iterable[Batch]) -> None:
     digest, samples = SamplesDigest(facts.fields, facts.period_s), 0
     try:
         for tick, batch in _pieces(facts, batches):
-            digest.add(tick, table_of(batch, facts.fields))
+            digest.add(tick, make_table(batch, facts.fields))
             samples += batch["t"].size
     except (ValueError, OverflowError) as error:
         raise ImportRefusedError(str(error)) from None
@@ -123,7 +125,7 @@ def require_matching_facts(facts: Facts, batches: Iterable[Batch]) -> None:
         raise ImportRefusedError(f"its samples are not those that were exported: their sha256 is {digest.hex()}")
 
 
-def run_of(facts: Facts) -> dict[str, Any]:
+def get_run(facts: Facts) -> dict[str, Any]:
     """Return the run that an export is of. Raises ImportRefusedError."""
     if facts.run is None:
         raise ImportRefusedError(f"it is of {facts.of}, no run")
@@ -133,7 +135,7 @@ def run_of(facts: Facts) -> dict[str, Any]:
         raise ImportRefusedError(f"its run: {error}") from None
 
 
-def number_of(facts: Facts) -> int:
+def get_run_number(facts: Facts) -> int:
     """Return the number of the run where it was made. Raises ImportRefusedError."""
     kind, _, number = facts.of.partition(" ")
     if kind != RUN or not number.isdecimal() or len(number) > 9:
@@ -155,13 +157,13 @@ def same_run(session: Session, document: Mapping[str, Any], facts: Facts | None)
     return here
 
 
-def store_run(session: Session, document: Mapping[str, Any], file: Path | None, look_over: LookOver = accept) -> int:
-    """Store a run with the samples of an export that was ``checked``. Raises ImportRefusedError."""
+def store_run(session: Session, document: Mapping[str, Any], file: Path | None, check_run: RunCheck = accept) -> int:
+    """Store a run with the samples of an export that was ``check_export``. Raises ImportRefusedError."""
     run_id = import_document(session, RUN, dict(document))
     try:
         run = runs.get(session, run_id)
         _ = run.set_to
-        look_over(run)
+        check_run(run)
     except UnreadableDocumentError as error:
         raise ImportRefusedError(f"its run: {error}") from None
     if file is not None:
@@ -175,7 +177,7 @@ def store_run(session: Session, document: Mapping[str, Any], file: Path | None, 
             problem=facts.problem,
         )
         for tick, batch in _pieces(facts, batches):
-            table = table_of(batch, facts.fields)
+            table = make_table(batch, facts.fields)
             chunks = [
                 Chunk(tick + begin, len(part), pack_table(summarise_buckets(part)), pack_table(part))
                 for begin in range(0, len(table), CHUNK_TICKS)
@@ -211,8 +213,8 @@ Numbers = dict[tuple[str, int], int]
 
 
 def import_bundle(
-    database: Database, file: Path, who: str, folder: Path, name: str = "", look_over: LookOver = accept
-) -> TakenIn:
+    database: Database, file: Path, who: str, folder: Path, name: str = "", check_run: RunCheck = accept
+) -> ImportResult:
     """Store the run of a bundle with all that it came from, of which nothing that is here already is stored again.
 
     ``folder`` has room for it unpacked, ``name`` is what the file is called where its own is another.
@@ -220,7 +222,7 @@ def import_bundle(
 
     Raises ImportRefusedError, OSError.
     """
-    with opened(file) as bundle, TemporaryDirectory(prefix=IMPORTING, dir=folder) as unpacked:
+    with open_bundle(file) as bundle, TemporaryDirectory(prefix=IMPORTING, dir=folder) as unpacked:
         recorded = _recordings(bundle, Path(unpacked))
         numbers: Numbers = {}
         new = False
@@ -228,64 +230,68 @@ def import_bundle(
         with database.session() as session:
             exclude_other_imports(session)
             for record in bundle.records:
-                new |= _take_in(
+                new |= _import_member(
                     session=session,
                     record=record,
                     numbers=numbers,
                     recorded=recorded,
                     origin=origin,
-                    look_over=look_over,
+                    check_run=check_run,
                 )
             if (RUN, bundle.run) not in numbers:
                 raise ImportRefusedError(f"run {bundle.run}, which it is of, is not among its records")
             run_id = numbers[RUN, bundle.run]
-            if new and report_of(bundle.run) in bundle.names and results.newest_report(session, run_id, "html") is None:
-                results.add_report(session, run_id, "html", bundle.text(report_of(bundle.run)))
-    return TakenIn(run_id, bundle.run, new=new)
+            if (
+                new
+                and make_report_name(bundle.run) in bundle.names
+                and results.newest_report(session, run_id, "html") is None
+            ):
+                results.add_report(session, run_id, "html", bundle.text(make_report_name(bundle.run)))
+    return ImportResult(run_id, bundle.run, new=new)
 
 
 def _recordings(bundle: Bundle, folder: Path) -> dict[int, tuple[Facts, Path]]:
     """Unpack and read all recordings. Raises ImportRefusedError for one that is not that of its run."""
     found = {}
     for record in bundle.records:
-        member = recording_of(record["number"])
+        member = make_recording_name(record["number"])
         if record["kind"] == RUN and member in bundle.names:
             file = folder / f"{record['number']}.parquet"
             bundle.unpack(member, file)
             try:
-                facts = checked(file)
-                if number_of(facts) != record["number"] or facts.run != record["document"]:
+                facts = check_export(file)
+                if get_run_number(facts) != record["number"] or facts.run != record["document"]:
                     raise ImportRefusedError("it is of another run")
             except ImportRefusedError as error:
                 raise ImportRefusedError(f"{member}: {error}") from None
             found[record["number"]] = facts, file
-    known = {recording_of(number) for number in found} | {report_of(bundle.run)}
+    known = {make_recording_name(number) for number in found} | {make_report_name(bundle.run)}
     for name in sorted(bundle.names):
         if "/" in name and name not in known:
             raise ImportRefusedError(f"{name} belongs to no run of the bundle")
     return found
 
 
-def _take_in(
+def _import_member(
     session: Session,
     record: Mapping[str, Any],
     numbers: Numbers,
     recorded: Mapping[int, tuple[Facts, Path]],
     origin: Origin,
-    look_over: LookOver,
+    check_run: RunCheck,
 ) -> bool:
     """Store one record unless it is here; return whether something was. Raises ImportRefusedError with its name."""
     kind, was = record["kind"], record["number"]
     try:
         document, unconnected = parse_required_record(kind, record["document"]), origins.BANKS in record["carried"]
         require_identification_document(record["carried"], of_run=kind == RUN)
-        document = _renumbered(document, numbers, unconnected=unconnected)
+        document = _renumber(document, numbers, unconnected=unconnected)
         facts, file = recorded.get(was, (None, None)) if kind == RUN else (None, None)
         here = same_run(session, document, facts) if kind == RUN else find_same_record(session, kind, document)
         new = here is None or (kind == RUN and not unconnected and connect_imported_bank(session, here, document))
         if here is None:
-            here = _store(session, kind, document, file, look_over)
-            told = Origin(
+            here = _store(session, kind, document, file, check_run)
+            record_origin = Origin(
                 kind=kind,
                 number=here,
                 was=was,
@@ -294,17 +300,17 @@ def _take_in(
                 who=origin.who,
                 carried=record["carried"],
             )
-            origins.add(session, told)
+            origins.add(session, record_origin)
     except (UnfitDocumentError, UnreadableDocumentError, ImportRefusedError) as error:
         raise ImportRefusedError(f"{kind} {was}: {error}") from None
     numbers[kind, was] = here
     return new
 
 
-def _store(session: Session, kind: str, document: Document, file: Path | None, look_over: LookOver) -> int:
+def _store(session: Session, kind: str, document: Document, file: Path | None, check_run: RunCheck) -> int:
     """Store a document, and see that what it says can be read. Raises ImportRefusedError, UnreadableDocumentError."""
     if kind == RUN:
-        return store_run(session, document, file, look_over)
+        return store_run(session, document, file, check_run)
     number = import_document(session, kind, document)
     if kind == RESULT:
         results.newest(session, document["run_id"])
@@ -313,7 +319,7 @@ def _store(session: Session, kind: str, document: Document, file: Path | None, l
     return number
 
 
-def _renumbered(document: Document, numbers: Numbers, *, unconnected: bool) -> Document:
+def _renumber(document: Document, numbers: Numbers, *, unconnected: bool) -> Document:
     """Return a document that names other records by their numbers here; ``unconnected`` is a run without its banks.
 
     Raises ImportRefusedError.

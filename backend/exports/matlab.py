@@ -103,7 +103,7 @@ def _small(facts: Facts) -> bytes:
     return buffer.getvalue()[_HEADER.size :]
 
 
-def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
+def read_matlab(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
     found = _vectors(file)
     if FACTS not in found:

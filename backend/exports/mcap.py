@@ -111,8 +111,8 @@ def write(export: Export) -> Iterator[bytes]:
     writer.start(profile="", library=f"Sinew {facts.software}")
     writer.add_metadata(FACTS, {"facts": facts.to_json(), "notation": facts.notation})
     writer.add_attachment(0, 0, _LAYOUT, "application/json", foxglove_layout().encode())
-    told = writers.json_schema(facts.columns, facts.notation)
-    schema = writer.register_schema(writers.NAME, "jsonschema", told)
+    facts_schema = writers.json_schema(facts.columns, facts.notation)
+    schema = writer.register_schema(writers.NAME, "jsonschema", facts_schema)
     channel = writer.register_channel(TOPIC, "json", schema, {"of": facts.of})
     began = 0 if facts.started_at is None else _nanoseconds(datetime.fromisoformat(facts.started_at))
     number = 0
@@ -121,9 +121,9 @@ def write(export: Export) -> Iterator[bytes]:
         for stamp, text in zip(stamps.tolist(), writers.lines(facts.names, batch), strict=True):
             writer.add_message(channel, stamp, text, stamp, number)
             number = (number + 1) & 0xFFFFFFFF
-        yield sink.taken()
+        yield sink.take()
     writer.finish()  # type: ignore[no-untyped-call]  # the package does not say that it returns nothing
-    yield sink.taken()
+    yield sink.take()
 
 
 def _nanoseconds(at: datetime) -> int:
@@ -131,22 +131,22 @@ def _nanoseconds(at: datetime) -> int:
     return (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1_000
 
 
-def read(file: Path) -> tuple[Facts, Iterator[Batch]]:
+def read_mcap(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
     from mcap.records import Metadata
 
     with file.open("rb") as opened:
         metadata = (one for one in _records(opened) if isinstance(one, Metadata) and one.name == FACTS)
-        told = next(metadata, None)
-    if told is None or "facts" not in told.metadata:
+        metadata_record = next(metadata, None)
+    if metadata_record is None or "facts" not in metadata_record.metadata:
         raise ImportRefusedError("it does not say which samples these are: it is no export of a run")
-    facts = read_facts(told.metadata["facts"])
+    facts = read_facts(metadata_record.metadata["facts"])
 
     def batches() -> Iterator[Batch]:
         rows: list[list[float | None]] = []
         for text in _messages(file):
-            said = json.loads(text, parse_int=float)  # or -0 would lose its sign
-            rows.append([said[name] for name in facts.names])
+            message = json.loads(text, parse_int=float)  # or -0 would lose its sign
+            rows.append([message[name] for name in facts.names])
             if len(rows) == _BATCH:
                 yield _batch(facts, rows)
                 rows = []

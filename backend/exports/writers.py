@@ -37,7 +37,7 @@ def write_csv(export: Export) -> Iterator[bytes]:
     import pyarrow.csv
 
     facts = export.facts
-    yield _heading(facts).encode()
+    yield _make_heading(facts).encode()
     plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
     for batch in export.batches():
         buffer = io.BytesIO()
@@ -71,10 +71,10 @@ def csv_schema(facts: Facts) -> "pa.Schema":
 def read_csv(file: Path) -> tuple[Facts, Iterator[Batch]]:
     """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
     lines = heading_lines(file)
-    told = next((line for line in lines if line.startswith(_MARK)), None)
-    if told is None:
+    facts_line = next((line for line in lines if line.startswith(_MARK)), None)
+    if facts_line is None:
         raise ImportRefusedError("it has no line that says which samples these are: it is no export of a run")
-    facts = read_facts(told.removeprefix(_MARK))
+    facts = read_facts(facts_line.removeprefix(_MARK))
     return facts, _batches(file, facts, len(lines))
 
 
@@ -92,7 +92,7 @@ def find_heading_problem(file: Path, facts: Facts) -> str:
 
     A person reads units and meanings there. Raises OSError, UnicodeDecodeError.
     """
-    found, wanted = [line.rstrip("\n") for line in heading_lines(file)], _heading(facts).split("\n")[:-2]
+    found, wanted = [line.rstrip("\n") for line in heading_lines(file)], _make_heading(facts).split("\n")[:-2]
     as_before = f"{_MARK}{facts.to_json()}"  # of a file from before cells were guarded
     for number, (line, due) in enumerate(zip_longest(found, wanted, fillvalue=""), start=1):
         if line not in (due, as_before if due.startswith(_MARK) else due):
@@ -114,10 +114,10 @@ def _batches(file: Path, facts: Facts, skip: int) -> Iterator[Batch]:
             yield {name: part.column(name).to_numpy(zero_copy_only=False) for name in facts.names}
 
 
-def _heading(facts: Facts) -> str:
-    told = [as_comment(f"{facts.of}, Sinew {facts.software}; {facts.notation}")]
-    told += [as_comment(f"{one.name} [{one.unit}] {one.symbol}: {one.meaning}") for one in facts.columns]
-    return "\n".join([*told, f"{_MARK}{as_json_cells(facts.to_json())}", ",".join(map(as_cell, facts.names))]) + "\n"
+def _make_heading(facts: Facts) -> str:
+    lines = [as_comment(f"{facts.of}, Sinew {facts.software}; {facts.notation}")]
+    lines += [as_comment(f"{one.name} [{one.unit}] {one.symbol}: {one.meaning}") for one in facts.columns]
+    return "\n".join([*lines, f"{_MARK}{as_json_cells(facts.to_json())}", ",".join(map(as_cell, facts.names))]) + "\n"
 
 
 # JSON samples --------------------------------------------------------------------------------------
@@ -161,13 +161,13 @@ def lines(names: Sequence[str], batch: Batch) -> list[bytes]:
 
     parts: list[Any] = []
     for place, name in enumerate(names):
-        parts += [("{" if place == 0 else ",") + json.dumps(name) + ":", _written(batch[name])]
+        parts += [("{" if place == 0 else ",") + json.dumps(name) + ":", _format_numbers(batch[name])]
     joined = pc.binary_join_element_wise(*parts, "}", "")
     written: list[bytes] = joined.cast(pa.binary()).to_pylist()
     return written
 
 
-def _written(values: NDArray[Any]) -> "pa.Array":
+def _format_numbers(values: NDArray[Any]) -> "pa.Array":
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -200,8 +200,8 @@ def write_parquet(export: Export) -> Iterator[bytes]:
     with pyarrow.parquet.ParquetWriter(sink, columns, compression="zstd") as writer:
         for batch in export.batches():
             writer.write_table(table(facts, batch).replace_schema_metadata(columns.metadata))
-            yield sink.taken()
-    yield sink.taken()
+            yield sink.take()
+    yield sink.take()
 
 
 def read_parquet(file: Path) -> tuple[Facts, Iterator[Batch]]:
@@ -209,10 +209,10 @@ def read_parquet(file: Path) -> tuple[Facts, Iterator[Batch]]:
     import pyarrow.parquet
 
     opened = pyarrow.parquet.ParquetFile(file, pre_buffer=False)  # or it would hold all of the file
-    told = (opened.schema_arrow.metadata or {}).get(FACTS.encode())
-    if told is None:
+    facts_text = (opened.schema_arrow.metadata or {}).get(FACTS.encode())
+    if facts_text is None:
         raise ImportRefusedError("its metadata do not say which samples these are: it is no export of a run")
-    facts = read_facts(told)
+    facts = read_facts(facts_text)
     groups = [opened.metadata.row_group(number) for number in range(opened.metadata.num_row_groups)]
     if opened.schema_arrow.names != facts.names or opened.metadata.num_rows != facts.samples:
         raise ImportRefusedError("it has not the columns or the samples that it says it has")
@@ -233,6 +233,6 @@ def find_schema_problem(file: Path, facts: Facts) -> str:
 
     for found, due in zip(pyarrow.parquet.read_schema(file), csv_schema(facts), strict=True):
         if (found.metadata or {}) != due.metadata:
-            said = {key.decode(): value.decode("utf-8", "replace") for key, value in (found.metadata or {}).items()}
-            return f"{found.name} has {said}"
+            metadata = {key.decode(): value.decode("utf-8", "replace") for key, value in (found.metadata or {}).items()}
+            return f"{found.name} has {metadata}"
     return ""

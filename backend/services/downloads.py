@@ -16,7 +16,7 @@ from backend.exports import (
     DataFormat,
     ExportError,
     ImportRefusedError,
-    TakenIn,
+    ImportResult,
     bundle,
     export_columns,
     export_run,
@@ -44,7 +44,7 @@ _LONGEST_EXPERIMENT = 4 * parser.MAX_CHARACTERS
 """Characters of an experiment as a run keeps it: its JSON has more of them than the YAML that was sent."""
 
 
-def import_run_file(database: Database, file: Path, who: str, folder: Path, name: str = "") -> TakenIn:
+def import_run_file(database: Database, file: Path, who: str, folder: Path, name: str = "") -> ImportResult:
     """Store the run of a file, a bundle (.zip) or an export, whole or not at all; ``name`` is what it is called.
 
     ``folder`` has room for a bundle unpacked. Raises ImportRefusedError, OSError.
@@ -52,7 +52,7 @@ def import_run_file(database: Database, file: Path, who: str, folder: Path, name
     called = as_line(name or file.name)
     if file.suffix.lower() == ".zip":
         return importer.import_bundle(
-            database=database, file=file, who=who, folder=folder, name=called, look_over=look_over
+            database=database, file=file, who=who, folder=folder, name=called, check_run=look_over
         )
     return importer.import_export(database, file, who, called, look_over)
 

@@ -12,7 +12,7 @@ import pytest
 
 from backend.exports import bundle
 from backend.exports.base import ExportError, ImportRefusedError
-from backend.exports.importer import TakenIn, import_bundle
+from backend.exports.importer import ImportResult, import_bundle
 from backend.models.document import document_digest
 from backend.reports.evidence import ReportManifest, read_accounts
 from backend.reports.verification import Verified, read_stored_samples, verify_report
@@ -27,7 +27,7 @@ def test_it_comes_into_an_empty_installation_with_its_lineage(
 ) -> None:
     with there.session() as session:  # so that all numbers are others
         recorded(session)
-    assert import_bundle(there, file, "Ben", tmp_path / "there") == TakenIn(run=3, was=2, new=True)
+    assert import_bundle(there, file, "Ben", tmp_path / "there") == ImportResult(run=3, was=2, new=True)
     before, after = boxes(here, run), boxes(there, 3)
     assert list(after) == list(before)
     assert {key.split()[0] for key in after} == {
@@ -63,10 +63,10 @@ def test_a_report_from_a_bundle_holds_where_it_was_taken_in(there: Database, fil
 def test_twice_is_told_and_does_nothing(here: Database, there: Database, run: int, file: Path, tmp_path: Path) -> None:
     assert import_bundle(there, file, "Ben", tmp_path).new
     before = held(there)
-    assert import_bundle(there, file, "Ben", tmp_path) == TakenIn(run=2, was=2, new=False)
+    assert import_bundle(there, file, "Ben", tmp_path) == ImportResult(run=2, was=2, new=False)
     assert held(there) == before
     before = held(here)
-    assert import_bundle(here, file, "Ben", tmp_path) == TakenIn(run=run, was=2, new=False)
+    assert import_bundle(here, file, "Ben", tmp_path) == ImportResult(run=run, was=2, new=False)
     assert held(here) == before
 
 
@@ -75,7 +75,7 @@ def test_what_was_taken_in_can_be_handed_on(
 ) -> None:
     taken = import_bundle(there, file, "Ben", tmp_path)
     file.write_bytes(b"".join(stream_bundle(there, taken.run, tmp_path)))
-    assert import_bundle(here, file, "Ana", tmp_path) == TakenIn(run=run, was=taken.run, new=False)
+    assert import_bundle(here, file, "Ana", tmp_path) == ImportResult(run=run, was=taken.run, new=False)
 
 
 def test_every_single_change_is_found(there: Database, file: Path, tmp_path: Path) -> None:
@@ -170,7 +170,9 @@ def forged(change: Callable[[Any], None], *, alone: bool = False) -> Callable[[d
         text = json.dumps(document)
         members["records.json"] = text.replace(f'"{HUGE}"', HUGE).encode()
         manifest["members"]["records.json"]["sha256"] = hashlib.sha256(members["records.json"]).hexdigest()
-        manifest["records"] = {bundle.called(record): document_digest(record) for record in document["records"]}
+        manifest["records"] = {
+            bundle.get_record_name(record): document_digest(record) for record in document["records"]
+        }
         members["manifest.json"] = json.dumps(manifest).encode()
 
     return forge

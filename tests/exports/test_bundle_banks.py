@@ -10,7 +10,7 @@ import pytest
 from backend.exports import bundle
 from backend.exports.base import ExportError, export_run
 from backend.exports.formats import DataFormat, write_export
-from backend.exports.importer import TakenIn, import_bundle
+from backend.exports.importer import ImportResult, import_bundle
 from backend.exports.importer import import_export as take_in_alone
 from backend.models.run import list_changed_banks
 from backend.storage import banks, identifications, origins, results, runs
@@ -32,12 +32,12 @@ def test_a_run_that_was_imported_alone_is_given_its_bank(
         assert origins.of_runs(session, [alone])[alone].carried == {"banks": [1]}
     (gains,) = [box for box in boxes(there, alone).values() if box.kind == "gains"]
     assert gains.no_sha256 == "its bank was not imported with it: a bundle has it"
-    assert import_bundle(there, file, "Ben", tmp_path) == TakenIn(run=alone, was=run, new=True)
+    assert import_bundle(there, file, "Ben", tmp_path) == ImportResult(run=alone, was=run, new=True)
     with there.reading() as session:
         found = runs.get(session, alone)
         assert (found.bank_id, found.settings["loop"]["bank"]) == (2, 2)
     assert list(boxes(there, alone)) == list(boxes(here, run))
-    assert import_bundle(there, file, "Ben", tmp_path) == TakenIn(run=alone, was=run, new=False)
+    assert import_bundle(there, file, "Ben", tmp_path) == ImportResult(run=alone, was=run, new=False)
 
 
 BY_NUMBER = {"do": "tuning", "bank": 2}
@@ -87,8 +87,8 @@ def test_banks_that_a_run_changes_to_come_along(
     before, after = boxes(here, run), boxes(there, taken)
     assert sorted(after) == sorted(before)
     assert sorted(box.title for box in after.values() if box.bank) == ["one v1", "two v1"]
-    assert import_bundle(there, file, "Ben", tmp_path) == TakenIn(run=taken, was=run, new=False)
-    assert import_bundle(here, file, "Ana", tmp_path) == TakenIn(run=run, was=run, new=False)
+    assert import_bundle(there, file, "Ben", tmp_path) == ImportResult(run=taken, was=run, new=False)
+    assert import_bundle(here, file, "Ana", tmp_path) == ImportResult(run=run, was=run, new=False)
 
 
 def test_a_bank_whose_number_is_computed_is_told(here: Database, tmp_path: Path) -> None:
@@ -110,4 +110,4 @@ def test_stations_on_one_database_each_get_their_own(there: Database, run: int, 
             assert banks.own(session, found.bank_id).name == "bench"
             assert len(identifications.find(session)) == 1
             assert results.newest(session, one.run) is not None
-        assert import_bundle(database, file, "Ben", tmp_path) == TakenIn(one.run, run, new=False)
+        assert import_bundle(database, file, "Ben", tmp_path) == ImportResult(one.run, run, new=False)

@@ -11,7 +11,7 @@ from sqlalchemy import text
 
 from backend.exports.base import export_run
 from backend.exports.formats import DataFormat, write_export
-from backend.exports.importer import TakenIn, import_bundle, import_export
+from backend.exports.importer import ImportResult, import_bundle, import_export
 from backend.models.upgrades import OLDER
 from backend.services.downloads import stream_bundle
 from backend.storage import identifications, results, runs
@@ -64,7 +64,7 @@ def test_a_bundle_of_an_earlier_version_comes_in_whole(
 ) -> None:
     file, later = tmp_path / "earlier.zip", tmp_path / "later.zip"
     file.write_bytes(b"".join(stream_bundle(earlier, run, tmp_path)))
-    assert import_bundle(there, file, "Ben", tmp_path / "there") == TakenIn(run=2, was=run, new=True)
+    assert import_bundle(there, file, "Ben", tmp_path / "there") == ImportResult(run=2, was=run, new=True)
     before = held(there)
     with closing(migrated(earlier, tmp_path / "here", BEFORE)) as here:
         with here.reading() as one, there.reading() as other:
@@ -82,8 +82,8 @@ def test_a_bundle_of_an_earlier_version_comes_in_whole(
             assert ours.actuator.quality.G_q.residuals.whiteness.bound[0] == pytest.approx(0.109, abs=5e-4)
         later.write_bytes(b"".join(stream_bundle(here, run, tmp_path)))
         for known in (file, later):
-            assert import_bundle(there, known, "Ben", tmp_path / "there") == TakenIn(run=2, was=run, new=False)
-            assert import_bundle(here, known, "Ben", tmp_path / "here") == TakenIn(run=2, was=run, new=False)
+            assert import_bundle(there, known, "Ben", tmp_path / "there") == ImportResult(run=2, was=run, new=False)
+            assert import_bundle(here, known, "Ben", tmp_path / "here") == ImportResult(run=2, was=run, new=False)
     assert held(there) == before
 
 
@@ -93,11 +93,11 @@ def test_an_export_of_an_earlier_version_comes_in_once(
 ) -> None:
     file, later = tmp_path / f"earlier.{kind}", tmp_path / f"later.{kind}"
     write_export(export_run(earlier, run), kind, file)
-    assert import_export(there, file, "Ben") == TakenIn(run=1, was=run, new=True)
+    assert import_export(there, file, "Ben") == ImportResult(run=1, was=run, new=True)
     with there.reading() as session:
         assert runs.get(session, 1).set_to.loop.motion == "time-optimal"
     with closing(migrated(earlier, tmp_path / "here", BEFORE)) as here:
         write_export(export_run(here, run), kind, later)
         for known in (file, later):
-            assert import_export(there, known, "Ben") == TakenIn(run=1, was=run, new=False)
-            assert import_export(here, known, "Ben") == TakenIn(run=run, was=run, new=False)
+            assert import_export(there, known, "Ben") == ImportResult(run=1, was=run, new=False)
+            assert import_export(here, known, "Ben") == ImportResult(run=run, was=run, new=False)

@@ -13,7 +13,7 @@ from scipy.io import savemat
 
 from backend.exports.base import SEAL, ExportError, ImportRefusedError, export_columns, export_run
 from backend.exports.formats import DataFormat, write_export
-from backend.exports.importer import TakenIn, import_export
+from backend.exports.importer import ImportResult, import_export
 from backend.models.document import document_digest
 from backend.recording.codec import compute_recording_digest
 from backend.recording.reader import read_samples
@@ -54,7 +54,7 @@ def test_a_run_comes_back_with_its_samples_gaps_parameters_and_settings(
     here: Database, there: Database, run: int, kind: DataFormat, tmp_path: Path
 ) -> None:
     taken = import_export(there, exported(here, run, kind, tmp_path), "Ben")
-    assert taken == TakenIn(run=1, was=2, new=True)
+    assert taken == ImportResult(run=1, was=2, new=True)
     with here.reading() as one, there.reading() as other:
         before, after = runs.get(one, run), runs.get(other, 1)
         assert vars(after) == vars(before) | {"id": 1}
@@ -65,8 +65,8 @@ def test_a_run_comes_back_with_its_samples_gaps_parameters_and_settings(
         kept = recordings.get(other, 1)
         assert (kept.missed, kept.problem) == (10, "the disk was full")
         assert origins.of_runs(other, [1])[1].sentence == f"imported from run.{kind}, there run 2"
-    assert import_export(there, tmp_path / f"run.{kind}", "Ben") == TakenIn(run=1, was=2, new=False)
-    assert import_export(here, tmp_path / f"run.{kind}", "Ben") == TakenIn(run=2, was=2, new=False)
+    assert import_export(there, tmp_path / f"run.{kind}", "Ben") == ImportResult(run=1, was=2, new=False)
+    assert import_export(here, tmp_path / f"run.{kind}", "Ben") == ImportResult(run=2, was=2, new=False)
 
 
 @pytest.mark.parametrize("kind", DataFormat)
@@ -120,7 +120,7 @@ def test_what_a_csv_says_of_itself_has_to_hold(here: Database, there: Database, 
 def test_a_csv_with_a_byte_order_mark_is_taken_in(here: Database, there: Database, run: int, tmp_path: Path) -> None:
     file = exported(here, run, "csv", tmp_path)
     file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
-    assert import_export(there, file, "Ben") == TakenIn(run=1, was=2, new=True)
+    assert import_export(there, file, "Ben") == ImportResult(run=1, was=2, new=True)
     with here.reading() as one, there.reading() as other:
         assert compute_recording_digest(other, 1) == compute_recording_digest(one, run)
 
