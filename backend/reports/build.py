@@ -8,7 +8,7 @@ from typing import Any
 from backend.analysis import evaluate_pending_runs
 from backend.exports import DataFormat, export_run_if_recorded, stream_export, write_files_whole
 from backend.models import CRITERIA
-from backend.reports.evidence import ReportManifest, evidence_of, to_element
+from backend.reports.evidence import ReportManifest, build_manifest, to_element
 from backend.reports.experiment_report import (
     compliance_report,
     composed_report,
@@ -60,11 +60,11 @@ def build_report(source: RunData) -> Report:
     """Build the report of a run of any kind; what was only recorded gets its curves without a judgement."""
     report = _BUILDERS.get(RunKind(source.run.kind), recording_report)(source)
     report = replace(report, facts=(*report.facts, *definitions_facts([source])))
-    evidence = evidence_of(source)
+    evidence = build_manifest(source)
     if evidence is None:
-        return told(report, source.angles)
+        return format_report_angles(report, source.angles)
     sections = (*report.sections, *timing_section(source), hashes_section(evidence))
-    return told(replace(report, sections=sections, evidence=to_element(evidence)), source.angles)
+    return format_report_angles(replace(report, sections=sections, evidence=to_element(evidence)), source.angles)
 
 
 def hashes_section(evidence: ReportManifest) -> ReportSection:
@@ -80,7 +80,7 @@ def hashes_section(evidence: ReportManifest) -> ReportSection:
     )
 
 
-def told(report: Report, angles: AngleUnit) -> Report:
+def format_report_angles(report: Report, angles: AngleUnit) -> Report:
     """Return a report with the angles in its prose as they are read; numbers of tables and axes are so already.
 
     What somebody has written or named stays as it was written: what is marked as quoted, or stands between “ and ”.
@@ -92,18 +92,18 @@ def told(report: Report, angles: AngleUnit) -> Report:
             fact if fact.quoted else replace(fact, text=format_angles(fact.text, angles)) for fact in report.facts
         ),
         sections=tuple(
-            replace(section, blocks=tuple(_told_block(block, angles) for block in section.blocks))
+            replace(section, blocks=tuple(_format_block_angles(block, angles) for block in section.blocks))
             for section in report.sections
         ),
     )
 
 
-def _told_block(block: Block, angles: AngleUnit) -> Block:
+def _format_block_angles(block: Block, angles: AngleUnit) -> Block:
     match block:
         case Paragraph(text):
             return Paragraph(format_angles(text, angles))
         case Table(caption, columns, rows):
-            told = tuple(
+            formatted = tuple(
                 tuple(
                     cell if column.quoted else format_angles(cell, angles)
                     for column, cell in zip(columns, row, strict=True)
@@ -112,7 +112,7 @@ def _told_block(block: Block, angles: AngleUnit) -> Block:
             )
             if any(NO_FIGURE in row for row in rows):
                 caption += f" {NO_FIGURE} means: there is no such figure."
-            return Table(format_angles(caption, angles), columns, told)
+            return Table(format_angles(caption, angles), columns, formatted)
         case Figure(name, svg, caption):
             return Figure(name, svg, format_angles(caption, angles))
         case Code(caption, text):

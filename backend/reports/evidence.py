@@ -44,16 +44,16 @@ def of_samples(columns: Columns) -> str:
     """Return the SHA-256 of all samples signal by signal: their times, then what is stored of each."""
     found = hashlib.sha256()
     for name in _present(columns):
-        found.update(_stored(columns, name).tobytes())
+        found.update(_normalise_column(columns, name).tobytes())
     return found.hexdigest()
 
 
-def blocks_of(columns: Columns) -> dict[str, list[str]]:
+def compute_block_hashes(columns: Columns) -> dict[str, list[str]]:
     """Return for each signal, and their times, the check sum of each stretch of its samples."""
     size = columns["t"].size
     return {
         name: [_check(stored[start : start + _BLOCK]) for start in range(0, size, _BLOCK)]
-        for name, stored in ((name, _stored(columns, name)) for name in _present(columns))
+        for name, stored in ((name, _normalise_column(columns, name)) for name in _present(columns))
     }
 
 
@@ -65,7 +65,7 @@ def _check(stored: NDArray[Any]) -> str:
     return f"{zlib.crc32(stored.tobytes()):08x}"
 
 
-def _stored(columns: Columns, name: str) -> NDArray[Any]:
+def _normalise_column(columns: Columns, name: str) -> NDArray[Any]:
     """Return times in whole ns, which every format gives back; signals in single precision, with one kind of nan."""
     if name == "t":
         return np.rint(1e9 * columns["t"]).astype("<f8")
@@ -122,7 +122,7 @@ class StoredEstimate:
 
 
 @dataclass(frozen=True)
-class CarriedBank:
+class StoredBankSummary:
     """What gains came from; not when it was stored, nor by whom."""
 
     name: str
@@ -146,7 +146,7 @@ class ReportManifest:
     run: Run
     metrics: dict[str, Any] | None
     criteria: list[dict[str, Any]]
-    bank: CarriedBank | None
+    bank: StoredBankSummary | None
     identification: StoredEstimate | None
     runs_of: dict[int, int | None]
     fits: dict[int, dict[str, StoredFit]]
@@ -171,7 +171,7 @@ _EVIDENCE: TypeAdapter[ReportManifest] = TypeAdapter(ReportManifest)
 _SERIES: TypeAdapter[SeriesEvidence] = TypeAdapter(SeriesEvidence)
 
 
-def hashes_of(evidence: ReportManifest, columns: Columns) -> dict[str, str]:
+def compute_hashes(evidence: ReportManifest, columns: Columns) -> dict[str, str]:
     """Return the hash of each thing that the report's numbers come from, by its name."""
     run = evidence.run
     found = {
@@ -186,42 +186,42 @@ def hashes_of(evidence: ReportManifest, columns: Columns) -> dict[str, str]:
     return found
 
 
-def evidence_of(source: RunData) -> ReportManifest | None:
+def build_manifest(source: RunData) -> ReportManifest | None:
     """Return the account of a run; none of a session, of which nothing is computed."""
     if source.run.kind == RunKind.SESSION:
         return None
     result, columns = source.result, source.columns
     missing = None if result is None else result.metrics.missing_samples
     metrics = None if result is None else METRICS.write(result.metrics)
-    told = ReportManifest(
+    manifest = ReportManifest(
         format=FORMAT,
         run=replace(source.run, **unseen(metrics)),
         metrics=metrics,
         criteria=[] if result is None else CRITERIA.write(result.criteria),
-        bank=carried(source.bank),
-        identification=None if source.identification is None else estimate_of(source.identification),
-        runs_of={of: source.runs_of[of] for of in _named(source)},
+        bank=to_stored_bank(source.bank),
+        identification=None if source.identification is None else to_stored_estimate(source.identification),
+        runs_of={of: source.runs_of[of] for of in _find_identifications(source)},
         fits={number: dict(fits) for number, fits in source.fits.items()},
         angles=source.angles,
         missed_before=max(0, (missing or 0) - count_missing_ticks(columns)),
         samples=columns["t"].size,
         hashes={},
-        blocks=blocks_of(columns),
+        blocks=compute_block_hashes(columns),
         made_with=made_with(),
     )
-    told = replace(told, hashes=hashes_of(told, columns))
-    return replace(told, hashes={**told.hashes, ACCOUNT: account_hash(told)})
+    manifest = replace(manifest, hashes=compute_hashes(manifest, columns))
+    return replace(manifest, hashes={**manifest.hashes, ACCOUNT: account_hash(manifest)})
 
 
-def carried(bank: Bank | None) -> CarriedBank | None:
-    """Return what a report carries of a bank."""
-    return None if bank is None else CarriedBank(bank.name, bank.version, bank.entries)
+def to_stored_bank(bank: Bank | None) -> StoredBankSummary | None:
+    """Return the part of a bank that a report embeds."""
+    return None if bank is None else StoredBankSummary(bank.name, bank.version, bank.entries)
 
 
-def estimate_of(found: NewIdentification) -> StoredEstimate:
-    """Return what a report carries of an estimate, as JSON gives it back."""
-    told = {item.name: getattr(found, item.name) for item in fields(StoredEstimate)}
-    return StoredEstimate(**json.loads(json.dumps(told)))
+def to_stored_estimate(found: NewIdentification) -> StoredEstimate:
+    """Return the part of an estimate that a report embeds, as read from JSON."""
+    values = {item.name: getattr(found, item.name) for item in fields(StoredEstimate)}
+    return StoredEstimate(**json.loads(json.dumps(values)))
 
 
 def made_with() -> dict[str, str]:
@@ -250,7 +250,7 @@ def account_hash(evidence: ReportManifest) -> str:
     return document_digest(_EVIDENCE.dump_python(replace(evidence, hashes=hashes), mode="json"))
 
 
-def source_of(
+def rebuild_run_data(
     evidence: ReportManifest,
     columns: Columns,
     metrics: Metrics | None,
@@ -287,8 +287,8 @@ def to_element(evidence: ReportManifest | SeriesEvidence) -> str:
     return f"{_BEGIN}{text}{_END}"
 
 
-def element_of(page: str) -> str:
-    """Return the element of a page that carries its account, "" where there is none."""
+def find_element(page: str) -> str:
+    """Return the element of a page with its manifest, "" where there is none."""
     begin = page.find(_BEGIN)
     end = page.find(_END, begin)
     return "" if begin < 0 or end < 0 else page[begin : end + len(_END)]
@@ -296,12 +296,12 @@ def element_of(page: str) -> str:
 
 def without_element(page: str) -> str:
     """Return a page as a person sees it, with the mere place of its account."""
-    return page.replace(element_of(page), _BEGIN, 1)
+    return page.replace(find_element(page), _BEGIN, 1)
 
 
 def read_accounts(page: str) -> ReportManifest | SeriesEvidence:
     """Return what a page carries: the account of a run, or of each run of a series. Raises EvidenceError."""
-    element = element_of(page)
+    element = find_element(page)
     if not element:
         raise EvidenceError("it carries no account of its numbers: it is no report of a run, or of an older Sinew")
     text = element[len(_BEGIN) : -len(_END)]
@@ -316,7 +316,7 @@ def read_accounts(page: str) -> ReportManifest | SeriesEvidence:
         raise EvidenceError(f"its account of its numbers cannot be read: {str(error).splitlines()[0]}") from None
 
 
-def _named(source: RunData) -> set[int]:
+def _find_identifications(source: RunData) -> set[int]:
     entries = () if source.bank is None else source.bank.entries
     named = {entry.identification_id for entry in entries if entry.identification_id is not None}
     return {number for number in named if number in source.runs_of}
@@ -349,14 +349,14 @@ def iterate_configuration(run: Run, bank: Bank | None) -> Iterator[SetTo]:
     yield from (SetTo(name, version) for name, version in (run.set_to.versions or {}).items())
     if text := run.set_to.experiment:
         yield SetTo("text of the experiment, sha256", document_digest(text)[:_DIGITS])
-    known = carried(bank)
+    known = to_stored_bank(bank)
     yield SetTo("bank", "none" if known is None else f"“{known.name}” version {known.version}")
     if known is not None:
         yield SetTo("bank, sha256", known.digest[:_DIGITS])
     granted: dict[str, list[str]] = {}
     for name, value, unit, meaning in granted_rows(run.set_to.granted):
         granted.setdefault(name, []).append(f"{value} {unit}".strip() or meaning)
-    yield from (SetTo(name, "; ".join(told)) for name, told in granted.items())
+    yield from (SetTo(name, "; ".join(texts)) for name, texts in granted.items())
     for item in select_used_settings(run):
         yield SetTo(f"{item.meaning} {item.symbol}", item.value, item.unit)
     for section, entries in PLANT_NUMBERS.read(run.parameters, f"run {run.id}").items():

@@ -29,7 +29,7 @@ from backend.models import Metrics, StepFigures
 from backend.realtime import Law
 from backend.recording import Columns
 from backend.reports import sections
-from backend.reports.model import Column, Figure, Paragraph, Report, ReportSection, Table, exact, shown
+from backend.reports.model import Column, Figure, Paragraph, Report, ReportSection, Table, exact, format_measured
 from backend.reports.plotting import (
     COLOURS,
     CUT_OFF,
@@ -39,12 +39,12 @@ from backend.reports.plotting import (
     WHAT_IS_DRAWN,
     axis_label,
     cached_figure,
+    decimate,
     figure,
     frequency_axis,
     in_unit,
     panel_letter,
     tension_panel,
-    thinned,
     to_svg,
     tracking_panels,
     tracking_step_panels,
@@ -55,15 +55,15 @@ from backend.reports.provenance import (
     S_NOTE,
     experiment_report,
     facts,
+    format_figure,
     lineage,
-    measured,
+    make_settings_table,
     parameter_section,
     read_or_none,
     reproduction,
     results_section,
     settings_table,
     subtitle,
-    table_of,
     tuning_facts,
     verdict,
 )
@@ -138,16 +138,16 @@ def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, 
     end = t.size - delay
     aligned = (measured[delay:] - measured[rest].mean()) - (expected[:end] - expected[rest].mean())
     with figure(3, height_in=4.4, sharex=True, height_ratios=(2, 3, 2)) as (drawn, axes):
-        axes[0].plot(*thinned(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
+        axes[0].plot(*decimate(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
         axes[0].set_ylabel(axis_label("q", "rad", angles))
-        axes[1].plot(*thinned(t, measured), color=COLOURS["F_A"], label="$F_{ext}$")
-        axes[1].plot(*thinned(t, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label="$F_{exp}$")
+        axes[1].plot(*decimate(t, measured), color=COLOURS["F_A"], label="$F_{ext}$")
+        axes[1].plot(*decimate(t, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label="$F_{exp}$")
         if "F_ext_hat" in columns:
             estimated = -(columns["F_ext_hat"] - columns["F_ext_hat"][rest].mean()) + measured[rest].mean()
-            axes[1].plot(*thinned(t, estimated), color=COLOURS["u_B"], linewidth=0.7, label="estimated")
+            axes[1].plot(*decimate(t, estimated), color=COLOURS["u_B"], linewidth=0.7, label="estimated")
         axes[1].set_ylabel("Force [N]")
-        axes[2].plot(*thinned(t, measured - expected), color=LIMIT_GREY, linewidth=0.7, label="raw")
-        axes[2].plot(*thinned(t[:end], aligned), color=COLOURS["u_B"], linewidth=0.8, label="aligned")
+        axes[2].plot(*decimate(t, measured - expected), color=LIMIT_GREY, linewidth=0.7, label="raw")
+        axes[2].plot(*decimate(t[:end], aligned), color=COLOURS["u_B"], linewidth=0.8, label="aligned")
         low, high = axes[2].get_ylim()
         reach = (min(low, -_LEAST_N), max(high, _LEAST_N))
         axes[2].set(xlabel="t [s]", ylabel="Difference [N]", xlim=(t[0], t[-1]), ylim=reach)
@@ -213,7 +213,7 @@ def papers_law(source: RunData) -> PapersLaw | None:
     return PapersLaw({"t": t, "q": found.q, "S": found.S})
 
 
-def beside(steps: Sequence[StepFigures], law: PapersLaw, angles: AngleUnit) -> tuple[Table, ...]:
+def make_law_comparison(steps: Sequence[StepFigures], law: PapersLaw, angles: AngleUnit) -> tuple[Table, ...]:
     """Return a table of each step's time to 90 % as it was measured and as the paper's law would have taken it."""
     if not law.columns or not steps:
         return ()
@@ -224,11 +224,11 @@ def beside(steps: Sequence[StepFigures], law: PapersLaw, angles: AngleUnit) -> t
         rows.append(
             (
                 axis_label(step.signal, unit, angles),
-                shown(read(step.before, unit, angles)),
-                shown(read(step.after, unit, angles)),
-                measured(step.reach_s),
-                measured(theirs),
-                measured(gain, 2),
+                format_measured(read(step.before, unit, angles)),
+                format_measured(read(step.after, unit, angles)),
+                format_figure(step.reach_s),
+                format_figure(theirs),
+                format_figure(gain, 2),
             )
         )
     columns = (
@@ -247,8 +247,8 @@ def _to_90_percent_s(step: StepFigures, law: PapersLaw) -> float | None:
     """Return from a step to 90 % of its way [s]; None where it does not get there before the next one."""
     t = law.columns["t"]
     inside = slice(*np.searchsorted(t, [step.start_s - 1e-9, step.end_s - 1e-9]))
-    way = (law.columns[step.signal][inside] - step.before) / (step.after - step.before)
-    there = np.flatnonzero(way >= 0.9)
+    progress = (law.columns[step.signal][inside] - step.before) / (step.after - step.before)
+    there = np.flatnonzero(progress >= 0.9)
     return float(t[inside][there[0]] - step.start_s) if there.size else None
 
 
@@ -269,7 +269,10 @@ def recording_report(source: RunData) -> Report:
     again = () if run.kind == RunKind.SESSION else reproduction(source)
     if run.kind == RunKind.SESSION:
         outcome, sentence = "neutral", "Recorded by hand: no program was played, nothing is judged."
-    sections = [*results_section(source), ReportSection("How it was made", (*_made(source), *again, *lineage(source)))]
+    sections = [
+        *results_section(source),
+        ReportSection("How it was made", (*_make_settings_tables(source), *again, *lineage(source))),
+    ]
     if source.columns["t"].size:
         sections += [_recording_figures(source), ReportSection("Notes", (Paragraph(S_NOTE),))]
     return Report(
@@ -284,7 +287,7 @@ def recording_report(source: RunData) -> Report:
     )
 
 
-def _made(source: RunData) -> tuple[Table, ...]:
+def _make_settings_tables(source: RunData) -> tuple[Table, ...]:
     """Return the settings that are stored, own segments as a table of their own: nobody reads JSON."""
     if not source.run.set_to.declared:
         return ()
@@ -293,7 +296,7 @@ def _made(source: RunData) -> tuple[Table, ...]:
     if sequence is None:
         return (settings_table(source),)
     others = [item for item in declared if item.name != "segments"]
-    return _segments_table(json.loads(str(sequence)), source.angles), table_of(others, source)
+    return _segments_table(json.loads(str(sequence)), source.angles), make_settings_table(others, source)
 
 
 def _segments_table(segments: list[dict[str, Any]], angles: AngleUnit) -> Table:
@@ -389,15 +392,15 @@ def error_panels(columns: Columns, name: str, angles: AngleUnit) -> str:
     with figure(5, height_in=5.2, sharex=True, height_ratios=(3, 3, 2, 2, 2)) as (drawn, axes):
         for side, error_of, voltage in zip(SIDES, axes[:2], axes[3:], strict=True):
             error, colour = columns[f"theta_{side}_ref"] - columns[f"theta_{side}"], COLOURS[f"u_{side}"]
-            error_of.plot(*thinned(t, in_unit(error, "rad", angles)), color=colour, label=f"motor {side}")
+            error_of.plot(*decimate(t, in_unit(error, "rad", angles)), color=colour, label=f"motor {side}")
             error_of.set_ylabel(axis_label("error", "rad", angles))
-            voltage.plot(*thinned(t, columns[f"u_{side}"]), color=colour, label=f"$u_{side}$")
+            voltage.plot(*decimate(t, columns[f"u_{side}"]), color=colour, label=f"$u_{side}$")
             voltage.set_ylabel("u [V]")
         for pair in (axes[:2], axes[3:]):  # one scale for both motors
             low, high = zip(*(panel.get_ylim() for panel in pair), strict=True)
             for panel in pair:
                 panel.set_ylim(min(low), max(high))
-        axes[2].plot(*thinned(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
+        axes[2].plot(*decimate(t, in_unit(columns["q"], "rad", angles)), color=COLOURS["q"], label="$q$")
         axes[2].set_ylabel(axis_label("q", "rad", angles))
         axes[4].set(xlabel="t [s]", xlim=(t[0], t[-1]))
         for panel, letter in zip(axes, "ABCDE", strict=True):
@@ -443,7 +446,7 @@ def tracking_report(source: RunData) -> Report:
     if source.columns["t"].size:
         seen.append(_tracking_figures(source, metrics, steps, law))
     if steps:
-        compared = beside(steps, law, source.angles) if law else ()
+        compared = make_law_comparison(steps, law, source.angles) if law else ()
         seen.append(ReportSection("Steps", (*steps_table(steps, source.angles), *compared)))
     return experiment_report(
         source, "Tracking experiment", "tracking experiment", seen, (*_TRACKING_NOTES, *_law_notes(law))
@@ -468,7 +471,7 @@ def _tracking_figures(
     both = next((phase for phase in (metrics.phases if metrics else ()) if phase.name == "both"), None)
     split_s = min(both.start_s, played_s) if both else played_s
     theirs = law.columns if law and law.columns else None
-    beside_it = " In grey the paper's law on the same references, simulated." if theirs else ""
+    law_note = " In grey the paper's law on the same references, simulated." if theirs else ""
     blocks = [
         Figure(
             "separate",
@@ -482,7 +485,7 @@ def _tracking_figures(
                 angles=source.angles,
                 papers_law=theirs,
             ),
-            f"Position and stiffness moved one after the other: {WHAT_IS_DRAWN}. References dashed.{beside_it} "
+            f"Position and stiffness moved one after the other: {WHAT_IS_DRAWN}. References dashed.{law_note} "
             f"{CUT_OFF} Compare q, S and u with figure 7A–C of the paper{_of_governor(law)}.",
         )
     ]
@@ -501,7 +504,7 @@ def _tracking_figures(
                     papers_law=theirs,
                 ),
                 "Position and stiffness moved at once: the same in (G) to (L). "
-                f"References dashed.{beside_it} Compare q, S and u with figure 7D–F of the paper{_of_governor(law)}.",
+                f"References dashed.{law_note} Compare q, S and u with figure 7D–F of the paper{_of_governor(law)}.",
             )
         )
     blocks.append(Figure("tension", tension_panel(columns, F_max, "tension"), TENSIONS))
@@ -561,13 +564,13 @@ def steps_table(steps: Sequence[StepFigures], angles: AngleUnit) -> tuple[Table,
             (
                 step.phase,
                 axis_label(signal, units[signal], angles),
-                shown(read(step.before, units[signal], angles)),
-                shown(read(step.after, units[signal], angles)),
-                measured(step.rise_s),
-                measured(step.reach_s),
-                measured(step.settling_s),
-                measured(step.overshoot_percent, 2),
-                measured(read_or_none(step.steady_error, units[signal], angles), 2),
+                format_measured(read(step.before, units[signal], angles)),
+                format_measured(read(step.after, units[signal], angles)),
+                format_figure(step.rise_s),
+                format_figure(step.reach_s),
+                format_figure(step.settling_s),
+                format_figure(step.overshoot_percent, 2),
+                format_figure(read_or_none(step.steady_error, units[signal], angles), 2),
                 _deviation(step, units[other], angles),
             )
         )
@@ -580,7 +583,9 @@ def _deviation(step: StepFigures, unit: str, angles: AngleUnit) -> str:
         return "both step"
     value = step.cross_coupling
     return (
-        NOT_MEASURED if value is None else with_unit(shown(read(value, unit, angles), 2), reading_of(unit, angles).unit)
+        NOT_MEASURED
+        if value is None
+        else with_unit(format_measured(read(value, unit, angles), 2), reading_of(unit, angles).unit)
     )
 
 
@@ -651,16 +656,16 @@ def composed_report(source: RunData) -> Report:
     plan = parse_stored_plan(source.run.kind, source.run.set_to.plan or {})
     if not isinstance(plan, ExperimentPlan):
         raise TypeError(f"run {source.run.id} is of no experiment that is data")
-    seen = list(_seen(source, plan)) if source.columns["t"].size else []
+    seen = list(_make_signal_sections(source, plan)) if source.columns["t"].size else []
     notes = (
         *_COMPOSED_NOTES,
-        *(note for measure, said in _ON.items() if measure in plan.experiment.measures for note in said),
+        *(note for measure, sentences in _ON.items() if measure in plan.experiment.measures for note in sentences),
     )
     name = plan.experiment.name.replace("_", " ")
     return experiment_report(source, plan.experiment.title, name, seen, notes)
 
 
-def _seen(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
+def _make_signal_sections(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
     columns, run = source.columns, source.run
     u_max, F_max = run.number("motor", "u_max"), run.number("safety", "F_max")
     drawn = [
@@ -734,7 +739,7 @@ def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
         )
 
 
-def lines_of(source: RunData) -> tuple[Lines, ...]:
+def find_frequency_responses(source: RunData) -> tuple[Lines, ...]:
     """Return the frequency responses of a run that measured them line by line, none of any other."""
     if source.run.kind != KIND or not source.columns["t"].size:
         return ()
@@ -786,7 +791,7 @@ def _lambda_panel(columns: Columns, name: str) -> str:
         panel = axes[0] if isinstance(axes, list | tuple | np.ndarray) else axes
         for signal in ("q", "S"):
             lam = in_unit(columns[f"lam_{signal}"], "s", AngleUnit.RADIANS)
-            panel.plot(*thinned(t, lam), color=COLOURS[signal], label=rf"$\lambda_{signal}$")
+            panel.plot(*decimate(t, lam), color=COLOURS[signal], label=rf"$\lambda_{signal}$")
         panel.set(xlabel="t [s]", ylabel=axis_label("λ", "s", AngleUnit.RADIANS), xlim=(t[0], t[-1]))
         upper_legend(panel)
         return to_svg(drawn, name)

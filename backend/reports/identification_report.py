@@ -31,8 +31,8 @@ from backend.reports.model import (
     ReportSection,
     Table,
     exact,
+    format_measured,
     share,
-    shown,
 )
 from backend.reports.model_code import actuator_blocks, motor_blocks, spring_blocks
 from backend.reports.plotting import (
@@ -43,11 +43,11 @@ from backend.reports.plotting import (
     WRITTEN,
     axis_label,
     bode_panels,
+    build_model,
     cached_figure,
     figure,
     identification_step_panels,
     in_unit,
-    model_of,
     panel_letter,
     record_panels,
     residual_panels,
@@ -129,10 +129,10 @@ def actuator_identification_report(source: RunData) -> Report:
 
 def held_N(source: RunData) -> float:
     """Return the tension [N] that was held. Raises UnreadableDocumentError where the plan does not say."""
-    told = (source.run.set_to.plan or {}).get("tension_N")
-    if not isinstance(told, int | float):
+    tension = (source.run.set_to.plan or {}).get("tension_N")
+    if not isinstance(tension, int | float):
         raise UnreadableDocumentError(f"run {source.run.id}: its plan has no tension_N")
-    return told
+    return tension
 
 
 def _actuator_outcome(found: Identification | None) -> str:
@@ -146,7 +146,7 @@ def _point(found: Identification | None) -> tuple[Fact, ...]:
         return ()
     q, S = found.actuator.model.q_nominal, found.actuator.model.S_nominal
     at = "" if q is None else f"q = {q:.6g} rad, "
-    return (Fact("Point", f"{at}S = {shown(S, 4)} N·m/rad at rest before the excitation"),)
+    return (Fact("Point", f"{at}S = {format_measured(S, 4)} N·m/rad at rest before the excitation"),)
 
 
 def _models(found: Identification) -> Table:
@@ -178,12 +178,12 @@ def _model_row(key: str, channel: IdentifiedChannel) -> tuple[str, ...]:
     return (
         key,
         _structure(model.structure),
-        shown(reduced.K, 4),
-        shown(reduced.K_std, 2),
-        shown(quality.gain_geometry, 4),
-        ("+" if error is not None and error > 0 else "") + shown(error, 2),
-        shown(reduced.T),
-        shown(reduced.T_std, 2),
+        format_measured(reduced.K, 4),
+        format_measured(reduced.K_std, 2),
+        format_measured(quality.gain_geometry, 4),
+        ("+" if error is not None and error > 0 else "") + format_measured(error, 2),
+        format_measured(reduced.T),
+        format_measured(reduced.T_std, 2),
         share(quality.fit_percent),
         _residuals(quality.residuals),
     )
@@ -201,7 +201,7 @@ def _actuator_figures(source: RunData, found: Identification) -> tuple[Block, ..
     angles = source.angles
     columns, start, period_s = source.columns, found.actuator_record.first_sample, found.actuator_record.period_s
     channels = {key: found.actuator.channel(key).model for key in CHANNELS}
-    models = {key: model_of(channel) for key, channel in channels.items()}
+    models = {key: build_model(channel) for key, channel in channels.items()}
     residuals = {key: found.actuator.channel(key).quality.residuals for key in CHANNELS}
     return (
         Figure(
@@ -245,17 +245,23 @@ def _candidates(found: Identification) -> Table:
     rows = []
     for key in CHANNELS:
         for item in found.actuator.channel(key).quality.candidates:
-            rows.append((key, _structure(item.structure), *_tried(item)))
+            rows.append((key, _structure(item.structure), *_make_candidate_row(item)))
     return Table(
         "Structures tried on the same record, best first (usable before unusable, then by BIC).", columns, tuple(rows)
     )
 
 
-def _tried(item: TriedStructure | FailedCandidate) -> tuple[str, ...]:
+def _make_candidate_row(item: TriedStructure | FailedCandidate) -> tuple[str, ...]:
     if isinstance(item, FailedCandidate):
         return (*4 * (NO_FIGURE,), item.problem)
     BIC = NO_FIGURE if item.BIC is None else f"{item.BIC:.0f}".replace("-", "−")
-    return (shown(item.K, 4), shown(item.T), share(item.fit_percent), BIC, item.problem or item.grade)
+    return (
+        format_measured(item.K, 4),
+        format_measured(item.T),
+        share(item.fit_percent),
+        BIC,
+        item.problem or item.grade,
+    )
 
 
 def _structure(name: str) -> str:
@@ -277,7 +283,7 @@ def _comparison(found: Identification, tension_N: float) -> Table:
     )
     paper = {"G_q": (row.K_q, row.T_q), "G_S": (row.K_S, row.T_S)}
     channels = {key: found.actuator.channel(key) for key in CHANNELS}
-    rows = tuple(_compared(key, channel, *paper[key]) for key, channel in channels.items())
+    rows = tuple(_make_comparison_row(key, channel, *paper[key]) for key, channel in channels.items())
     title = (
         f"First-order models beside the paper's table 1 at {exact(nearest)} N. By ARX: the paper's method, first order "
         f"with a low-pass, on the same record, for comparison only. {_missing_arx(channels)}"
@@ -285,18 +291,18 @@ def _comparison(found: Identification, tension_N: float) -> Table:
     return Table(title.strip(), columns, rows)
 
 
-def _compared(key: str, channel: IdentifiedChannel, K: float, T: float) -> tuple[str, ...]:
+def _make_comparison_row(key: str, channel: IdentifiedChannel, K: float, T: float) -> tuple[str, ...]:
     first_order, arx = channel.model.first_order, channel.quality.arx
     by_arx = (arx.K, arx.T) if isinstance(arx, ArxEstimate) else (None, None)
     return (
         key,
-        shown(first_order.K, 4),
-        shown(channel.quality.gain_geometry, 4),
-        shown(by_arx[0], 4),
-        shown(K, 4),
-        shown(first_order.T),
-        shown(by_arx[1]),
-        shown(T),
+        format_measured(first_order.K, 4),
+        format_measured(channel.quality.gain_geometry, 4),
+        format_measured(by_arx[0], 4),
+        format_measured(K, 4),
+        format_measured(first_order.T),
+        format_measured(by_arx[1]),
+        format_measured(T),
     )
 
 
@@ -363,7 +369,7 @@ def motor_identification_report(source: RunData) -> Report:
             _estimates(found.motors),
             _rule(found.motors),
             *motor_blocks({side: found.motors.side(side).model for side in SIDES}),
-            *_refused(found.motors),
+            *_make_rejected_table(found.motors),
         ]
         sections.append(ReportSection("Motors", (*tables, *measured_figures(source))))
     sections.append(
@@ -408,28 +414,39 @@ def _estimates(motors: MotorsFound) -> Table:
         values = [
             text
             for value, error in ((fitted.K_m, std.K_m), (fitted.T_m, std.T_m), (fitted.u_c, std.u_c))
-            for text in (shown(value, 4), shown(error, 2))
+            for text in (format_measured(value, 4), format_measured(error, 2))
         ]
         rows.append((side, "least squares, standard errors", *values))
         ruled = [
             text
             for value, error in ((mean.K_m, spread.K_m), (mean.T_m, spread.T_m))
-            for text in (shown(value, 4), shown(error, 2))
+            for text in (format_measured(value, 4), format_measured(error, 2))
         ]
         rows.append((side, "63.21 % rule, mean and spread", *ruled, NO_FIGURE, NO_FIGURE))
         rows.append(
             (
                 side,
                 "in force before",
-                shown(item.before.K_m, 4),
+                format_measured(item.before.K_m, 4),
                 NO_FIGURE,
-                shown(item.before.T_m),
+                format_measured(item.before.T_m),
                 NO_FIGURE,
                 NO_FIGURE,
                 NO_FIGURE,
             )
         )
-    rows.append(("both", "the paper", shown(PAPER.K_m), NO_FIGURE, shown(PAPER.T_m), NO_FIGURE, NO_FIGURE, NO_FIGURE))
+    rows.append(
+        (
+            "both",
+            "the paper",
+            format_measured(PAPER.K_m),
+            NO_FIGURE,
+            format_measured(PAPER.T_m),
+            NO_FIGURE,
+            NO_FIGURE,
+            NO_FIGURE,
+        )
+    )
     return Table("Both motors, K_m/(s (T_m s + 1)) with dry friction worth u_c.", columns, tuple(rows))
 
 
@@ -447,7 +464,7 @@ def _rule(motors: MotorsFound) -> Table:
             *(
                 text
                 for item in (ruled.get(voltage, nothing) for ruled in by_voltage)
-                for text in (shown(item.K_m, 4), shown(item.T_m))
+                for text in (format_measured(item.K_m, 4), format_measured(item.T_m))
             ),
         )
         for voltage in voltages
@@ -455,7 +472,7 @@ def _rule(motors: MotorsFound) -> Table:
     return Table("The 63.21 % rule, step by step.", columns, rows)
 
 
-def _refused(motors: MotorsFound) -> tuple[Table, ...]:
+def _make_rejected_table(motors: MotorsFound) -> tuple[Table, ...]:
     refused = [(side, item) for side in SIDES for item in motors.side(side).quality.refused]
     rows = tuple((side, exact(item.voltage), item.reason) for side, item in refused)
     columns = (Column("Motor", number=False), Column("Step", "V"), Column("Reason", number=False, wide=True))
@@ -468,7 +485,8 @@ def _in_force(source: RunData) -> tuple[Paragraph, ...]:
         return ()
     fitted = {side: found.motors.side(side).model.parameters for side in SIDES}
     entries = "; ".join(
-        f"[identified_{side}] K_m = {shown(item.K_m, 4)}, T_m = {shown(item.T_m, 4)}" for side, item in fitted.items()
+        f"[identified_{side}] K_m = {format_measured(item.K_m, 4)}, T_m = {format_measured(item.T_m, 4)}"
+        for side, item in fitted.items()
     )
     text = (
         f"Identification {found.run_id} used the voltages and motor angles of that run. The motor loops take "
@@ -567,15 +585,18 @@ def _fits(side: str, model: SpringModel) -> Table:
     rows = tuple(
         (
             str(fit.order),
-            ", ".join(f"{shown(k, 5)} ± {shown(std, 2)}" for k, std in zip(fit.k, fit.std_errors, strict=True)),
-            shown(fit.rms_N),
-            shown(fit.max_N),
-            shown(fit.cross_validation_N),
+            ", ".join(
+                f"{format_measured(k, 5)} ± {format_measured(std, 2)}"
+                for k, std in zip(fit.k, fit.std_errors, strict=True)
+            ),
+            format_measured(fit.rms_N),
+            format_measured(fit.max_N),
+            format_measured(fit.cross_validation_N),
             "recommended" if fit.order == model.recommended else "" if fit.rising else "falls",
         )
         for fit in model.fits
     )
-    before = ", ".join(shown(k, 5) for k in model.before or ())
+    before = ", ".join(format_measured(k, 5) for k in model.before or ())
     caption = f"Spring {side}: F(x) = k_0 + k_1 x + k_2 x² + … In force before: {before or 'a table'}."
     return Table(caption, columns, rows)
 
@@ -627,10 +648,12 @@ def spring_panels(springs: Mapping[str, SpringFound], name: str) -> str:
             factor, unit = (1e3, "mN") if small else (1.0, "N")
             for order, errors in found.errors.items():
                 drawn_in = _ORDER_COLOURS.get(int(order), LIMIT_GREY)
-                for way, marker in ((rising, "."), (~rising, "x")):
+                for direction, marker in ((rising, "."), (~rising, "x")):
                     label = f"order {order}" if marker == "." else None
                     style = {"color": drawn_in, "linestyle": "none", "marker": marker, "markersize": 2.0}
-                    error.plot(x[way], factor * np.array(errors)[way], label=label, markeredgewidth=0.4, **style)
+                    error.plot(
+                        x[direction], factor * np.array(errors)[direction], label=label, markeredgewidth=0.4, **style
+                    )
             error.axhline(0.0, color=LIMIT_GREY, linewidth=0.5)
             error.set(xlabel=f"$x_{side}$ [mm]", ylabel=f"error [{unit}]")
             error.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1)

@@ -108,7 +108,7 @@ NO_FIGURE = "–"
 """Stands in a table where there is no figure; the table's caption says what it means."""
 
 
-def shown(value: float | None, digits: int = 3) -> str:
+def format_measured(value: float | None, digits: int = 3) -> str:
     """Write a measured number with so many significant digits (whole ones are all kept); a dash stands for none."""
     if value is None or value != value:
         return NO_FIGURE
@@ -122,7 +122,7 @@ def shown(value: float | None, digits: int = 3) -> str:
 
 def share(value: float | None) -> str:
     """Write a fit in %: never "100" of less."""
-    return shown(value) if value is None or not 99.0 < value < 100.0 else percent(value)
+    return format_measured(value) if value is None or not 99.0 < value < 100.0 else percent(value)
 
 
 def exact(value: float) -> str:
@@ -237,15 +237,15 @@ def _table(table: Table, number: int) -> str:
 
 def _text(text: str) -> str:
     """Escape text and set symbols in it as letter and index, powers of ten raised."""
-    return _set(text, _SYMBOLS)
+    return _typeset_symbols(text, _SYMBOLS)
 
 
 def _prose(text: str) -> str:
     """Like ``_text``; lone letters are symbols too. For text in which no person's name stands."""
-    return _set(text, _SYMBOLS_AND_LETTERS)
+    return _typeset_symbols(text, _SYMBOLS_AND_LETTERS)
 
 
-def _set(text: str, symbols: re.Pattern[str]) -> str:
+def _typeset_symbols(text: str, symbols: re.Pattern[str]) -> str:
     parts, end = [], 0
     for found in symbols.finditer(text):
         parts += [escape(text[end : found.start()]), _symbol(found.groupdict())]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from backend.identification import DenominatorKind, Structure, find_structure
 from backend.models import CHANNELS, ActuatorModel, ChannelModel, ChannelName, IdentifiedMotor, SpringModel
-from backend.reports.model import Block, Code, Column, Table, shown
+from backend.reports.model import Block, Code, Column, Table, format_measured
 from plant import SIDES, Side
 
 _GAIN_UNITS = {"G_q": "rad/rad", "G_S": "N·m/rad²"}
@@ -88,10 +88,10 @@ def _coefficient_table(channels: Mapping[ChannelName, ChannelModel]) -> Table:
         model = channels[key]
         shape = find_structure(model.structure)
         for name, value, std, power in _own(shape, model):
-            figures = shown(value, 6), shown(std, 2), _unit(key, power)
+            figures = format_measured(value, 6), format_measured(std, 2), _unit(key, power)
             rows.append((key, name, *figures, _meaning(shape, name)))
         for name, value, std, power in _of_denominator(shape, model):
-            figures = shown(value, 6), shown(std, 2), _unit(key, power)
+            figures = format_measured(value, 6), format_measured(std, 2), _unit(key, power)
             rows.append((key, name, *figures, f"of {_power(power)} in the whole denominator"))
     caption = (
         "All coefficients of the identified models with standard errors: the parameters that were estimated and, where "
@@ -130,12 +130,12 @@ def _of_denominator(shape: Structure, model: ChannelModel) -> Iterator[Coefficie
     if shape.kind in (DenominatorKind.FIRST, DenominatorKind.FREE):
         return
     at = np.array([model.parameters[name] for name in shape.names])
-    std = _propagated(shape, at, model)
+    std = _propagate_errors(shape, at, model)
     for power, value in enumerate(shape.denominator(at)[1:], start=1):
         yield f"a_{power}", float(value), None if std is None else float(std[power]), power
 
 
-def _propagated(shape: Structure, at: NDArray[np.float64], model: ChannelModel) -> NDArray[np.float64] | None:
+def _propagate_errors(shape: Structure, at: NDArray[np.float64], model: ChannelModel) -> NDArray[np.float64] | None:
     """Return the standard errors of the denominator's coefficients [order + 1]; None where no covariance was kept."""
     covariance = np.array([[np.nan if one is None else one for one in row] for row in model.covariance])
     if covariance.shape != (at.size, at.size) or not np.isfinite(covariance).all():

@@ -49,15 +49,15 @@ def missing_letters(texts: Iterable[str]) -> frozenset[str]:
     asked = sorted(set[str]().union(*texts) - _PLAIN)
     if not asked:
         return frozenset()
-    looked_at, rest = asked[:MOST], asked[MOST:]
+    checked, rest = asked[:MOST], asked[MOST:]
     pages = typst.compile(
         _TEMPLATE,
         format="svg",
         font_paths=typst.Fonts(include_system_fonts=False),
-        sys_inputs={"letters": json.dumps([_NOBODYS, *looked_at])},
+        sys_inputs={"letters": json.dumps([_NOBODYS, *checked])},
     )
     nothing, *drawn = pages
-    return frozenset(letter for letter, page in zip(looked_at, drawn, strict=True) if page == nothing) | frozenset(rest)
+    return frozenset(letter for letter, page in zip(checked, drawn, strict=True) if page == nothing) | frozenset(rest)
 
 
 def with_boxes(document: Any, missing: frozenset[str]) -> Any:
@@ -79,17 +79,17 @@ def sentence(missing: frozenset[str], elsewhere: str) -> str:
     return f"{BOX} stands for a character that the fonts of this PDF do not have: {named}. {elsewhere}"
 
 
-def texts_of(document: Any) -> Iterable[str]:
+def iterate_texts(document: Any) -> Iterable[str]:
     """Yield the texts of a document of mappings and lists, but for its drawings."""
     if isinstance(document, str):
         yield document
     elif isinstance(document, dict):
         for name, part in document.items():
             if name != "svg":
-                yield from texts_of(part)
+                yield from iterate_texts(part)
     elif isinstance(document, list | tuple):
         for part in document:
-            yield from texts_of(part)
+            yield from iterate_texts(part)
 
 
 # PDF -----------------------------------------------------------------------------------------------
@@ -134,26 +134,26 @@ def typeset(report: Report) -> tuple[bytes, dict[str, str]]:
     for section, plain in zip(report.sections, document["sections"], strict=True):
         plain["blocks"] = [{"kind": _kind(block), **asdict(block)} for block in section.blocks]
     template = resources.files("backend.reports").joinpath("report.typ").read_bytes()
-    document = escaped(document)
-    missing = missing_letters(texts_of(document))
-    missing_said = sentence(missing, "The report as a page (HTML) shows it.")
-    data = json.dumps(with_boxes(document, missing) | {"missing": missing_said})
+    document = escape_document(document)
+    missing = missing_letters(iterate_texts(document))
+    missing_note = sentence(missing, "The report as a page (HTML) shows it.")
+    data = json.dumps(with_boxes(document, missing) | {"missing": missing_note})
     filled: dict[tuple[float, float], float] = {}
     for layout in _LAYOUTS:
         inputs = _inputs(data, *layout)
         end = typst.query(template, "<end>", field="value", one=True, font_paths=fonts(), sys_inputs=inputs)
-        filled[layout] = _filled(end)
+        filled[layout] = _measure_last_page(end)
         if filled[layout] >= _LEAST_FILLED:
             break
     return template, _inputs(data, *max(filled, key=lambda layout: filled[layout]))
 
 
-def escaped(document: Any) -> Any:
+def escape_document(document: Any) -> Any:
     """Return a document with escapes for what nobody sees, or what turns the text around."""
     if isinstance(document, dict):
-        return {name: part if name == "svg" else escaped(part) for name, part in document.items()}
+        return {name: part if name == "svg" else escape_document(part) for name, part in document.items()}
     if isinstance(document, list | tuple):
-        return [escaped(part) for part in document]
+        return [escape_document(part) for part in document]
     return as_lines(document) if isinstance(document, str) else document
 
 
@@ -168,7 +168,7 @@ def _inputs(data: str, figure_width: float, row_inset: float) -> dict[str, str]:
     return {"data": data, "figure_width": str(figure_width), "row_inset": str(row_inset)}
 
 
-def _filled(end: str) -> float:
+def _measure_last_page(end: str) -> float:
     """Return the share of the last page down to where the text ends; 1 of a report of one page, which is short."""
     place = json.loads(end)
     return 1.0 if place["page"] == 1 else (place["y"] - _TOP_MM) / (_BOTTOM_MM - _TOP_MM)

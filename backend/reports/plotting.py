@@ -77,8 +77,8 @@ def figure(
         drawn = Figure(figsize=(WIDTH_IN, height_in))
         axes = drawn.subplots(rows, columns, gridspec_kw=placing, **layout)
         for panel in drawn.axes:
-            beside = panel.transAxes + ScaledTranslation(-0.46, 0.0, drawn.dpi_scale_trans)
-            panel.yaxis.set_label_coords(0.0, 0.5, transform=beside)
+            label_transform = panel.transAxes + ScaledTranslation(-0.46, 0.0, drawn.dpi_scale_trans)
+            panel.yaxis.set_label_coords(0.0, 0.5, transform=label_transform)
         yield drawn, axes
 
 
@@ -94,7 +94,7 @@ def to_svg(drawn: Figure, name: str) -> str:
     return svg.strip()
 
 
-def thinned(t: Array, y: Array) -> tuple[Array, Array]:
+def decimate(t: Array, y: Array) -> tuple[Array, Array]:
     """Thin (N,) samples to what a page can show, keeping each stretch's smallest and largest sample."""
     if t.size <= 2 * _BUCKETS:
         return t, y
@@ -106,8 +106,8 @@ def thinned(t: Array, y: Array) -> tuple[Array, Array]:
     highest = np.where(bare, -np.inf, stretches).argmax(axis=1)
     both = np.sort(edges[:-1, None] + np.stack([lowest, highest], axis=1), axis=1)
     one = np.stack([both[:, 0] != both[:, 1], np.full(_BUCKETS, True)], axis=1)
-    kept = np.concatenate([[0], both[one], [t.size - 1]])
-    return t[kept], y[kept]
+    indices = np.concatenate([[0], both[one], [t.size - 1]])
+    return t[indices], y[indices]
 
 
 def panel_letter(axes: Axes, letter: str) -> None:
@@ -155,7 +155,7 @@ def draw_error(axes: Axes, t: Array, error: Array, label: str, unit: str, *, col
     power = 0
     while _NOTHING < reach * 10.0**power < _SMALL:
         power += 3
-    axes.plot(*thinned(t, error * 10.0**power), color=colour, linewidth=0.8)
+    axes.plot(*decimate(t, error * 10.0**power), color=colour, linewidth=0.8)
     axes.axhline(0.0, color=LIMIT_GREY, linewidth=0.6)
     largest = reach * 10.0**power if reach > _NOTHING else 1.0
     axes.set_ylim(-1.15 * largest, 1.15 * largest)
@@ -187,19 +187,19 @@ def axis_label(symbol: str, unit: str, angles: AngleUnit) -> str:
 # To draw them takes nearly all of the time that a report takes.
 
 
-_Given = ParamSpec("_Given")
+_P = ParamSpec("_P")
 _MOST = 64
 """Drawings kept, each some hundred kilobytes: those of the last reports."""
 
 _drawings: dict[bytes, str] = {}
 
 
-def cached_figure(draw: Callable[_Given, str]) -> Callable[_Given, str]:
+def cached_figure(draw: Callable[_P, str]) -> Callable[_P, str]:
     """Return ``draw``, which makes a drawing of nothing but what it is given, so that it draws the same only once."""
     called = f"{draw.__module__}.{draw.__qualname__}"
 
     @wraps(draw)
-    def drawn(*args: _Given.args, **named: _Given.kwargs) -> str:
+    def draw_cached(*args: _P.args, **named: _P.kwargs) -> str:
         digest = sha256()
         for part in _parts((called, args, named)):
             digest.update(part)
@@ -212,7 +212,7 @@ def cached_figure(draw: Callable[_Given, str]) -> Callable[_Given, str]:
         _drawings[of] = drawing  # the one used last stands at the end
         return drawing
 
-    return drawn
+    return draw_cached
 
 
 def forget_drawings() -> None:
@@ -264,7 +264,7 @@ _COHERENT = 0.9
 _OMEGA_MAX = 60.0
 
 
-def model_of(channel: ChannelModel) -> Model:
+def build_model(channel: ChannelModel) -> Model:
     """Return the transfer function that was stored."""
     return Model(channel.structure, channel.parameters)
 
@@ -283,22 +283,22 @@ def record_panels(
     shown = {key: column[begin:] for key, column in columns.items()}
     t = shown["t"] - columns["t"][start]
     with figure(7, height_in=6.6, sharex=True, height_ratios=(3, 4, 3, 4, 3, 3, 3)) as (drawn, axes):
-        axes[0].plot(*thinned(t, in_unit(shown["theta_A_ref"], "rad", angles)), color=INK, linewidth=0.8)
+        axes[0].plot(*decimate(t, in_unit(shown["theta_A_ref"], "rad", angles)), color=INK, linewidth=0.8)
         axes[0].set_ylabel(axis_label(r"$\theta_{A,ref}$", "rad", angles))
         panels = ((axes[1], axes[2]), (axes[3], axes[4]))
         for (row, apart), (key, (output, label, unit)) in zip(panels, WRITTEN.items(), strict=True):
             simulated = simulated_from_rest(columns, start, output, models[key], period_s)
             read = partial(in_unit, unit=unit, angles=angles)
             since = slice(start - begin, None)
-            row.plot(*thinned(t, read(shown[output])), color=COLOURS[output], label="measured")
-            row.plot(*thinned(t[since], read(simulated)), color=INK, linewidth=0.7, linestyle=_DASHES, label=label)
+            row.plot(*decimate(t, read(shown[output])), color=COLOURS[output], label="measured")
+            row.plot(*decimate(t[since], read(simulated)), color=INK, linewidth=0.7, linestyle=_DASHES, label=label)
             row.set_ylabel(axis_label(output, unit, angles))
             upper_legend(row)
             error, shown_in = read(shown[output][since] - simulated), reading_of(unit, angles).unit
             reach = float(np.abs(error).max(initial=0.0))
             draw_error(apart, t[since], error, f"$e_{output}$", shown_in, colour=COLOURS[output], reach=reach)
         for row, force in zip(axes[5:], ("F_A", "F_B"), strict=True):
-            row.plot(*thinned(t, shown[force]), color=COLOURS[force], linewidth=0.8, label=f"${force}$")
+            row.plot(*decimate(t, shown[force]), color=COLOURS[force], linewidth=0.8, label=f"${force}$")
             row.set_ylabel("Tension [N]")
             upper_legend(row)
         axes[6].set(xlabel="t from the start of the excitation [s]", xlim=(t[0], t[-1]))
@@ -317,7 +317,7 @@ def bode_panels(
         for (top, bottom), (key, (output, label, unit)), letters in zip(
             axes.T, WRITTEN.items(), ("AC", "BD"), strict=True
         ):
-            model, first_order = model_of(channels[key]), channels[key].first_order
+            model, first_order = build_model(channels[key]), channels[key].first_order
             reduced: Complex = np.asarray(first_order.K / (1j * omega * first_order.T + 1.0), dtype=np.complex128)
             seen, response = _frequency_response(columns, start, output, period_s)
             dots = {"marker": "o", "markersize": 2.0, "linestyle": "none"}
@@ -341,7 +341,7 @@ def identification_step_panels(channels: Mapping[ChannelName, ChannelModel], nam
 
     with figure(1, 2, height_in=2.1) as (drawn, axes):
         for panel, (key, (output, label, unit)), letter in zip(axes, WRITTEN.items(), "AB", strict=True):
-            model, first_order = model_of(channels[key]), channels[key].first_order
+            model, first_order = build_model(channels[key]), channels[key].first_order
             t = np.linspace(0.0, 6.0 * first_order.T, 400)
             _, y = step(([model.gain], model.denominator[::-1]), T=t)
             reduced = first_order.K * (1.0 - np.exp(-t / first_order.T))
@@ -404,8 +404,8 @@ def _frequency_response(columns: ReaderColumns, start: int, output: str, period_
 
     (f, P_uu), (_, P_yy), (_, P_uy) = spectrum(u, u), spectrum(y, y), spectrum(u, y)
     coherence = np.abs(P_uy) ** 2 / np.maximum(np.abs(P_uu * P_yy), np.finfo(float).tiny)
-    told = (f > 0.0) & (2.0 * np.pi * f < _OMEGA_MAX) & (coherence > _COHERENT)
-    return 2.0 * np.pi * f[told], P_uy[told] / P_uu[told]
+    is_coherent = (f > 0.0) & (2.0 * np.pi * f < _OMEGA_MAX) & (coherence > _COHERENT)
+    return 2.0 * np.pi * f[is_coherent], P_uy[is_coherent] / P_uu[is_coherent]
 
 
 def _bode(top: Axes, bottom: Axes, omega: Array, response: Complex, **style: Any) -> None:
@@ -455,9 +455,9 @@ def tracking_panels(
     with figure(6, height_in=6.3, sharex=True, height_ratios=(5, 3, 5, 3, 3, 3)) as (drawn, axes):
         for (row, error), signal in zip((axes[:2], axes[2:4]), ("q", "S"), strict=True):
             if theirs is not None:
-                line = thinned(theirs["t"], in_unit(theirs[signal], _UNITS[signal], angles))
+                line = decimate(theirs["t"], in_unit(theirs[signal], _UNITS[signal], angles))
                 row.plot(*line, color=LIMIT_GREY, linewidth=0.9, label="paper's law, simulated")
-            _tracked(row, part, signal, angles)
+            _plot_tracking(row, part, signal, angles)
             _error(error, part, signal, angles)
         for panel, signal in zip(axes[4:], ("u_A", "u_B"), strict=True):
             _voltage(panel, part, signal, u_max)
@@ -473,7 +473,7 @@ def tension_panel(columns: Columns, F_max: float, name: str) -> str:
     """Draw both tendon tensions over the whole run, one below the other, between slack and the bound of the module."""
     with figure(2, height_in=2.7, sharex=True, sharey=True) as (drawn, axes):
         for panel, signal, letter in zip(axes, ("F_A", "F_B"), "AB", strict=True):
-            panel.plot(*thinned(columns["t"], columns[signal]), color=COLOURS[signal], label=_NAMES[signal])
+            panel.plot(*decimate(columns["t"], columns[signal]), color=COLOURS[signal], label=_NAMES[signal])
             limit_line(panel, F_max, f"trip at {F_max:g} N")
             panel.axhline(0.0, color=LIMIT_GREY, linewidth=0.7)
             panel.set_ylabel(_LABELS["F"])
@@ -501,8 +501,8 @@ def tracking_step_panels(
                     continue
                 t = part["t"] - step.start_s
                 y = (part[signal] - step.before) / (step.after - step.before)
-                panel.plot(*thinned(t, y), color=COLOURS[signal], linewidth=0.8, alpha=0.75)
-                left.plot(*thinned(t, 100.0 * (y - 1.0)), color=COLOURS[signal], linewidth=0.8, alpha=0.75)
+                panel.plot(*decimate(t, y), color=COLOURS[signal], linewidth=0.8, alpha=0.75)
+                left.plot(*decimate(t, 100.0 * (y - 1.0)), color=COLOURS[signal], linewidth=0.8, alpha=0.75)
                 longest = max(longest, float(t[-1]))
             _design(panel, left, lam[signal], longest)
             for bound in (-100.0 * SETTLING_BAND, 100.0 * SETTLING_BAND):
@@ -516,11 +516,11 @@ def tracking_step_panels(
         return to_svg(drawn, name)
 
 
-def _tracked(axes: Axes, part: Columns, signal: str, angles: AngleUnit) -> None:
+def _plot_tracking(axes: Axes, part: Columns, signal: str, angles: AngleUnit) -> None:
     t, colour, unit = part["t"], COLOURS[signal], _UNITS[signal]
-    axes.plot(*thinned(t, in_unit(part[signal], unit, angles)), color=colour, label=_NAMES[signal])
+    axes.plot(*decimate(t, in_unit(part[signal], unit, angles)), color=colour, label=_NAMES[signal])
     axes.plot(
-        *thinned(t, in_unit(part[f"{signal}_ref"], unit, angles)),
+        *decimate(t, in_unit(part[f"{signal}_ref"], unit, angles)),
         color=colour,
         linewidth=0.8,
         linestyle=(0, (4, 2)),
@@ -562,7 +562,7 @@ def largest_error(signal: str, error: Array, reference: Array) -> float:
 
 
 def _voltage(axes: Axes, part: Columns, signal: str, u_max: float) -> None:
-    axes.plot(*thinned(part["t"], part[signal]), color=COLOURS[signal], linewidth=0.8, label=_NAMES[signal])
+    axes.plot(*decimate(part["t"], part[signal]), color=COLOURS[signal], linewidth=0.8, label=_NAMES[signal])
     limit_line(axes, u_max, f"±{u_max:g} V")
     axes.axhline(-u_max, color=LIMIT_GREY, linewidth=0.7, linestyle=(0, (1, 1.5)))
     axes.set(ylabel=_LABELS["u"], ylim=(-1.25 * u_max, 1.25 * u_max))

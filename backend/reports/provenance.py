@@ -21,7 +21,18 @@ from backend.models import (
     judge_run,
 )
 from backend.realtime import Law
-from backend.reports.model import Block, Code, Column, Fact, Paragraph, Report, ReportSection, Table, exact, shown
+from backend.reports.model import (
+    Block,
+    Code,
+    Column,
+    Fact,
+    Paragraph,
+    Report,
+    ReportSection,
+    Table,
+    exact,
+    format_measured,
+)
 from backend.reports.run_data import RunData
 from backend.storage import BankEntry, EndState, RunKind, stored_entry_name
 from backend.units import AngleUnit, read, reading_of
@@ -137,16 +148,16 @@ def _lam_text(source: RunData, name: str) -> str:
 
 def settings_table(source: RunData) -> Table:
     """Return the settings of the plan, and those of the loop that its law uses, with their units."""
-    return table_of(() if source.run.set_to.declared is None else select_used_settings(source.run), source)
+    return make_settings_table(() if source.run.set_to.declared is None else select_used_settings(source.run), source)
 
 
-def table_of(declared: Sequence[DeclaredValue], source: RunData) -> Table:
+def make_settings_table(declared: Sequence[DeclaredValue], source: RunData) -> Table:
     """Return settings with their units."""
     rows = tuple(
         (
             item.meaning,
             item.symbol,
-            chosen(item.value, item.unit, source.angles),
+            format_setting(item.value, item.unit, source.angles),
             shown_unit(item.unit, source.angles),
         )
         for item in declared
@@ -176,8 +187,11 @@ def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
     rows = tuple(
         (
             stored_entry_name(entry),
-            shown(entry.S_nominal, 4),
-            *(shown(value, 4) for value in (entry.known.K_q, entry.known.T_q, entry.known.K_S, entry.known.T_S)),
+            format_measured(entry.S_nominal, 4),
+            *(
+                format_measured(value, 4)
+                for value in (entry.known.K_q, entry.known.T_q, entry.known.K_S, entry.known.T_S)
+            ),
             _came_from(source, entry),
             *_fits(source, entry),
         )
@@ -213,7 +227,7 @@ def parameter_section(source: RunData) -> ReportSection:
     rows = tuple(
         (
             f"{section}.{entry}",
-            chosen(number.value, number.unit, source.angles),
+            format_setting(number.value, number.unit, source.angles),
             shown_unit(number.unit, source.angles),
             number.source,
         )
@@ -230,10 +244,10 @@ def parameter_section(source: RunData) -> ReportSection:
     return ReportSection("Plant parameters", (Table(caption, columns, rows),))
 
 
-def chosen(value: Any, unit: str, angles: AngleUnit) -> str:
+def format_setting(value: Any, unit: str, angles: AngleUnit) -> str:
     """Return a number that somebody chose, or a list of such, as it is read."""
     if isinstance(value, list):
-        return "; ".join(chosen(item, unit, angles) for item in value)
+        return "; ".join(format_setting(item, unit, angles) for item in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -274,14 +288,14 @@ def judge_stored_run(metrics: Metrics | None, criteria: Sequence[RunCriterion], 
         return RunVerdict(judge_run(metrics, criteria), f"Incomplete: {played}. Figures cover that part only.{already}")
     if not criteria:
         return RunVerdict(judge_run(metrics, criteria), "Completed. No criteria are set for this kind of run.")
-    return RunVerdict(judge_run(metrics, criteria), _judged(criteria))
+    return RunVerdict(judge_run(metrics, criteria), _describe_verdict(criteria))
 
 
 SEEN = {"<": "at least this", ">": "at most this"}
 """What a figure is that was not seen whole, by the relation to its bound."""
 
 
-def _judged(criteria: Sequence[RunCriterion]) -> str:
+def _describe_verdict(criteria: Sequence[RunCriterion]) -> str:
     failed, unmeasured = _titles(criteria, passed=False), _titles(criteria, passed=None)
     parts = []
     if failed:
@@ -336,9 +350,9 @@ def definitions_facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
     return (Fact("Definitions", words),)
 
 
-def measured(value: float | None, digits: int = 3) -> str:
+def format_figure(value: float | None, digits: int = 3) -> str:
     """Write a figure, or that it was not measured."""
-    return NOT_MEASURED if value is None else shown(value, digits)
+    return NOT_MEASURED if value is None else format_measured(value, digits)
 
 
 def read_or_none(value: float | None, unit: str, angles: AngleUnit) -> float | None:
@@ -370,7 +384,7 @@ def criteria_table(criteria: Sequence[RunCriterion], angles: AngleUnit) -> Table
         (
             item.title,
             f"{item.relation} {exact(read(item.bound, item.unit, angles))}",
-            measured(read_or_none(item.figure, item.unit, angles)),
+            format_figure(read_or_none(item.figure, item.unit, angles)),
             shown_unit(item.unit, angles),
             _with_reason(
                 _WORDS[item.passed],
@@ -400,7 +414,7 @@ def figures_table(metrics: Metrics, angles: AngleUnit) -> Table:
     rows = tuple(
         (
             item.label,
-            measured(read_or_none(item.value, item.unit, angles)),
+            format_figure(read_or_none(item.value, item.unit, angles)),
             shown_unit(item.unit, angles),
             _with_reason(
                 item.definition,
@@ -464,9 +478,11 @@ def _blocks(source: RunData) -> Iterator[Block]:
         words += ["experiment", run.kind if not experiment else ready]
     else:
         words += ["experiment", _EXPERIMENT_FILE]
-        files.append(Code(f"{_EXPERIMENT_FILE}, the experiment as it was played:", _indented(json.loads(experiment))))
+        files.append(
+            Code(f"{_EXPERIMENT_FILE}, the experiment as it was played:", _indent_json(json.loads(experiment)))
+        )
     lines = [" ".join(words)]
-    lines += [f"--set {_quoted(name, value)}" for name, value in {**plan, **run.set_to.loop.known()}.items()]
+    lines += [f"--set {_quote_option(name, value)}" for name, value in {**plan, **run.set_to.loop.known()}.items()]
     parameters = run.parameters_name
     if not _is_shipped(source):
         parameters = _PARAMETERS_FILE
@@ -474,11 +490,11 @@ def _blocks(source: RunData) -> Iterator[Block]:
     where = [f"--params {parameters}", f"--out {_FOLDER}/report"]
     if source.bank is None:
         where.append(f"--data {_FOLDER}")
-    yield Code(_caption(source, bool(files)), " \\\n  ".join([lines[0], *_filled([*lines[1:], *where])]))
+    yield Code(_caption(source, bool(files)), " \\\n  ".join([lines[0], *_wrap_words([*lines[1:], *where])]))
     yield from files
 
 
-def _filled(words: Sequence[str]) -> Iterator[str]:
+def _wrap_words(words: Sequence[str]) -> Iterator[str]:
     """Yield lines of as many words as fit; one with lines of its own stands alone."""
     line = ""
     for word in words:
@@ -518,7 +534,7 @@ def _ready_made(experiment: str) -> str:
         return ""
 
 
-def _quoted(name: str, value: Value) -> str:
+def _quote_option(name: str, value: Value) -> str:
     if isinstance(value, bool):
         return f"{name}={str(value).lower()}"
     if isinstance(value, str) and value.startswith("["):  # parts of a sequence: a line for each
@@ -532,7 +548,7 @@ def _is_shipped(source: RunData) -> bool:
     return name in SHIPPED and load_parameters(name).to_document() == source.run.parameters
 
 
-def _indented(document: object) -> str:
+def _indent_json(document: object) -> str:
     return json.dumps(document, indent=1, ensure_ascii=True)
 
 
@@ -542,13 +558,13 @@ def _toml(source: RunData) -> str:
     for section, entries in PLANT_NUMBERS.read(source.run.parameters, f"run {source.run.id}").items():
         lines.append(f"[{section}]")
         for entry, number in entries.items():
-            said = f"unit = {_string(number.unit)}, source = {_string(number.source)}"
-            lines.append(f"{entry} = {{ value = {json.dumps(number.value)}, {said} }}")
+            annotation = f"unit = {_quote_toml(number.unit)}, source = {_quote_toml(number.source)}"
+            lines.append(f"{entry} = {{ value = {json.dumps(number.value)}, {annotation} }}")
         lines.append("")
     return "\n".join(lines[:-1])
 
 
-def _string(words: str) -> str:
+def _quote_toml(words: str) -> str:
     return json.dumps(words, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -22,24 +22,34 @@ from backend.analysis import (
 )
 from backend.models import CHANNELS
 from backend.recording import Columns
-from backend.reports.model import NO_FIGURE, Block, Column, Figure, Paragraph, ReportSection, Table, share, shown
+from backend.reports.model import (
+    NO_FIGURE,
+    Block,
+    Column,
+    Figure,
+    Paragraph,
+    ReportSection,
+    Table,
+    format_measured,
+    share,
+)
 from backend.reports.plotting import (
     COLOURS,
     INK,
     LIMIT_GREY,
     axis_label,
     cached_figure,
+    decimate,
     draw_error,
     figure,
     frequency_axis,
     in_unit,
     limit_line,
     panel_letter,
-    thinned,
     to_svg,
     upper_legend,
 )
-from backend.reports.provenance import measured
+from backend.reports.provenance import format_figure
 from backend.reports.run_data import RunData
 from backend.storage import Identification, RunKind
 from backend.units import AngleUnit, read, reading_of
@@ -105,12 +115,12 @@ def line_table(lines: Lines) -> Table:
     gain_too, phase_too = (nothing, nothing) if expected is None else (_decibel(expected), _degrees(expected))
     rows = tuple(
         (
-            shown(float(lines.f[k]), 4),
-            NO_FIGURE if reason else _fixed(gain[k], 2),
-            _fixed(gain_too[k], 2),
-            NO_FIGURE if reason else _fixed(phase[k], 1),
-            _fixed(phase_too[k], 1),
-            _fixed(100.0 * lines.unlike[k], 2),
+            format_measured(float(lines.f[k]), 4),
+            NO_FIGURE if reason else _format_fixed(gain[k], 2),
+            _format_fixed(gain_too[k], 2),
+            NO_FIGURE if reason else _format_fixed(phase[k], 1),
+            _format_fixed(phase_too[k], 1),
+            _format_fixed(100.0 * lines.unlike[k], 2),
             f"not measured: {reason}" if reason else "",
         )
         for k, reason in enumerate(lines.reasons)
@@ -127,7 +137,7 @@ def bode_panels(found: Sequence[Lines], name: str) -> str:
     """Draw gain [dB] and phase [°] of each response over frequency [Hz], with what was predicted."""
     with figure(2, height_in=4.4, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
         for lines in found:
-            colour, kept = COLOURS[lines.signal], lines.measured
+            colour, is_measured = COLOURS[lines.signal], lines.measured
             if lines.predicted is not None:
                 f = _grid(lines)
                 H = lines.predicted.response(f)
@@ -135,8 +145,10 @@ def bode_panels(found: Sequence[Lines], name: str) -> str:
                 axes[1].semilogx(f, _degrees(H), color=colour, linewidth=0.8, label=f"${lines.signal}$, predicted")
             for panel, values in ((axes[0], _decibel(lines.H)), (axes[1], _degrees(lines.H))):
                 label = f"${lines.signal}$, measured"
-                panel.semilogx(lines.f[kept], values[kept], "o", color=colour, markersize=2.6, label=label)
-                panel.semilogx(lines.f[~kept], values[~kept], "x", color=LIMIT_GREY, markersize=3.0)
+                panel.semilogx(
+                    lines.f[is_measured], values[is_measured], "o", color=colour, markersize=2.6, label=label
+                )
+                panel.semilogx(lines.f[~is_measured], values[~is_measured], "x", color=LIMIT_GREY, markersize=3.0)
         limit_line(axes[0], -3.0103, "−3 dB", above=True)
         frequency_axis(axes[1])
         low, high = axes[0].get_ylim()
@@ -158,10 +170,12 @@ def overlay_bode(runs: Sequence[tuple[int, Sequence[Lines]]], name: str) -> str:
                 lines = next((one for one in found if one.signal == signal), None)
                 if lines is None:
                     continue
-                kept = lines.measured
+                is_measured = lines.measured
                 for panel, of in ((axes[0][column], _decibel), (axes[1][column], _degrees)):
                     label = f"run {number}" if len(runs) <= MOST_NAMED else None
-                    panel.semilogx(lines.f[kept], of(lines.H)[kept], "o", color=colour, markersize=2.2, label=label)
+                    panel.semilogx(
+                        lines.f[is_measured], of(lines.H)[is_measured], "o", color=colour, markersize=2.2, label=label
+                    )
                     if lines.predicted is not None:
                         f = _grid(lines)
                         panel.semilogx(f, of(lines.predicted.response(f)), color=colour, linewidth=0.7)
@@ -187,7 +201,7 @@ def _degrees(H: Complex) -> Array:
     return np.asarray(np.degrees(np.unwrap(np.angle(H))))
 
 
-def _fixed(value: float, digits: int) -> str:
+def _format_fixed(value: float, digits: int) -> str:
     if not np.isfinite(value):
         return NO_FIGURE
     text = f"{value:.{digits}f}"
@@ -241,16 +255,16 @@ def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
     )
     rows = tuple(
         (
-            shown(one.start_s, 4),
-            shown(read(one.q_ref, "rad", angles), 4),
-            shown(one.S_ref, 3),
-            shown(one.q_swing_counts, 3),
-            shown(read(one.q_swing, "rad", angles), 2),
-            shown(one.off_counts, 3),
-            shown(read(one.off, "rad", angles), 2),
-            shown(one.u_swing, 3),
-            shown(one.S_swing, 2),
-            shown(one.moving_percent, 2),
+            format_measured(one.start_s, 4),
+            format_measured(read(one.q_ref, "rad", angles), 4),
+            format_measured(one.S_ref, 3),
+            format_measured(one.q_swing_counts, 3),
+            format_measured(read(one.q_swing, "rad", angles), 2),
+            format_measured(one.off_counts, 3),
+            format_measured(read(one.off, "rad", angles), 2),
+            format_measured(one.u_swing, 3),
+            format_measured(one.S_swing, 2),
+            format_measured(one.moving_percent, 2),
         )
         for one in found
     )
@@ -270,13 +284,13 @@ def hold_panels(columns: Columns, found: Sequence[HoldWindow], count: float, nam
             t = columns["t"][window] - one.start_s
             labels = {signal: f"${signal}$" if place == 0 else None for signal in ("q", "S", "u_A", "u_B")}
             off = (columns["q"][window] - columns["q_ref"][window]) / count
-            axes[0].plot(*thinned(t, off), color=COLOURS["q"], linewidth=0.7, label=labels["q"])
+            axes[0].plot(*decimate(t, off), color=COLOURS["q"], linewidth=0.7, label=labels["q"])
             off = 1e3 * (columns["S"][window] - columns["S_ref"][window])
-            axes[1].plot(*thinned(t, off), color=COLOURS["S"], linewidth=0.7, label=labels["S"])
+            axes[1].plot(*decimate(t, off), color=COLOURS["S"], linewidth=0.7, label=labels["S"])
             for panel, signal in zip(axes[2:], ("u_A", "u_B"), strict=True):
                 u = columns[signal][window]
                 panel.plot(
-                    *thinned(t, 1e3 * (u - u.mean())), color=COLOURS[signal], linewidth=0.7, label=labels[signal]
+                    *decimate(t, 1e3 * (u - u.mean())), color=COLOURS[signal], linewidth=0.7, label=labels[signal]
                 )
         axes[0].set_ylabel("q off [counts]")
         axes[1].set_ylabel("S off [mN·m/rad]")
@@ -329,7 +343,7 @@ def _springs(found: Sequence[Identification]) -> Iterator[Table]:
             model = one.springs[side].model
             fit = next(fit for fit in model.fits if fit.order == model.recommended)
             k = ", ".join(_with_error(*pair) for pair in zip(fit.k, fit.std_errors, strict=True))
-            rows.append((str(one.run_id), str(fit.order), k, shown(fit.rms_N)))
+            rows.append((str(one.run_id), str(fit.order), k, format_measured(fit.rms_N)))
         if rows:
             columns = (_RUN, Column("Order"), Column("k_0, k_1, …", "N/m^i", wide=True), Column("RMS", "N"))
             yield Table(f"Spring {side}: the recommended polynomial, ± standard error.", columns, tuple(rows))
@@ -344,8 +358,16 @@ def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
             gain = quality.gain_geometry
             off = None if gain is None else 100.0 * (model.K / gain - 1.0)
             figures = _with_error(model.K, model.K_std), _with_error(model.T, model.T_std)
-            known = shown(off, 2), share(quality.fit_percent)
-            rows.append((str(one.run_id), shown(one.actuator.model.S_nominal, 4), *figures, *known, str(quality.grade)))
+            known = format_measured(off, 2), share(quality.fit_percent)
+            rows.append(
+                (
+                    str(one.run_id),
+                    format_measured(one.actuator.model.S_nominal, 4),
+                    *figures,
+                    *known,
+                    str(quality.grade),
+                )
+            )
         if rows:
             columns = (
                 _RUN,
@@ -369,7 +391,7 @@ def _friction(sources: Sequence[RunData]) -> tuple[Paragraph, ...]:
 
 
 def _with_error(value: float | None, std: float | None) -> str:
-    return f"{shown(value, 4)} ± {shown(std, 2)}"
+    return f"{format_measured(value, 4)} ± {format_measured(std, 2)}"
 
 
 # Impact --------------------------------------------------------------------------------------------
@@ -410,13 +432,13 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
     )
     rows = tuple(
         (
-            shown(hit.window.start * T_s, 4),
-            shown(read(hit.S_ref, "N·m/rad", angles)),
-            measured(read(hit.speed, "rad/s", angles) if np.isfinite(hit.speed) else None),
-            shown(hit.peak_N, 3),
-            shown(hit.impulse_Ns, 3),
-            shown(1e3 * hit.contact_s, 3),
-            shown(hit.contact_N, 3) if hit.reacts else NO_FIGURE,
+            format_measured(hit.window.start * T_s, 4),
+            format_measured(read(hit.S_ref, "N·m/rad", angles)),
+            format_figure(read(hit.speed, "rad/s", angles) if np.isfinite(hit.speed) else None),
+            format_measured(hit.peak_N, 3),
+            format_measured(hit.impulse_Ns, 3),
+            format_measured(1e3 * hit.contact_s, 3),
+            format_measured(hit.contact_N, 3) if hit.reacts else NO_FIGURE,
             *(_ms(time_s, hit) for time_s in (hit.felt_s, hit.gave_way_s, hit.fell_s)),
         )
         for hit in hits
@@ -453,14 +475,14 @@ def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]
     )
     rows = tuple(
         (
-            shown(read(plain.S_ref, "N·m/rad", angles)),
-            shown(read(plain.speed, "rad/s", angles)),
-            shown(plain.peak_N, 3),
-            shown(reacted.peak_N, 3),
-            shown(reacted.peak_N / plain.peak_N, 3),
-            shown(plain.impulse_Ns, 3),
-            shown(reacted.impulse_Ns, 3),
-            shown(reacted.impulse_Ns / plain.impulse_Ns, 3),
+            format_measured(read(plain.S_ref, "N·m/rad", angles)),
+            format_measured(read(plain.speed, "rad/s", angles)),
+            format_measured(plain.peak_N, 3),
+            format_measured(reacted.peak_N, 3),
+            format_measured(reacted.peak_N / plain.peak_N, 3),
+            format_measured(plain.impulse_Ns, 3),
+            format_measured(reacted.impulse_Ns, 3),
+            format_measured(reacted.impulse_Ns / plain.impulse_Ns, 3),
         )
         for plain, reacted in sorted(pairs, key=lambda pair: (pair[0].S_ref, pair[0].speed))
     )
@@ -559,16 +581,16 @@ def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
     rows = tuple(
         (
             one.window.shape,
-            shown(one.window.pushed.start * T_s, 4),
-            shown(one.S, 4),
-            shown(one.F, 3),
-            shown(one.impulse, 3),
-            shown(read(one.peak_q, "rad", angles), 4),
-            NO_FIGURE if one.expected_peak is None else shown(read(one.expected_peak, "rad", angles), 4),
-            shown(one.off_percent, 2),
-            NO_FIGURE if one.window.shape == "impulse" else shown(read(one.static, "rad", angles), 4),
-            shown(one.peak_S, 2),
-            shown(one.back_s, 3),
+            format_measured(one.window.pushed.start * T_s, 4),
+            format_measured(one.S, 4),
+            format_measured(one.F, 3),
+            format_measured(one.impulse, 3),
+            format_measured(read(one.peak_q, "rad", angles), 4),
+            NO_FIGURE if one.expected_peak is None else format_measured(read(one.expected_peak, "rad", angles), 4),
+            format_measured(one.off_percent, 2),
+            NO_FIGURE if one.window.shape == "impulse" else format_measured(read(one.static, "rad", angles), 4),
+            format_measured(one.peak_S, 2),
+            format_measured(one.back_s, 3),
         )
         for one in found
     )
@@ -586,10 +608,10 @@ def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angl
     window = slice(max(first - round(1.0 / T_s), 0), min(last, columns["t"].size))
     t = columns["t"][window]
     with figure(4, height_in=5.2, sharex=True, height_ratios=(2, 3, 2, 2)) as (drawn, axes):
-        axes[0].plot(*thinned(t, columns["F_push"][window]), color=INK, label="$F_{push}$")
+        axes[0].plot(*decimate(t, columns["F_push"][window]), color=INK, label="$F_{push}$")
         axes[0].set_ylabel("Force [N]")
         off = columns["q"][window] - columns["q_ref"][window]
-        axes[1].plot(*thinned(t, in_unit(off, "rad", angles)), color=COLOURS["q"], label="$q$")
+        axes[1].plot(*decimate(t, in_unit(off, "rad", angles)), color=COLOURS["q"], label="$q$")
         apart: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
         for place, one in enumerate(found):
             if one.expected is None:
@@ -597,7 +619,7 @@ def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angl
             start = one.window.pushed.start
             at, label = columns["t"][start : start + one.expected.size], "expected" if place == 0 else None
             expected = in_unit(one.expected, "rad", angles)
-            axes[1].plot(*thinned(at, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label=label)
+            axes[1].plot(*decimate(at, expected), color=INK, linewidth=0.7, linestyle=(0, (4, 2)), label=label)
             before = max(start - round(PUSH_REST_S / T_s), 0)
             measured = columns["q"][start : start + one.expected.size] - columns["q"][before : start + 1].mean()
             apart.append((at[: measured.size], in_unit(measured - one.expected[: measured.size], "rad", angles)))
@@ -611,7 +633,7 @@ def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angl
         if steps.size:  # the steps themselves are none of the deviation
             reach = 1.2 * max(max(one.peak_S for one in found), 1e-3)
             axes[3].set_ylim(-reach, reach)
-        axes[3].plot(*thinned(t, off_S), color=COLOURS["S"], label="$S$")
+        axes[3].plot(*decimate(t, off_S), color=COLOURS["S"], label="$S$")
         axes[3].set(xlabel="t [s]", ylabel="S − S_ref [N·m/rad]".replace("S_ref", "$S_{ref}$"), xlim=(t[0], t[-1]))
         for panel, letter in zip(axes, "ABCD", strict=True):
             upper_legend(panel)

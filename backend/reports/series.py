@@ -11,12 +11,23 @@ from numpy.typing import NDArray
 
 from backend import __version__
 from backend.models import MeasuredFigure, Outcome
-from backend.reports.build import told
-from backend.reports.evidence import SERIES, SeriesEvidence, evidence_of, iterate_configuration, to_element
-from backend.reports.experiment_report import lines_of
-from backend.reports.model import Block, Code, Column, Fact, Figure, Paragraph, Report, ReportSection, Table, shown
-from backend.reports.plotting import INK, axis_label, cached_figure, figure, in_unit, thinned, to_svg, upper_legend
-from backend.reports.provenance import chosen, definitions_facts, measured, shown_unit, verdict
+from backend.reports.build import format_report_angles
+from backend.reports.evidence import SERIES, SeriesEvidence, build_manifest, iterate_configuration, to_element
+from backend.reports.experiment_report import find_frequency_responses
+from backend.reports.model import (
+    Block,
+    Code,
+    Column,
+    Fact,
+    Figure,
+    Paragraph,
+    Report,
+    ReportSection,
+    Table,
+    format_measured,
+)
+from backend.reports.plotting import INK, axis_label, cached_figure, decimate, figure, in_unit, to_svg, upper_legend
+from backend.reports.provenance import definitions_facts, format_figure, format_setting, shown_unit, verdict
 from backend.reports.run_data import RunData
 from backend.reports.sections import identifications_section, overlay_bode
 from backend.storage import run_title
@@ -97,9 +108,9 @@ def _curve(
     angles: AngleUnit,
 ) -> None:
     unit, t = _UNITS[signal], columns["t"]
-    panel.plot(*thinned(t, in_unit(columns[signal], unit, angles)), color=colour, linewidth=0.8, label=label or None)
+    panel.plot(*decimate(t, in_unit(columns[signal], unit, angles)), color=colour, linewidth=0.8, label=label or None)
     reference = in_unit(columns[f"{signal}_ref"], unit, angles)
-    panel.plot(*thinned(t, reference), color=colour, linewidth=0.5, linestyle=(0, (4, 2)), alpha=0.7)
+    panel.plot(*decimate(t, reference), color=colour, linewidth=0.5, linestyle=(0, (4, 2)), alpha=0.7)
 
 
 def _short(label: str) -> str:
@@ -112,13 +123,13 @@ def _short(label: str) -> str:
 # curves.
 
 
-_BESIDE = 5
+_MAX_COLUMNS = 5
 """Runs that stand beside each other in one table: as many as fit a page."""
 
 _MARK = " *"
 """Stands behind a figure that was not measured whole."""
 
-_SAID = {
+_VERDICT_TEXTS = {
     Outcome.PASSED: "passed all criteria",
     Outcome.FAILED: "failed a criterion",
     Outcome.INCOMPLETE: "ended early or could not be measured whole",
@@ -129,7 +140,7 @@ _WORST = (Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL, Outcome.PASSED)
 
 def series_report(sources: Sequence[RunData]) -> Report:
     """Build the report of two runs or more, none of them a session; differences are to the first."""
-    evidence = SeriesEvidence(format=SERIES, runs=tuple(one for one in map(evidence_of, sources) if one is not None))
+    evidence = SeriesEvidence(format=SERIES, runs=tuple(one for one in map(build_manifest, sources) if one is not None))
     if len(evidence.runs) != len(sources) or len(sources) < 2:
         raise ValueError("a series is of two runs or more, of each of which something was computed")
     outcomes = [Outcome(verdict(source)[0]) for source in sources]
@@ -144,7 +155,7 @@ def series_report(sources: Sequence[RunData]) -> Report:
         sections=(
             ReportSection("Runs", (_runs_table(sources),)),
             *identifications_section(sources),
-            ReportSection("What differs", tuple(_differing(sources, angles))),
+            ReportSection("What differs", tuple(_make_difference_tables(sources, angles))),
             ReportSection("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles), *_partial(sources))),
             ReportSection("Figures", tuple(_figures(sources, angles))),
             ReportSection("What it was made of", (_hashes(evidence), Code(_PROOF, "sinew report verify series.html"))),
@@ -153,7 +164,7 @@ def series_report(sources: Sequence[RunData]) -> Report:
         date=max(source.run.started_at for source in sources),
         evidence=to_element(evidence),
     )
-    return told(report, angles)
+    return format_report_angles(report, angles)
 
 
 _PROOF = (
@@ -171,7 +182,11 @@ def _verdict(outcomes: Sequence[Outcome]) -> str:
     counts = [
         (outcomes.count(one), one) for one in (Outcome.PASSED, Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL)
     ]
-    return f"Of {len(outcomes)} runs " + ", ".join(f"{count} {_SAID[one]}" for count, one in counts if count) + "."
+    return (
+        f"Of {len(outcomes)} runs "
+        + ", ".join(f"{count} {_VERDICT_TEXTS[one]}" for count, one in counts if count)
+        + "."
+    )
 
 
 def _facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
@@ -202,7 +217,7 @@ def _runs_table(sources: Sequence[RunData]) -> Table:
     return Table("The runs of the series.", columns, rows)
 
 
-def _differing(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Block]:
+def _make_difference_tables(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Block]:
     """Give tables of what the runs were set to, and of their parameters, where not all have the same."""
     each = [dict(_set_to(source, angles)) for source in sources]
     rows = []
@@ -214,16 +229,18 @@ def _differing(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Block]
         yield Paragraph("Nothing: the runs have the same settings, tuning, parameters and software.")
         return
     first = (Column("Setting or parameter", number=False, wide=True),)
-    yield from _beside(sources, "What is not the same in all runs", first, [((name,), texts) for name, texts in rows])
+    yield from _make_run_tables(
+        sources, "What is not the same in all runs", first, [((name,), texts) for name, texts in rows]
+    )
 
 
 def _set_to(source: RunData, angles: AngleUnit) -> Iterator[tuple[str, str]]:
     for item in iterate_configuration(source.run, source.bank):
         unit = shown_unit(item.unit, angles)
-        yield item.name + (f" [{unit}]" if unit else ""), chosen(item.value, item.unit, angles)
+        yield item.name + (f" [{unit}]" if unit else ""), format_setting(item.value, item.unit, angles)
 
 
-def _beside(
+def _make_run_tables(
     sources: Sequence[RunData],
     caption: str,
     first: tuple[Column, ...],
@@ -231,11 +248,13 @@ def _beside(
 ) -> Iterator[Table]:
     """Give tables with a column for each run, as many runs in each as fit."""
     numbers = [source.run.id for source in sources]
-    for start in range(0, len(numbers), _BESIDE):
-        part = slice(start, start + _BESIDE)
+    for start in range(0, len(numbers), _MAX_COLUMNS):
+        part = slice(start, start + _MAX_COLUMNS)
         columns = (*first, *(Column(f"Run {number}") for number in numbers[part]))
-        told_of = "" if len(numbers) <= _BESIDE else f", runs {numbers[part][0]} to {numbers[part][-1]} of the list"
-        yield Table(f"{caption}{told_of}.", columns, tuple((*titles, *cells[part]) for titles, cells in rows))
+        range_note = (
+            "" if len(numbers) <= _MAX_COLUMNS else f", runs {numbers[part][0]} to {numbers[part][-1]} of the list"
+        )
+        yield Table(f"{caption}{range_note}.", columns, tuple((*titles, *cells[part]) for titles, cells in rows))
 
 
 def _metrics(sources: Sequence[RunData]) -> dict[str, list[MeasuredFigure | None]]:
@@ -261,19 +280,19 @@ def _metric_tables(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Ta
         values = [None if item is None or item.value is None else read(item.value, of.unit, angles) for item in items]
         whole = [None if is_partial(item) else value for item, value in zip(items, values, strict=True)]
         cells = [
-            measured(value) + (_MARK if is_partial(item) else _difference(value, whole[0]))
+            format_figure(value) + (_MARK if is_partial(item) else _difference(value, whole[0]))
             for item, value in zip(items, values, strict=True)
         ]
         rows.append(((of.label, shown_unit(of.unit, angles)), cells))
     first = (Column("Quantity", number=False, wide=True), Column("Unit", number=False))
-    yield from _beside(sources, "Metrics; in brackets the difference to the first run", first, rows)
+    yield from _make_run_tables(sources, "Metrics; in brackets the difference to the first run", first, rows)
 
 
 def _difference(value: float | None, reference: float | None) -> str:
     if value is None or reference is None or value == reference:
         return ""
     sign = "+" if value > reference else ""
-    return f" ({sign}{shown(value - reference, 2)})"
+    return f" ({sign}{format_measured(value - reference, 2)})"
 
 
 def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
@@ -298,7 +317,7 @@ def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
         ]
         spread: list[Callable[[Sequence[float]], float]] = [statistics.fmean, _deviation, min, max]
         partial = sum(map(is_partial, items))
-        figures = [shown(one(values)) if values else measured(None) for one in spread]
+        figures = [format_measured(one(values)) if values else format_figure(None) for one in spread]
         rows.append((of.label, shown_unit(of.unit, angles), str(len(values)), *figures, str(partial or "")))
     caption = (
         "Spread over the runs that measured it whole; deviation is the standard deviation of one run (N − 1). In part: "
@@ -309,13 +328,13 @@ def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
 
 def _partial(sources: Sequence[RunData]) -> Iterator[Paragraph]:
     """Say why each marked figure was not measured whole."""
-    said: dict[str, list[str]] = {}
+    texts: dict[str, list[str]] = {}
     for items in _metrics(sources).values():
         for source, item in zip(sources, items, strict=True):
             if item is not None and is_partial(item):
-                said.setdefault(f"{item.label}: {item.reason}", []).append(str(source.run.id))
-    if said:
-        reasons = "; ".join(f"{words} (run {', '.join(runs)})" for words, runs in said.items())
+                texts.setdefault(f"{item.label}: {item.reason}", []).append(str(source.run.id))
+    if texts:
+        reasons = "; ".join(f"{words} (run {', '.join(runs)})" for words, runs in texts.items())
         yield Paragraph(f"{_MARK.strip()} Not measured whole, so that no difference is told. {reasons}.")
 
 
@@ -339,7 +358,7 @@ def _figures(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Figure]:
     if curves:
         words = "Joint position and stiffness of all runs, each from its first sample; references dashed."
         yield Figure("curves", overlay([(s.run.id, s.columns) for s in curves], angles), words)
-    answered = [(source.run.id, lines) for source in sources if (lines := lines_of(source))]
+    answered = [(source.run.id, lines) for source in sources if (lines := find_frequency_responses(source))]
     if answered:
         words = "Frequency responses of the runs that measured them: points are measured lines, curves are predicted."
         yield Figure("bode", overlay_bode(answered, "bode"), words)

@@ -68,7 +68,7 @@ _DRAWN = ("g", "rect", "path", "text")
 _UNDRAWN = ("title",)
 _IGNORED = re.compile(r"data-[a-z-]+|font-family")
 """Data for programs, and fonts: those of the reports are the same everywhere."""
-_SAYS = 40
+_MAX_TEXT = 40
 
 
 @dataclass(frozen=True)
@@ -152,19 +152,21 @@ class _Reading:
             if "text" not in self.open:  # what stands in a text is drawn as a part of it
                 self.letters_of_text = 0
             _require_few("texts", self.texts, MOST_TEXTS, "draw fewer panels or marks on one sheet")
-        way = attributes.get("d", "")
-        _require_few("characters of a path", len(way), MOST_OF_A_PATH, "draw it with fewer points, or in parts")
+        path_data = attributes.get("d", "")
+        _require_few("characters of a path", len(path_data), MOST_OF_A_PATH, "draw it with fewer points, or in parts")
         known = _PLAIN if self.open else _ROOT
-        kept = {key: value for key, value in attributes.items() if not _IGNORED.fullmatch(key)}
-        for key, value in kept.items():
+        kept_attributes = {key: value for key, value in attributes.items() if not _IGNORED.fullmatch(key)}
+        for key, value in kept_attributes.items():
             if key not in known or not re.fullmatch(known[key], value):
                 raise _refusal(f'its <{name}> has {_short(key)}="{_short(value)}", which no sheet has')
         if not self.open:
-            self._measure(kept)
-            kept["font-family"] = "Libertinus Serif"
+            self._measure(kept_attributes)
+            kept_attributes["font-family"] = "Libertinus Serif"
         self.open.append(name)
         if name not in _UNDRAWN:
-            self.parts.append(f"<{name}{''.join(f' {key}={quoteattr(value)}' for key, value in kept.items())}>")
+            self.parts.append(
+                f"<{name}{''.join(f' {key}={quoteattr(value)}' for key, value in kept_attributes.items())}>"
+            )
 
     def end(self, name: str) -> None:
         self.open.pop()
@@ -225,4 +227,4 @@ def _refusal(why: str) -> RequestRejectedError:
 
 
 def _short(words: str) -> str:
-    return words if len(words) <= _SAYS else f"{words[:_SAYS]}…"
+    return words if len(words) <= _MAX_TEXT else f"{words[:_MAX_TEXT]}…"

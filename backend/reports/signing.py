@@ -203,11 +203,11 @@ class SignedPage:
         """Whether the key that it names signed exactly this page."""
         return self.signature is not None and not self.problem
 
-    def whose(self, given: PublicKey | None, own: PublicKey | None) -> KeyOwner | None:
+    def whose(self, expected: PublicKey | None, own: PublicKey | None) -> KeyOwner | None:
         """Return whose key signed it; None without a valid signature."""
         if self.signature is None or self.problem:
             return None
-        if self.signature.key == given:
+        if self.signature.key == expected:
             return KeyOwner.GIVEN
         return KeyOwner.OWN if self.signature.key == own else KeyOwner.UNKNOWN
 
@@ -221,8 +221,8 @@ def sign_page(page: bytes, key: "Ed25519PrivateKey", name: str) -> bytes:
         raise UnsignableError("it carries no account of its numbers: only reports of runs and of series are signed")
     if _BEGIN in unsigned:
         raise UnsignableError("it has two signatures: make the report again")
-    said = _said(Signature(derive_public_key(key), name))
-    return unsigned[:place] + _element(said, key.sign(_message(said, unsigned))) + unsigned[place:]
+    fields = _make_signature_fields(Signature(derive_public_key(key), name))
+    return unsigned[:place] + _element(fields, key.sign(_message(fields, unsigned))) + unsigned[place:]
 
 
 def read_signature(page: bytes) -> SignedPage:
@@ -237,7 +237,7 @@ def read_signature(page: bytes) -> SignedPage:
         return SignedPage(unsigned, problem="an element that is no signature of a report")
     if begin != _place(unsigned) or _BEGIN in unsigned:
         return SignedPage(unsigned, signature, "a signature elsewhere than beside the account")
-    if not _is_signed(signature.key, value, _message(_said(signature), unsigned)):
+    if not _is_signed(signature.key, value, _message(_make_signature_fields(signature), unsigned)):
         return SignedPage(unsigned, signature, "a page that this key has not signed")
     return SignedPage(unsigned, signature)
 
@@ -273,12 +273,12 @@ def _place(unsigned: bytes) -> int | None:
     return None if begin < 0 or end < 0 else end + len(_END)
 
 
-def _said(signature: Signature) -> dict[str, str]:
+def _make_signature_fields(signature: Signature) -> dict[str, str]:
     return {"algorithm": ALGORITHM, "public_key": signature.key.text, "name": signature.name}
 
 
-def _element(said: dict[str, str], value: bytes) -> bytes:
-    return _BEGIN + _json({**said, "signature": value.hex()}).encode("ascii") + _END
+def _element(fields: dict[str, str], value: bytes) -> bytes:
+    return _BEGIN + _json({**fields, "signature": value.hex()}).encode("ascii") + _END
 
 
 def _json(document: dict[str, Any]) -> str:
@@ -289,8 +289,8 @@ def _json(document: dict[str, Any]) -> str:
     return text
 
 
-def _message(said: dict[str, str], unsigned: bytes) -> bytes:
-    return f"{_HEADING}\n{_json(said)}\n".encode("ascii") + unsigned
+def _message(fields: dict[str, str], unsigned: bytes) -> bytes:
+    return f"{_HEADING}\n{_json(fields)}\n".encode("ascii") + unsigned
 
 
 def _parse(element: bytes) -> tuple[Signature, bytes]:
@@ -306,7 +306,7 @@ def _parse(element: bytes) -> tuple[Signature, bytes]:
         raise ValueError("no name or no key")
     signature = Signature(parse_public_key(key), name)
     value = bytes.fromhex(document["signature"])
-    if _element(_said(signature), value) != element:
+    if _element(_make_signature_fields(signature), value) != element:
         raise ValueError("written otherwise")
     return signature, value
 

@@ -8,7 +8,7 @@ import numpy as np
 from backend.reports.plotting import figure
 from backend.units import digits_over, in_digits
 
-_ROOM = 12
+_MAX_LABELS = 12
 """Cells along an axis up to which each has its number written into it."""
 
 _LEAST_RANGE = 0.05
@@ -35,9 +35,9 @@ def draw_map(
         image = axes.imshow(table, origin="lower", aspect="auto", cmap="viridis", vmin=low, vmax=high)
         for axis, (name, values) in ((axes.xaxis, x), (axes.yaxis, y)):
             axis.set_label_text(name)
-            step = max(1, len(values) // _ROOM)
+            step = max(1, len(values) // _MAX_LABELS)
             axis.set_ticks(range(0, len(values), step), values[::step])
-        if max(table.shape) <= _ROOM:
+        if max(table.shape) <= _MAX_LABELS:
             digits = digits_over(table[np.isfinite(table)].tolist(), 3)
             for (row, column), value in np.ndenumerate(table):
                 note = notes[row][column] if notes else ""

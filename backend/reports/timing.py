@@ -4,7 +4,7 @@ import numpy as np
 
 from backend.models import KeptGrant
 from backend.recording import count_missing_ticks
-from backend.reports.model import Column, ReportSection, Table, shown
+from backend.reports.model import Column, ReportSection, Table, format_measured
 from backend.reports.run_data import RunData
 from backend.storage import EndState
 
@@ -20,7 +20,7 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
     on_a_clock = bool(np.any(late_ms != 0.0))
     rows = [
         ("Samples", str(columns["t"].size), "", "recorded, one for each tick"),
-        ("Missing samples", _missing(source), "", "ticks that the recording lacks"),
+        ("Missing samples", _describe_missing(source), "", "ticks that the recording lacks"),
         ("Gaps", str(gaps), "", "places where samples are missing"),
     ]
     if on_a_clock:
@@ -28,7 +28,12 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
         rows += [
             ("Deadlines missed", f"{overruns[-1] - overruns[0]:.0f}", "", "from the first sample to the last"),
             *(
-                (f"Lateness, {name}", shown(float(figure)), "ms", "how late a tick began against its deadline")
+                (
+                    f"Lateness, {name}",
+                    format_measured(float(figure)),
+                    "ms",
+                    "how late a tick began against its deadline",
+                )
                 for name, figure in zip(("median", "99 %", "largest"), figures, strict=True)
             ),
         ]
@@ -58,7 +63,7 @@ def granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
     ]
 
 
-def _missing(source: RunData) -> str:
+def _describe_missing(source: RunData) -> str:
     if source.run.end_state == EndState.SERVICE_DIED:
         return "not known: the service died while it recorded"
     missing = source.result.metrics.missing_samples if source.result else count_missing_ticks(source.columns)

@@ -40,14 +40,14 @@ from backend.reports.evidence import (
     SeriesEvidence,
     StoredEstimate,
     account_hash,
-    blocks_of,
-    element_of,
-    estimate_of,
-    hashes_of,
+    compute_block_hashes,
+    compute_hashes,
+    find_element,
     made_with,
     of_samples,
-    source_of,
+    rebuild_run_data,
     to_element,
+    to_stored_estimate,
     unseen,
     without_element,
 )
@@ -112,33 +112,35 @@ def not_made(name: str, wanted: str, error: Exception) -> ReportDifference:
     return ReportDifference(name, wanted, f"{type(error).__name__}: {error}"[:200])
 
 
-def differing(name: str, said: Any, found: Any, like: float = LIKE, floor: float = 1e-15) -> Iterator[ReportDifference]:
+def compare_documents(
+    name: str, reported: Any, found: Any, like: float = LIKE, floor: float = 1e-15
+) -> Iterator[ReportDifference]:
     """Compare two documents, part by part; parts of lists are called by their own name, where they have one.
 
     Numbers may differ by the share ``like`` of themselves, those of a list of the largest, and by ``floor``.
     """
-    if isinstance(said, Mapping) and isinstance(found, Mapping):
-        for part in dict.fromkeys([*said, *found]):
-            yield from differing(f"{name}, {part}", said.get(part), found.get(part), like)
-    elif _is_list(said) and _is_list(found) and len(said) == len(found):
+    if isinstance(reported, Mapping) and isinstance(found, Mapping):
+        for part in dict.fromkeys([*reported, *found]):
+            yield from compare_documents(f"{name}, {part}", reported.get(part), found.get(part), like)
+    elif _is_list(reported) and _is_list(found) and len(reported) == len(found):
         largest = max((abs(one) for one in found if isinstance(one, float)), default=0.0)
-        for place, (one, other) in enumerate(zip(said, found, strict=True)):
+        for place, (one, other) in enumerate(zip(reported, found, strict=True)):
             called = one.get("name") if isinstance(one, Mapping) else None
-            yield from differing(f"{name}, {called or place + 1}", one, other, like, max(floor, like * largest))
-    elif not _alike(said, found, like, floor):
-        yield ReportDifference(name, _short(said), _short(found))
+            yield from compare_documents(f"{name}, {called or place + 1}", one, other, like, max(floor, like * largest))
+    elif not _is_close(reported, found, like, floor):
+        yield ReportDifference(name, _short(reported), _short(found))
 
 
 def _is_list(value: Any) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, str)
 
 
-def _alike(said: Any, found: Any, like: float, floor: float) -> bool:
-    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (said, found))
+def _is_close(reported: Any, found: Any, like: float, floor: float) -> bool:
+    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (reported, found))
     try:
-        return math.isclose(said, found, rel_tol=like, abs_tol=floor) if numbers else bool(said == found)
+        return math.isclose(reported, found, rel_tol=like, abs_tol=floor) if numbers else bool(reported == found)
     except OverflowError:  # a whole number beyond any float
-        return bool(said == found)
+        return bool(reported == found)
 
 
 def _short(value: Any) -> str:
@@ -157,7 +159,7 @@ _PLACE = "<svg/>"
 _LINE = 2000
 """Letters of a line of which a difference is told: what is longer is a forged page's."""
 _DRAWING_OF = "drawing of figure"
-_CARRIED = "figures, criteria, models, parameters and hashes that it carries, but not the page as it is read"
+_VERIFIED_PARTS = "figures, criteria, models, parameters and hashes that it carries, but not the page as it is read"
 
 _XML = re.compile(r"<(/?)([A-Za-z][\w:.-]*)([^<>]*)>")
 _ATTRIBUTE = re.compile(r'\s+([A-Za-z][\w:.-]*)="([^"<>]*)"')
@@ -196,26 +198,27 @@ def compare_pages(page: str, evidence: ReportManifest | SeriesEvidence, make_aga
     differs may have been written by another version. Such a page is not verified; it does not hold.
     """
     here = made_with()
-    said = evidence.made_with if isinstance(evidence, ReportManifest) else evidence.runs[0].made_with
+    reported = evidence.made_with if isinstance(evidence, ReportManifest) else evidence.runs[0].made_with
     foreign = tuple(_foreign(page))
     try:
         again = make_again()
     except Exception as error:
         return Verified((not_made("the page", "one that can be made again", error), *foreign)[:MOST], ())
     differences = [*_account(page, evidence), *_pages(page, again)]
-    others = [name for name, other in here.items() if said.get(name) != other] + [*({*said} - {*here})]
+    others = [name for name, other in here.items() if reported.get(name) != other] + [*({*reported} - {*here})]
     if SINEW in others or LAYOUT in others:
         by, this = (
-            f"Sinew {versions.get(SINEW)}, layout {versions.get(LAYOUT, 'unknown')}" for versions in (said, here)
+            f"Sinew {versions.get(SINEW)}, layout {versions.get(LAYOUT, 'unknown')}" for versions in (reported, here)
         )
         left_out = f"the page as it is read: it was written by {by}, this is {this}"
-        return Verified(foreign[:MOST], (left_out,), _CARRIED)
+        return Verified(foreign[:MOST], (left_out,), _VERIFIED_PARTS)
     if DRAWING in others:
         differences = [one for one in differences if not one.name.startswith(_DRAWING_OF)]
-    told = (
-        f"what {name} made: the account names its version {said.get(name)}, here is {here.get(name)}" for name in others
+    version_differences = (
+        f"what {name} made: the account names its version {reported.get(name)}, here is {here.get(name)}"
+        for name in others
     )
-    return Verified((*differences, *foreign)[:MOST], tuple(told))
+    return Verified((*differences, *foreign)[:MOST], tuple(version_differences))
 
 
 def _foreign(page: str) -> Iterator[ReportDifference]:
@@ -263,15 +266,15 @@ def _is_harmless(element: str, attribute: str, value: str) -> bool:
 
 def _account(page: str, evidence: ReportManifest | SeriesEvidence) -> Iterator[ReportDifference]:
     """Compare the account as it is written with what was read of it: nothing else may stand in it."""
-    said, found = element_of(page), to_element(evidence)
-    if said != found:
-        yield ReportDifference("the account as it is written", *where_they_differ(said, found))
+    reported, found = find_element(page), to_element(evidence)
+    if reported != found:
+        yield ReportDifference("the account as it is written", *where_they_differ(reported, found))
 
 
 def _pages(page: str, again: str) -> Iterator[ReportDifference]:
     """Compare what a person sees, line by line, and drawing by drawing."""
-    said, found = without_element(page), without_element(again)
-    drawn = [list(_drawings(text)) for text in (said, found)]
+    reported, found = without_element(page), without_element(again)
+    drawn = [list(_drawings(text)) for text in (reported, found)]
     counts = [len(each) for each in drawn]
     if counts[0] != counts[1]:
         yield ReportDifference("number of drawings", str(counts[0]), str(counts[1]))
@@ -279,10 +282,10 @@ def _pages(page: str, again: str) -> Iterator[ReportDifference]:
         for number, (one, other) in enumerate(zip(*drawn, strict=True), start=1):
             if one != other:
                 yield ReportDifference(f"{_DRAWING_OF} {number}", "another drawing", "that of its samples")
-    lines = [_without_drawings(text).replace("<dt>", "\n<dt>").split("\n") for text in (said, found)]
+    lines = [_without_drawings(text).replace("<dt>", "\n<dt>").split("\n") for text in (reported, found)]
     for number, (one, other) in enumerate(zip(*lines, strict=False), start=1):
         if one != other:
-            yield ReportDifference(_called(one[:_LINE], number), *where_they_differ(one, other))
+            yield ReportDifference(_name_line(one[:_LINE], number), *where_they_differ(one, other))
     sizes = [len(each) for each in lines]
     if sizes[0] != sizes[1]:
         yield ReportDifference("length of the page", f"{sizes[0]} lines", f"{sizes[1]} lines")
@@ -312,7 +315,7 @@ def _places(text: str) -> Iterator[tuple[int, int]]:
         yield begin, end
 
 
-def _called(line: str, number: int) -> str:
+def _name_line(line: str, number: int) -> str:
     if row := re.match(r"<tr><t[dh][^>]*>(.*?)</t[dh]>", line):
         return f"row “{_plain(row.group(1))}”"
     if fact := re.match(r"<dt>(.*?)</dt>", line):
@@ -328,12 +331,12 @@ def where_they_differ(one: str, other: str) -> tuple[str, str]:
     """Return what stands around the first difference of two lines: as a person reads them, else with their markup."""
     first = next(place for place, (left, right) in enumerate(zip_longest(one, other)) if left != right)
     near = slice(max(0, first - _LINE), first + _LINE)
-    said, found = _plain(one[near]), _plain(other[near])
-    if said == found:
-        said, found = one[near], other[near]
-    same = next(place for place, (left, right) in enumerate(zip_longest(said, found)) if left != right)
+    reported, found = _plain(one[near]), _plain(other[near])
+    if reported == found:
+        reported, found = one[near], other[near]
+    same = next(place for place, (left, right) in enumerate(zip_longest(reported, found)) if left != right)
     part = slice(max(0, same - 30), same + 40)
-    return f"“{said[part]}”", f"“{found[part]}”"
+    return f"“{reported[part]}”", f"“{found[part]}”"
 
 
 # Samples file --------------------------------------------------------------------------------------
@@ -436,56 +439,58 @@ class AccompanyingFiles:
     stored_as: str = ""
 
 
-NOTHING_BESIDE = AccompanyingFiles()
+NO_FILES = AccompanyingFiles()
 
 
-def verify_report(page: str, columns: Columns | None, beside: AccompanyingFiles = NOTHING_BESIDE) -> Verified:
+def verify_report(page: str, columns: Columns | None, files: AccompanyingFiles = NO_FILES) -> Verified:
     """Compare a report with its own account, and both with samples; without them the numbers cannot be computed again.
 
-    What is ``beside`` them is compared as well. Raises EvidenceError for a page without an account.
+    What is ``files`` them is compared as well. Raises EvidenceError for a page without an account.
     """
     evidence = _of_a_run(page)
-    return _with_beside(*_verified(page, evidence, columns), evidence, beside)
+    return _verify_files(*_verify_page(page, evidence, columns), evidence, files)
 
 
-def _with_beside(
-    found: Verified, source: RunData | None, evidence: ReportManifest, beside: AccompanyingFiles
+def _verify_files(
+    found: Verified, source: RunData | None, evidence: ReportManifest, files: AccompanyingFiles
 ) -> Verified:
     """Return what was found, with what differs of metrics.json and of the stored run."""
     differences = list(found.differences)
     left_out = list(found.left_out)
-    if beside.stored is not None:
-        stored = _samples(evidence, _without_unrecorded(evidence, beside.stored))
-        differences += (replace(one, name=f"{beside.stored_as}, {one.name}") for one in stored)
-    if beside.metrics is not None and source is None:
+    if files.stored is not None:
+        stored = _samples(evidence, _without_unrecorded(evidence, files.stored))
+        differences += (replace(one, name=f"{files.stored_as}, {one.name}") for one in stored)
+    if files.metrics is not None and source is None:
         left_out.append("metrics.json: what its numbers come from cannot be computed again")
-    elif beside.metrics is not None and source is not None:
-        differences += _metrics_file(beside.metrics, source, evidence)
+    elif files.metrics is not None and source is not None:
+        differences += _metrics_file(files.metrics, source, evidence)
     return replace(found, differences=tuple(differences[:MOST]), left_out=tuple(left_out))
 
 
 def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Iterator[ReportDifference]:
     """Compare metrics.json with what is written of the same run here; words only where the same version wrote them."""
     try:
-        said = json.loads(text)
+        reported = json.loads(text)
     except (ValueError, RecursionError) as error:
         yield ReportDifference("metrics.json", "a JSON document", str(error)[:200])
         return
-    if not isinstance(said, dict):
-        yield ReportDifference("metrics.json", "a JSON object", type(said).__name__)
+    if not isinstance(reported, dict):
+        yield ReportDifference("metrics.json", "a JSON object", type(reported).__name__)
         return
-    said = _metrics_in_present_form(said, source)
+    reported = _metrics_in_present_form(reported, source)
     found = json.loads(json.dumps(build_metrics_document(source)))
     same = all(evidence.made_with.get(name) == made_with()[name] for name in (SINEW, LAYOUT))
     words = () if same else ("labels", "verdict", "problem")
-    for document in (said, found):
+    for document in (reported, found):
         for name in words:
             document.pop(name, None)
         if isinstance(document.get("identification"), dict):
             document["identification"].pop("estimate", None)  # its number where it is stored
             if not same:
                 document["identification"] = _without_sentences(document["identification"])
-    yield from differing("metrics.json", said, found, LIKE if source.identification is None else LIKE_ESTIMATE)
+    yield from compare_documents(
+        "metrics.json", reported, found, LIKE if source.identification is None else LIKE_ESTIMATE
+    )
 
 
 def _metrics_in_present_form(document: dict[str, Any], source: RunData) -> dict[str, Any]:
@@ -501,7 +506,7 @@ def _metrics_in_present_form(document: dict[str, Any], source: RunData) -> dict[
     return {**document, **{name: part for name, part in upgraded.items() if name in document}}
 
 
-def _verified(page: str, evidence: ReportManifest, columns: Columns | None) -> tuple[Verified, RunData | None]:
+def _verify_page(page: str, evidence: ReportManifest, columns: Columns | None) -> tuple[Verified, RunData | None]:
     """Return what was compared, and what the report is made from again."""
     if columns is None:
         raise EvidenceError(
@@ -510,24 +515,24 @@ def _verified(page: str, evidence: ReportManifest, columns: Columns | None) -> t
     again, source = computed_again(evidence, columns)
     if source is None:
         return again, None
-    return joined(again, compare_pages(page, evidence, lambda: to_html(build_report(source)))), source
+    return join_verified(again, compare_pages(page, evidence, lambda: to_html(build_report(source)))), source
 
 
-def joined(*found: Verified) -> Verified:
+def join_verified(*found: Verified) -> Verified:
     """Return what was compared one after the other, the page last, as one."""
     differences = tuple(one for each in found for one in each.differences)
     left_out = dict.fromkeys(one for each in found for one in each.left_out)
     return Verified(differences[:MOST], tuple(left_out), found[-1].compared)
 
 
-def verify_pdf(pdf: bytes, page: str, columns: Columns | None, beside: AccompanyingFiles = NOTHING_BESIDE) -> Verified:
+def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: AccompanyingFiles = NO_FILES) -> Verified:
     """Verify the page that a PDF stands beside, and then whether the PDF is the one that its numbers give.
 
     A PDF carries no account; it is made again and compared byte by byte. Raises EvidenceError.
     """
     evidence = _of_a_run(page)
-    verified, source = _verified(page, evidence, columns)
-    verified = _with_beside(verified, source, evidence, beside)
+    verified, source = _verify_page(page, evidence, columns)
+    verified = _verify_files(verified, source, evidence, files)
     if verified.differences or source is None:
         return verified
     if evidence.made_with != made_with():
@@ -558,17 +563,17 @@ def computed_again(evidence: ReportManifest, columns: Columns) -> tuple[Verified
     columns = _without_unrecorded(evidence, columns)
     try:
         differences += _samples(evidence, columns)
-        differences += _hashes(evidence.hashes, {**hashes_of(evidence, columns), ACCOUNT: account_hash(evidence)})
+        differences += _hashes(evidence.hashes, {**compute_hashes(evidence, columns), ACCOUNT: account_hash(evidence)})
         evidence = _in_present_form(evidence)
         again = _again(evidence, columns)
         if evidence.metrics is None and again[0] is not None:
-            source = source_of(evidence, columns, None, (), None)
+            source = rebuild_run_data(evidence, columns, None, (), None)
             return Verified(tuple(differences[:MOST]), (_NO_RESULT,)), source
         older = _older(evidence)
         left_out = (*older, *_unseen(evidence))
         others = [] if older else list(_results(evidence, again))
-        carries = bool(older) or not others
-        source = source_of(evidence, columns, *(_carried(evidence) if carries else again))
+        is_complete = bool(older) or not others
+        source = rebuild_run_data(evidence, columns, *(_normalise_result(evidence) if is_complete else again))
     except Exception as error:
         problem = not_made("what it was computed from", "a run that can be computed again", error)
         return Verified((*differences, problem)[:MOST], ()), None
@@ -597,25 +602,25 @@ def _older(evidence: ReportManifest) -> tuple[str, ...]:
     """Say that a result is of other definitions than those that this version computes by; empty where it is not."""
     if evidence.metrics is None or evidence.metrics.get("definitions", 0) == DEFINITIONS:
         return ()
-    said = evidence.metrics.get("definitions", 0)
-    told = (
-        f"the result: it was computed by version {said} of the definitions of figures and criteria, this Sinew "
+    definitions = evidence.metrics.get("definitions", 0)
+    text = (
+        f"the result: it was computed by version {definitions} of the definitions of figures and criteria, this Sinew "
         f"computes by version {DEFINITIONS}: compute it anew with `sinew runs evaluate {evidence.run.id}`, and make "
         "the report again"
     )
-    return (told,)
+    return (text,)
 
 
 def _unseen(evidence: ReportManifest) -> tuple[str, ...]:
     """Name what an account says of its run that no page shows and no sample tells; reports of today leave it out."""
-    said = [name for name, nothing in unseen(evidence.metrics).items() if getattr(evidence.run, name) != nothing]
-    return (f"{', '.join(said)} of the run: nothing in the report depends on it",) if said else ()
+    missing = [name for name, nothing in unseen(evidence.metrics).items() if getattr(evidence.run, name) != nothing]
+    return (f"{', '.join(missing)} of the run: nothing in the report depends on it",) if missing else ()
 
 
-def _hashes(said: Mapping[str, str], found: Mapping[str, str]) -> Iterator[ReportDifference]:
-    for name in dict.fromkeys([*said, *found]):
-        if said.get(name) != found.get(name):
-            yield ReportDifference(f"hash of the {name}", said.get(name, "nothing"), found.get(name, "nothing"))
+def _hashes(reported: Mapping[str, str], found: Mapping[str, str]) -> Iterator[ReportDifference]:
+    for name in dict.fromkeys([*reported, *found]):
+        if reported.get(name) != found.get(name):
+            yield ReportDifference(f"hash of the {name}", reported.get(name, "nothing"), found.get(name, "nothing"))
 
 
 def _again(evidence: ReportManifest, columns: Columns) -> _Result:
@@ -634,10 +639,10 @@ def _again(evidence: ReportManifest, columns: Columns) -> _Result:
         )
     except NoSamplesError:
         return None, (), None
-    return result.metrics, result.criteria, None if estimate is None else estimate_of(estimate)
+    return result.metrics, result.criteria, None if estimate is None else to_stored_estimate(estimate)
 
 
-def _carried(evidence: ReportManifest) -> _Result:
+def _normalise_result(evidence: ReportManifest) -> _Result:
     """Return the result as a report says it: where it holds, a last digit of another machine changes no hash."""
     metrics, of = evidence.metrics, f"run {evidence.run.id}"
     criteria = CRITERIA.read(evidence.criteria, of)
@@ -647,12 +652,12 @@ def _carried(evidence: ReportManifest) -> _Result:
 def _results(evidence: ReportManifest, again: _Result) -> Iterator[ReportDifference]:
     metrics, criteria, estimate = again
     like = LIKE if estimate is None else LIKE_ESTIMATE
-    yield from differing("metrics", evidence.metrics, None if metrics is None else METRICS.write(metrics), like)
-    yield from differing("criteria", evidence.criteria, CRITERIA.write(criteria))
-    said, found = _document(evidence.identification), _document(estimate)
+    yield from compare_documents("metrics", evidence.metrics, None if metrics is None else METRICS.write(metrics), like)
+    yield from compare_documents("criteria", evidence.criteria, CRITERIA.write(criteria))
+    reported, found = _document(evidence.identification), _document(estimate)
     if evidence.made_with.get(LAYOUT) != made_with()[LAYOUT]:  # another state of the code may say it otherwise
-        said, found = _without_sentences(said), _without_sentences(found)
-    yield from differing("identification", said, found, like)
+        reported, found = _without_sentences(reported), _without_sentences(found)
+    yield from compare_documents("identification", reported, found, like)
 
 
 def _without_sentences(document: Any) -> Any:
@@ -682,15 +687,15 @@ def _samples(evidence: ReportManifest, columns: Columns) -> Iterator[ReportDiffe
     if size != evidence.samples:
         yield ReportDifference("number of samples", str(evidence.samples), str(size))
         return
-    found = blocks_of(columns)
+    found = compute_block_hashes(columns)
     for name in HASHED:
-        said = evidence.blocks.get(name, [])
-        for place, (one, other) in enumerate(zip(said, found.get(name, []), strict=False)):
+        reported = evidence.blocks.get(name, [])
+        for place, (one, other) in enumerate(zip(reported, found.get(name, []), strict=False)):
             if one != other:
                 start = place * BLOCK_S
                 yield ReportDifference(f"samples of {name} from {start:g} s to {start + BLOCK_S:g} s", one, other)
-        if len(said) != len(found.get(name, [])):
-            yield ReportDifference(f"check sums of {name}", str(len(said)), str(len(found.get(name, []))))
+        if len(reported) != len(found.get(name, [])):
+            yield ReportDifference(f"check sums of {name}", str(len(reported)), str(len(found.get(name, []))))
 
 
 # Series verification -------------------------------------------------------------------------------
@@ -719,7 +724,7 @@ def verify_series_report(
             sources.append(source)
     if len(sources) == len(evidence.runs):
         found.append(compare_pages(page, evidence, lambda: to_html(series_report(sources))))
-    return joined(*found)
+    return join_verified(*found)
 
 
 def _of_run(number: int, again: Verified) -> Verified:

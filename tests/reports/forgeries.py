@@ -12,7 +12,7 @@ from backend.reports.evidence import (
     EvidenceError,
     ReportManifest,
     account_hash,
-    element_of,
+    find_element,
     read_accounts,
     to_element,
 )
@@ -38,7 +38,7 @@ DRAWN = (
 
 def of_the_account(page: str) -> Iterator[tuple[str, str]]:
     """Change each value of the account, as it is and sealed again: with its hash in the account and on the page."""
-    element = element_of(page)
+    element = find_element(page)
     text = element[element.index(">") + 1 : element.rindex("<")]
     for path in _leaves(json.loads(text)):
         name = ".".join(map(str, path))
@@ -55,7 +55,7 @@ def of_the_account(page: str) -> Iterator[tuple[str, str]]:
 
 def of_the_page(page: str) -> Iterator[tuple[str, str]]:
     """Change each text and each tag outside drawings, and put something in between."""
-    element = element_of(page)
+    element = find_element(page)
     begin = page.index("<body")
     drawings = [found.span() for found in re.finditer(r"<svg.*?</svg>", page, re.DOTALL)]
     carried = page.index(element), page.index(element) + len(element)
@@ -98,12 +98,12 @@ def with_versions(page: str) -> Iterator[tuple[str, str]]:
             ("a figure", page.replace("</td>", "9</td>", 1)),
             ("a drawing", page.replace("<svg", DRAWN[0] + "<svg", 1)),
         ):
-            account = json.loads(element_of(page)[len('<template id="evidence">') : -len("</template>")])
+            account = json.loads(find_element(page)[len('<template id="evidence">') : -len("</template>")])
             account["made_with"] = said
             text = json.dumps(account, ensure_ascii=False, separators=(",", ":"))
             for letter in "<>&":
                 text = text.replace(letter, f"\\u{ord(letter):04x}")
-            new = changed.replace(element_of(page), f'<template id="evidence">{text}</template>')
+            new = changed.replace(find_element(page), f'<template id="evidence">{text}</template>')
             yield f"{name} of another version, and {what}", _sealed(page, new) or new
 
 
@@ -142,7 +142,7 @@ def _sealed(page: str, changed: str) -> str | None:
     assert isinstance(evidence, ReportManifest)
     before, after = evidence.hashes.get(ACCOUNT, ""), account_hash(evidence)
     evidence.hashes[ACCOUNT] = after
-    sealed = changed.replace(element_of(changed), to_element(evidence))
+    sealed = changed.replace(find_element(changed), to_element(evidence))
     return sealed.replace(before, after) if before else sealed
 
 

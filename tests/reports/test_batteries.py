@@ -13,7 +13,7 @@ from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel
 from backend.reports.build import build_report
-from backend.reports.experiment_report import lines_of
+from backend.reports.experiment_report import find_frequency_responses
 from backend.reports.model import NO_FIGURE, Figure, Report, Table, to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData, load_source
@@ -109,7 +109,7 @@ def test_the_prediction_is_of_the_bank_that_was_in_use(database: Database, bank:
 def test_a_series_shows_both_laws_on_the_same_axes(database: Database) -> None:
     """In lambda motion the response falls off at the last line; in time-optimal motion it follows."""
     sources = [played(database, "frequency_response", motion=motion) for motion in MOTIONS]
-    paper, planned = (lines_of(source) for source in sources)
+    paper, planned = (find_frequency_responses(source) for source in sources)
     assert [one.signal for one in paper] == [one.signal for one in planned] == ["q", "S"]
     assert np.abs(paper[0].H[-1]) < 0.2
     assert np.abs(planned[0].H[-1]) > 0.7
@@ -117,7 +117,7 @@ def test_a_series_shows_both_laws_on_the_same_axes(database: Database) -> None:
     shown = {part.name: part for section in report.sections for part in section.blocks if isinstance(part, Figure)}
     assert shown["bode"].svg.startswith("<svg")
     still = played(database, "hold_at_rest")
-    assert lines_of(still) == ()
+    assert find_frequency_responses(still) == ()
     names = {
         part.name
         for section in series_report([still, still]).sections

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from backend.reports.model import exact, shown
+from backend.reports.model import exact, format_measured
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,7 @@ from backend.reports.model import exact, shown
     ],
 )
 def test_measured_numbers_show_three_significant_digits(value: float | None, text: str) -> None:
-    assert shown(value) == text
+    assert format_measured(value) == text
 
 
 def test_chosen_numbers_lose_nothing_and_gain_no_zeros() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backend.models.run import StepFigures
-from backend.reports.experiment_report import PapersLaw, beside, papers_law, tracking_report
+from backend.reports.experiment_report import PapersLaw, make_law_comparison, papers_law, tracking_report
 from backend.reports.model import Fact, Figure, Report, Table, to_html
 from backend.reports.provenance import tuning_facts
 from backend.reports.run_data import RunData
@@ -106,7 +106,7 @@ def test_what_cannot_be_computed_says_why() -> None:
     for columns, reason in ((changed, "λ was changed during the run"), (gaps, "samples are missing")):
         found = papers_law(replace(source, columns=columns))
         assert found == PapersLaw(reason=reason)
-        assert beside([], PapersLaw(reason=reason), AngleUnit.DEGREES) == ()
+        assert make_law_comparison([], PapersLaw(reason=reason), AngleUnit.DEGREES) == ()
     report = tracking_report(replace(source, columns=changed))
     assert "would have made of these references was not computed" in to_html(report)
 
@@ -116,5 +116,5 @@ def test_a_step_that_does_not_get_there_is_not_measured(law: PapersLaw) -> None:
         signal="q", phase="q", start_s=0.0, end_s=0.1, before=0.0, after=9.0, alone=True, rise_s=None, reach_s=None,
         settling_s=None, overshoot_percent=None, steady_error=None, cross_coupling=None,
     )  # fmt: skip
-    (table,) = beside([step], law, AngleUnit.RADIANS)
+    (table,) = make_law_comparison([step], law, AngleUnit.RADIANS)
     assert table.rows[0][3:] == ("not measured", "not measured", "not measured")

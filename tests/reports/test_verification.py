@@ -23,7 +23,7 @@ from backend.reports.evidence import (
     EvidenceError,
     ReportManifest,
     account_hash,
-    element_of,
+    find_element,
     made_with,
     read_accounts,
     to_element,
@@ -331,7 +331,7 @@ def test_a_page_of_another_layout_is_not_verified(report: Made, said: str | None
     assert isinstance(evidence, ReportManifest)
     evidence = replace(evidence, made_with=versions)
     evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
-    page = changed.replace(element_of(changed), to_element(evidence))
+    page = changed.replace(find_element(changed), to_element(evidence))
     found = verify_report(page, report.source.columns)
     assert (found.holds, found.differences) == (None, ())
     assert len(found.left_out) == 1

@@ -24,8 +24,8 @@ from backend.reports.evidence import (
     LAYOUT,
     ReportManifest,
     account_hash,
-    element_of,
-    hashes_of,
+    compute_hashes,
+    find_element,
     read_accounts,
     to_element,
 )
@@ -95,7 +95,7 @@ def of_another_layout(source: RunData) -> str:
     assert isinstance(evidence, ReportManifest)
     evidence = replace(evidence, made_with={**evidence.made_with, LAYOUT: "0123456789abcdef"})
     evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
-    return page.replace(element_of(page), to_element(evidence))
+    return page.replace(find_element(page), to_element(evidence))
 
 
 def test_of_another_layout_numbers_of_a_model_are_compared_and_its_sentences_are_not(
@@ -133,9 +133,9 @@ def test_an_account_with_documents_of_an_earlier_form_is_compared_as_others_are(
     settings = evidence.run.settings | {"loop": loop | {"u_plan": 0.0}}
     estimate = replace(evidence.identification, quality=quality)
     evidence = replace(evidence, run=replace(evidence.run, settings=settings), identification=estimate)
-    evidence = replace(evidence, hashes=hashes_of(evidence, source.columns))
+    evidence = replace(evidence, hashes=compute_hashes(evidence, source.columns))
     evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
-    found = verify_report(page.replace(element_of(page), to_element(evidence)), source.columns)
+    found = verify_report(page.replace(find_element(page), to_element(evidence)), source.columns)
     assert (found.holds, found.differences) == (None, ())
 
 
