@@ -44,32 +44,32 @@ _HEAD = struct.Struct("<BIQ")
 MESSAGE = 1
 """First byte of a frame with a message (Foxglove WebSocket protocol, Message Data)."""
 
-KEPT = 8192
+SLOT_COUNT = 8192
 """So many messages are kept: more than any queue on the way holds."""
 
 
 class MessageSlots:
     """The newest messages by their numbers."""
 
-    def __init__(self, kept: int = KEPT) -> None:
-        self._kept: list[tuple[int, bytes]] = [(-1, b"")] * kept
+    def __init__(self, count: int = SLOT_COUNT) -> None:
+        self._slots: list[tuple[int, bytes]] = [(-1, b"")] * count
         self._next = 0
 
     def ticket_for(self, message: bytes) -> bytes:
         """Keep a message; return what goes in its place."""
         number, self._next = self._next, self._next + 1
-        self._kept[number % len(self._kept)] = (number, message)
+        self._slots[number % len(self._slots)] = (number, message)
         return _TICKET.pack(number)
 
-    def redeemed(self, frame: bytes) -> bytes | None:
-        """Return a frame of the vendor's server with the message in it; None where that is not kept any more."""
+    def redeem(self, frame: bytes) -> bytes | None:
+        """Return a frame of the vendor's server with the message in it; None where that was overwritten."""
         if frame[:1] != bytes([MESSAGE]):
             return frame
         if len(frame) != _HEAD.size + _TICKET.size:
             return None
         (number,) = _TICKET.unpack_from(frame, _HEAD.size)
-        kept, message = self._kept[number % len(self._kept)]
-        return frame[: _HEAD.size] + message if kept == number else None
+        stored, message = self._slots[number % len(self._slots)]
+        return frame[: _HEAD.size] + message if stored == number else None
 
 
 # Door ----------------------------------------------------------------------------------------------
@@ -86,7 +86,7 @@ SPOKEN = (VENDORS, Subprotocol("foxglove.websocket.v1"))
 """What clients call this protocol; the second is the older word, which the vendor's server does not take."""
 
 HOST = "127.0.0.1"
-HEARD = ("subscribe", "unsubscribe")
+FORWARDED_OPERATIONS = ("subscribe", "unsubscribe")
 MOST_CLIENTS = 8
 MOST_BYTES = 64 * 1024
 POLICY_VIOLATION, FAILED = 1008, 1011
@@ -108,13 +108,13 @@ class Gateway:
             self._relay,
             HOST,
             port,
-            process_request=self._look_at,
-            select_subprotocol=_agreed,
+            process_request=self._check_request,
+            select_subprotocol=_select_subprotocol,
             compression=None,
             max_size=MOST_BYTES,
             server_header=None,
         ) as server:
-            yield _port_of(server)
+            yield _get_port(server)
 
     async def let_in(self, key: str) -> None:
         """Let in who shows ``key``, and nobody with the one of before: who came in with that is sent away."""
@@ -123,13 +123,13 @@ class Gateway:
             why = "the token was replaced: take the new address"
             await asyncio.gather(*(_send_away(client, POLICY_VIOLATION, why) for client in tuple(self._inside)))
 
-    def _look_at(self, connection: ServerConnection, request: Request) -> Response | None:
-        refused = self._refused(request)
+    def _check_request(self, connection: ServerConnection, request: Request) -> Response | None:
+        refused = self._find_rejection(request)
         return connection.respond(refused[0], f"{refused[1]}\n") if refused else None
 
-    def _refused(self, request: Request) -> tuple[HTTPStatus, str] | None:
-        shown = parse_qs(urlsplit(request.path).query, errors="replace").get("token", [""])[-1]
-        if self._key is None or not secrets.compare_digest(shown.encode(errors="replace"), self._key.encode()):
+    def _find_rejection(self, request: Request) -> tuple[HTTPStatus, str] | None:
+        token = parse_qs(urlsplit(request.path).query, errors="replace").get("token", [""])[-1]
+        if self._key is None or not secrets.compare_digest(token.encode(errors="replace"), self._key.encode()):
             return (
                 HTTPStatus.UNAUTHORIZED,
                 "the address needs ?token= with the viewer's token, as sinew foxglove prints it",
@@ -140,7 +140,7 @@ class Gateway:
 
     async def _relay(self, client: ServerConnection) -> None:
         assert client.request is not None  # it was looked at
-        if refused := self._refused(client.request):  # since: by another key, or others who were faster
+        if refused := self._find_rejection(client.request):  # since: by another key, or others who were faster
             await _send_away(client, POLICY_VIOLATION, refused[1])
             return
         self._inside.add(client)
@@ -148,30 +148,30 @@ class Gateway:
             async with connect(
                 f"ws://{HOST}:{self._port}", subprotocols=[VENDORS], compression=None, max_size=None, proxy=None
             ) as server:
-                await _first_of(self._show(server, client), _hear(client, server))
+                await _run_until_first(self._show(server, client), _forward_requests(client, server))
         except (OSError, InvalidHandshake):
             await _send_away(client, FAILED, "the vendor's server has ended: start sinew foxglove again")
         finally:
             self._inside.discard(client)
 
     async def _show(self, server: ClientConnection, client: ServerConnection) -> None:
-        async for said in server:
-            if isinstance(said, str):
-                await client.send(said)
-            elif (frame := self._tickets.redeemed(said)) is not None:
+        async for message in server:
+            if isinstance(message, str):
+                await client.send(message)
+            elif (frame := self._tickets.redeem(message)) is not None:
                 await client.send(frame)
 
 
-async def _hear(client: ServerConnection, server: ClientConnection) -> None:
+async def _forward_requests(client: ServerConnection, server: ClientConnection) -> None:
     """Pass on what is asked to be shown; anything else is for servers that can be commanded."""
-    async for said in client:
+    async for message in client:
         try:
-            asked = json.loads(said) if isinstance(said, str) else {}
+            asked = json.loads(message) if isinstance(message, str) else {}
         except (ValueError, RecursionError):
             await _send_away(client, POLICY_VIOLATION, "this is not JSON")
             return
-        if isinstance(asked, dict) and asked.get("op") in HEARD:
-            await server.send(said)
+        if isinstance(asked, dict) and asked.get("op") in FORWARDED_OPERATIONS:
+            await server.send(message)
 
 
 async def _send_away(client: ServerConnection, code: int, why: str) -> None:
@@ -183,7 +183,7 @@ async def _send_away(client: ServerConnection, code: int, why: str) -> None:
         client.transport.abort()
 
 
-async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
+async def _run_until_first(*works: Coroutine[Any, Any, None]) -> None:
     """Run until the first has ended; then end the others."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
@@ -197,12 +197,12 @@ async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def _agreed(_connection: ServerConnection, offered: Sequence[Subprotocol]) -> Subprotocol | None:
+def _select_subprotocol(_connection: ServerConnection, offered: Sequence[Subprotocol]) -> Subprotocol | None:
     """Return the word for the protocol that a client knows; it ends the connection itself where there is none."""
     return next((word for word in SPOKEN if word in offered), None)
 
 
-def _port_of(server: Server) -> int:
+def _get_port(server: Server) -> int:
     return cast(int, next(iter(server.sockets)).getsockname()[1])
 
 
@@ -262,28 +262,28 @@ class Publisher:
         )
         self.port = self._server.port
         self._began_ns: int | None = None
-        self._heard_from = 0
+        self._version = 0
         self._problems: set[str] = set()
 
-    def hear(self, message: str | bytes) -> None:
+    def publish(self, message: str | bytes) -> None:
         """Publish a message of ``/api/live``. Raises OtherVersionError."""
         if isinstance(message, bytes):
             self._publish_samples(message)
             return
-        said: dict[str, Any] = json.loads(message)
-        match said.get("type"):
+        content: dict[str, Any] = json.loads(message)
+        match content.get("type"):
             case "layout":
-                self._begin(LayoutMessage.model_validate(said))
+                self._begin(LayoutMessage.model_validate(content))
             case "state":
-                self._note(StateMessage.model_validate(said))
+                self._note(StateMessage.model_validate(content))
             case "event":
-                mark = EventMessage.model_validate(said)
-                self._tell(mark.text, _LEVELS.get(mark.kind, messages.LogLevel.Info), mark.kind, mark.tick)
+                mark = EventMessage.model_validate(content)
+                self._log_message(mark.text, _LEVELS.get(mark.kind, messages.LogLevel.Info), mark.kind, mark.tick)
             case _:  # an answer to a ping: none is sent
                 pass
 
-    def say_away(self, why: str) -> None:
-        """Show that nothing is heard of the service."""
+    def publish_disconnected(self, why: str) -> None:
+        """Publish that the service is disconnected."""
         self._server.publish_status(why, StatusLevel.Error, _AWAY)
 
     def close(self) -> None:
@@ -302,28 +302,28 @@ class Publisher:
     def _note(self, state: StateMessage) -> None:
         began_ns = self._clock_ns() - state.tick * _PERIOD_NS
         if self._began_ns is None:
-            self._heard_from = state.tick  # what comes of before is for a page that has just been opened
+            self._version = state.tick  # what comes of before is for a page that has just been opened
         if self._began_ns is None or abs(began_ns - self._began_ns) > _ASTRAY_NS:
             self._began_ns = began_ns
         now = set(state.problems)
         for problem in state.problems:
             if problem not in self._problems:
-                self._tell(problem, messages.LogLevel.Warning, "problem", state.tick)
+                self._log_message(problem, messages.LogLevel.Warning, "problem", state.tick)
         self._problems = now
 
     def _publish_samples(self, packed: bytes) -> None:
         frame = wire.unpack(packed)
-        if self._began_ns is None or frame.first_tick < self._heard_from or not self._samples.has_sinks():
+        if self._began_ns is None or frame.first_tick < self._version or not self._samples.has_sinks():
             return
         if frame.missed:
             words = f"{frame.missed} samples before this one are missing here; the recording has them"
-            self._tell(words, messages.LogLevel.Warning, "stream", frame.first_tick)
+            self._log_message(words, messages.LogLevel.Warning, "stream", frame.first_tick)
         ticks = np.arange(frame.first_tick, frame.first_tick + frame.columns.shape[1])
         batch = {"t": ticks * T_s, **dict(zip(STORED_NAMES, frame.columns, strict=True))}
         for tick, line in zip(ticks.tolist(), writers.lines(ORDER, batch), strict=True):
             self._samples.log(self._tickets.ticket_for(line), log_time=self._began_ns + tick * _PERIOD_NS)
 
-    def _tell(self, words: str, level: messages.LogLevel, name: str, tick: int) -> None:
+    def _log_message(self, words: str, level: messages.LogLevel, name: str, tick: int) -> None:
         if self._began_ns is None or not self._log.has_sinks():
             return
         at_ns = self._began_ns + tick * _PERIOD_NS
@@ -353,32 +353,37 @@ class LiveSource:
 
 
 async def serve_foxglove(
-    look: Callable[[], LiveSource | None], key_of: Callable[[LiveSource], str], port: int, say: Callable[[str], None]
+    find_source: Callable[[], LiveSource | None],
+    key_of: Callable[[LiveSource], str],
+    port: int,
+    report: Callable[[str], None],
 ) -> None:
-    """Serve until cancelled. ``look`` finds the service, ``key_of`` the key for its address, ``say`` tells the person.
+    """Serve until cancelled.
+
+    ``find_source`` finds the service, ``key_of`` the key for its address, ``report`` prints to the user.
 
     Raises OSError where ``port`` is taken, OtherVersionError.
     """
-    tickets, told, shown = MessageSlots(), "", ""
-    publisher = Publisher("Sinew", tickets)
-    door = Gateway(publisher.port, tickets)
+    slots, reported, shown = MessageSlots(), "", ""
+    publisher = Publisher("Sinew", slots)
+    gateway = Gateway(publisher.port, slots)
     try:
-        async with door.open(port) as open_on:
+        async with gateway.open(port) as open_on:
             while True:
-                source = look()
+                source = find_source()
                 if source is None:
-                    heard, why = False, "no service works on the folder"
+                    has_received, why = False, "no service works on the folder"
                 else:
                     key = key_of(source)
-                    await door.let_in(key)
+                    await gateway.let_in(key)
                     if key != shown:
-                        say(f"Foxglove or Lichtblick, Open connection: ws://{HOST}:{open_on}/?token={key}")
+                        report(f"Foxglove or Lichtblick, Open connection: ws://{HOST}:{open_on}/?token={key}")
                         shown = key
-                    heard, why = await _listen(source, publisher)
-                if heard or why != told:  # once, however long it lasts
-                    publisher.say_away(f"{why}: nothing new is shown until it answers")
-                    say(f"{why}; it is tried again each second")
-                    told = why
+                    has_received, why = await _listen(source, publisher)
+                if has_received or why != reported:  # once, however long it lasts
+                    publisher.publish_disconnected(f"{why}: nothing new is shown until it answers")
+                    report(f"{why}; it is tried again each second")
+                    reported = why
                 await asyncio.sleep(AGAIN_S)
     finally:
         publisher.close()
@@ -386,7 +391,7 @@ async def serve_foxglove(
 
 async def _listen(source: LiveSource, publisher: Publisher) -> tuple[bool, str]:
     """Publish what the service streams until it ends; return whether there was anything, and why it ended."""
-    heard = False
+    has_received = False
     where = urlsplit(source.address)
     headers = {"Authorization": f"Bearer {source.token}"} if source.token else {}
     try:
@@ -400,13 +405,13 @@ async def _listen(source: LiveSource, publisher: Publisher) -> tuple[bool, str]:
             while True:
                 async with asyncio.timeout(SILENT_S):
                     message = await live.recv()
-                publisher.hear(message)
-                heard = True
+                publisher.publish(message)
+                has_received = True
     except ConnectionClosed as closed:
-        told = closed.rcvd.reason if closed.rcvd is not None else ""
-        why = f"the service at {source.address} has ended the stream{f': {told}' if told else ''}"
+        reason = closed.rcvd.reason if closed.rcvd is not None else ""
+        why = f"the service at {source.address} has ended the stream{f': {reason}' if reason else ''}"
     except TimeoutError:
         why = f"the service at {source.address} says nothing any more"
     except (OSError, InvalidHandshake) as error:
         why = f"the service at {source.address} does not answer: {error}"
-    return heard, why
+    return has_received, why

@@ -64,7 +64,7 @@ def test_clients_that_do_not_answer_hold_nobody_up() -> None:
 def test_no_more_than_the_most_are_inside_however_they_come() -> None:
     async def go() -> int:
         async with opened() as (door, _):
-            door._look_at = lambda *_: None  # type: ignore[method-assign]  # all are looked at before any is inside
+            door._check_request = lambda *_: None  # type: ignore[method-assign]  # all are looked at before any is inside
             async with door.open(0) as port:
                 kept = [await silent(port) for _ in range(MOST_CLIENTS + 2)]
                 await until_inside(door, MOST_CLIENTS)
@@ -80,14 +80,14 @@ def test_no_more_than_the_most_are_inside_however_they_come() -> None:
 def test_a_key_that_was_replaced_during_the_handshake_does_not_open() -> None:
     async def go() -> tuple[int | None, int]:
         async with opened() as (door, _):
-            asked = door._look_at
+            asked = door._check_request
 
             def replaced(connection: ServerConnection, request: object) -> object:
                 answer = asked(connection, request)  # type: ignore[arg-type]  # as it came
                 door._key = "new"
                 return answer
 
-            door._look_at = replaced  # type: ignore[assignment,method-assign]  # between look and entry
+            door._check_request = replaced  # type: ignore[assignment,method-assign]  # between look and entry
             async with (
                 door.open(0) as other,
                 connect(f"ws://{HOST}:{other}/?token=old", subprotocols=[VENDORS]) as client,
