@@ -176,12 +176,12 @@ class Mesh(NamedTuple):
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
 
-    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Mesh":
+    def translate(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Mesh":
         """Return the mesh shifted by (x, y, z) [m]."""
         return Mesh(self.vertices + np.array([x, y, z]), self.faces)
 
 
-def joined(*meshes: Mesh) -> Mesh:
+def join_meshes(*meshes: Mesh) -> Mesh:
     """Return one mesh of several."""
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     return Mesh(
@@ -190,7 +190,7 @@ def joined(*meshes: Mesh) -> Mesh:
     )
 
 
-def turned(profile: Sequence[Point], sections: int = 48) -> Mesh:
+def revolve(profile: Sequence[Point], sections: int = 48) -> Mesh:
     """Return a body turned about the y axis; ``profile`` lists (radius, y)."""
     angles = np.linspace(0.0, 2.0 * np.pi, sections, endpoint=False)
     cos, sin = np.cos(angles), np.sin(angles)
@@ -204,7 +204,7 @@ def turned(profile: Sequence[Point], sections: int = 48) -> Mesh:
         lower = np.stack([r0 * cos, np.full(sections, y0), r0 * sin], 1)
         upper = np.stack([r1 * cos, np.full(sections, y1), r1 * sin], 1)
         bands.append(Mesh(np.concatenate([lower, upper]), faces))
-    return joined(*bands)
+    return join_meshes(*bands)
 
 
 def disc(
@@ -214,7 +214,7 @@ def disc(
     c = chamfer
     outline = [(bore, y_from), (radius - c, y_from), (radius, y_from + c), (radius, y_to - c), (radius - c, y_to)]
     closing = [(bore, y_to), (bore, y_from)] if bore > 0.0 else [(0.0, y_to)]
-    return turned([*outline, *closing], sections)
+    return revolve([*outline, *closing], sections)
 
 
 def tube(path: NDArray[np.float64], radius: float, sides: int = 8) -> Mesh:
@@ -246,23 +246,23 @@ def helix(length: float, radius: float, wire: float, coils: float, sides: int = 
     return tube(np.stack([radius * np.cos(angle), radius * np.sin(angle), -drop], 1), wire, sides)
 
 
-def plate(outline: Sequence[Point], y_front: float, y_back: float) -> Mesh:
+def plate(outline: Sequence[Point], y_front: float, y_rear: float) -> Mesh:
     """Return a flat plate with a convex ``outline`` of (x, z)."""
     points = np.array(outline)
     n = len(points)
     front = np.stack([points[:, 0], np.full(n, y_front), points[:, 1]], 1)
-    back = np.stack([points[:, 0], np.full(n, y_back), points[:, 1]], 1)
+    rear = np.stack([points[:, 0], np.full(n, y_rear), points[:, 1]], 1)
     fan = np.stack([np.zeros(n - 2, dtype=np.int64), np.arange(1, n - 1), np.arange(2, n)], 1)
     i = np.arange(n)
     j = (i + 1) % n
     rim = Mesh(
-        np.concatenate([front, back]),
+        np.concatenate([front, rear]),
         np.concatenate([np.stack([i, i + n, j + n], 1), np.stack([i, j + n, j], 1)]),
     )
-    return joined(Mesh(front, fan), Mesh(back, fan[:, ::-1]), rim)
+    return join_meshes(Mesh(front, fan), Mesh(rear, fan[:, ::-1]), rim)
 
 
-def rounded(width: float, z_from: float, z_to: float, corner: float, steps: int = 8) -> list[Point]:
+def round_rectangle(width: float, z_from: float, z_to: float, corner: float, steps: int = 8) -> list[Point]:
     """Return the outline of a rectangle about x = 0 with round corners, for ``plate``."""
     points: list[Point] = []
     half = width / 2.0 - corner
@@ -324,22 +324,22 @@ class Add(Protocol):
 def make_fixed(add: Add, r_j: float) -> None:
     """Add what does not move: base plate, bearing, spring brackets, slide rails."""
     y = PLATE_Y
-    outline = rounded(PLATE_WIDTH, PLATE_BOTTOM, PLATE_TOP, 0.018)
+    outline = round_rectangle(PLATE_WIDTH, PLATE_BOTTOM, PLATE_TOP, 0.018)
     add("/base", plate(outline, y, y + 0.008), PLATE)
     add("/bearing", disc(0.026, 0.008, y, chamfer=0.002), DARK)
     for name, x in (("A", -r_j), ("B", r_j)):
         ring = disc(0.024, -0.003, 0.003, bore=0.004, chamfer=0.0008)
-        seat = Mesh(ring.vertices[:, [0, 2, 1]], ring.faces).moved(x=x, z=BRACKET_Z)
+        seat = Mesh(ring.vertices[:, [0, 2, 1]], ring.faces).translate(x=x, z=BRACKET_Z)
         arm = plate([(-0.007, -0.003), (0.007, -0.003), (0.007, 0.003), (-0.007, 0.003)], 0.018, y)
-        add(f"/bracket_{name}", joined(seat, arm.moved(x=x, z=BRACKET_Z)), SIDE_COLOURS[name])
-        rail = rounded(0.010, PLATE_BOTTOM + 0.012, BRACKET_Z - 0.016, 0.004)
+        add(f"/bracket_{name}", join_meshes(seat, arm.translate(x=x, z=BRACKET_Z)), SIDE_COLOURS[name])
+        rail = round_rectangle(0.010, PLATE_BOTTOM + 0.012, BRACKET_Z - 0.016, 0.004)
         add(f"/rail_{name}", plate([(x + px, pz) for px, pz in rail], y - 0.004, y), DARK)
 
 
 def make_joint(add: Add, parent: str, r_j: float) -> None:
     """Add the pulley and the link that turn with q."""
     half = PULLEY_WIDTH / 2.0
-    rim = turned(
+    rim = revolve(
         [
             (r_j - 0.009, -half),
             (r_j + 0.003, -half),
@@ -360,11 +360,11 @@ def make_joint(add: Add, parent: str, r_j: float) -> None:
     add(f"{parent}/link", _bar(LINK_WIDTH, LINK_FRONT, 0.007), STEEL)
     add(f"{parent}/stripe", _bar(0.007, LINK_FRONT - 0.0006, 0.0012), REFERENCE)
     tip = disc(0.0075, LINK_FRONT - 0.003, LINK_FRONT + 0.009, chamfer=0.001)
-    add(f"{parent}/tip", tip.moved(z=LINK_LENGTH), DARK)
+    add(f"{parent}/tip", tip.translate(z=LINK_LENGTH), DARK)
     for index, angle in enumerate(np.radians([60.0, 120.0, 180.0, 240.0, 300.0])):
         hole = disc(0.009, -0.0036, 0.0036, sections=32)
         r = 0.6 * r_j
-        add(f"{parent}/hole_{index}", hole.moved(x=r * math.sin(angle), z=r * math.cos(angle)), DARK)
+        add(f"{parent}/hole_{index}", hole.translate(x=r * math.sin(angle), z=r * math.cos(angle)), DARK)
 
 
 def make_ghost(add: Add, parent: str) -> None:
@@ -375,27 +375,27 @@ def make_ghost(add: Add, parent: str) -> None:
 def make_wall(add: Add, parent: str, side: float) -> Any:
     """Add a wall whose face stands where the link's flank is at the parent's angle; ``side`` 1 above it, -1 below."""
     x = -side * (LINK_WIDTH / 2.0 + WALL_THICKNESS / 2.0)
-    outline = rounded(WALL_THICKNESS, 0.55 * LINK_LENGTH, 1.08 * LINK_LENGTH, 0.002)
-    return add(parent, plate(outline, LINK_FRONT - 0.006, 0.012).moved(x=x), WALL)
+    outline = round_rectangle(WALL_THICKNESS, 0.55 * LINK_LENGTH, 1.08 * LINK_LENGTH, 0.002)
+    return add(parent, plate(outline, LINK_FRONT - 0.006, 0.012).translate(x=x), WALL)
 
 
 def make_carriage(add: Add, parent: str, name: str, reel_offset: float) -> None:
     """Add the motor on its carriage; the origin is the lower seat of the spring."""
     ring = disc(0.024, -0.002, 0.002, bore=0.004, chamfer=0.0008)
-    seat = Mesh(ring.vertices[:, [0, 2, 1]], ring.faces).moved(z=-0.002)
-    slide = plate(rounded(0.034, -0.047, -0.001, 0.004), 0.016, PLATE_Y - 0.004)
-    add(f"{parent}/seat", joined(seat, slide), DARK)
-    gearbox = disc(0.017, 0.009, 0.018, chamfer=0.001).moved(x=-reel_offset, z=-CARRIAGE_DROP)
+    seat = Mesh(ring.vertices[:, [0, 2, 1]], ring.faces).translate(z=-0.002)
+    slide = plate(round_rectangle(0.034, -0.047, -0.001, 0.004), 0.016, PLATE_Y - 0.004)
+    add(f"{parent}/seat", join_meshes(seat, slide), DARK)
+    gearbox = disc(0.017, 0.009, 0.018, chamfer=0.001).translate(x=-reel_offset, z=-CARRIAGE_DROP)
     add(f"{parent}/gearbox", gearbox, STEEL)
     motor = disc(0.019, PLATE_Y + 0.008, PLATE_Y + 0.060, chamfer=0.002)
-    add(f"{parent}/motor", motor.moved(x=-reel_offset, z=-CARRIAGE_DROP), MOTOR)
-    band = disc(0.0175, 0.0095, 0.012).moved(x=-reel_offset, z=-CARRIAGE_DROP)
+    add(f"{parent}/motor", motor.translate(x=-reel_offset, z=-CARRIAGE_DROP), MOTOR)
+    band = disc(0.0175, 0.0095, 0.012).translate(x=-reel_offset, z=-CARRIAGE_DROP)
     add(f"{parent}/band", band, SIDE_COLOURS[name])
 
 
 def make_reel(add: Add, parent: str, r_m: float) -> None:
     """Add a reel that turns with its motor; the mark shows by how much."""
-    body = turned(
+    body = revolve(
         [
             (0.0, -0.008),
             (r_m + 0.006, -0.008),
@@ -408,7 +408,7 @@ def make_reel(add: Add, parent: str, r_m: float) -> None:
         ]
     )
     add(f"{parent}/body", body, BRASS)
-    add(f"{parent}/mark", disc(0.0022, -0.0086, -0.0078, sections=20).moved(z=r_m + 0.002), MOTOR)
+    add(f"{parent}/mark", disc(0.0022, -0.0086, -0.0078, sections=20).translate(z=r_m + 0.002), MOTOR)
 
 
 def make_coil(length: float) -> Mesh:
@@ -435,7 +435,7 @@ def make_fan(half_angle: float) -> Mesh:
 
 
 def _bar(width: float, y_front: float, thickness: float) -> Mesh:
-    outline = rounded(width, -width / 2.0, LINK_LENGTH + width / 2.0, width / 2.0 - 1e-6, steps=16)
+    outline = round_rectangle(width, -width / 2.0, LINK_LENGTH + width / 2.0, width / 2.0 - 1e-6, steps=16)
     return plate(outline, y_front, y_front + thickness)
 
 
@@ -478,7 +478,7 @@ class _Drawn:
     def __init__(self) -> None:
         self._values: dict[str, float] = {}
 
-    def changes(self, name: str, value: float, step: float) -> bool:
+    def has_changed(self, name: str, value: float, step: float) -> bool:
         """Return whether ``value`` differs from the drawn one by ``step`` or more, and take it as drawn then."""
         if name in self._values and abs(self._values[name] - value) < step:
             return False
@@ -522,18 +522,18 @@ class SceneNodes:
         """Move what differs visibly from what is drawn."""
         self._frame += 1
         with self._server.atomic():
-            if self._drawn.changes("q", pose.q, _ANGLE_STEP):
+            if self._drawn.has_changed("q", pose.q, _ANGLE_STEP):
                 self._joint.wxyz = _turn(pose.q)
-            if self._drawn.changes("q_ref", pose.q_ref, _ANGLE_STEP):
+            if self._drawn.has_changed("q_ref", pose.q_ref, _ANGLE_STEP):
                 self._ghost.wxyz = _turn(pose.q_ref)
-            if self._drawn.changes("fan", pose.fan, _ANGLE_STEP):
+            if self._drawn.has_changed("fan", pose.fan, _ANGLE_STEP):
                 self._fan.visible = pose.fan > 0.0
-                self._fan.vertices = _scaled(make_fan(pose.fan))
-            if self._drawn.changes("F_push", pose.F_push, _FORCE_STEP):
+                self._fan.vertices = _scale_vertices(make_fan(pose.fan))
+            if self._drawn.has_changed("F_push", pose.F_push, _FORCE_STEP):
                 draw_force(self._push, pose.F_push, self._r_j + 0.03, _FORCE_STEP)
-            if self._drawn.changes("F_ext_hat", _known(pose.F_ext_hat), _FORCE_STEP):
-                draw_force(self._touch, _known(pose.F_ext_hat), self._r_j + 0.05, _TOUCH_N)
-            if self._drawn.changes("pressed", pose.pressed, 1):
+            if self._drawn.has_changed("F_ext_hat", _finite_or_zero(pose.F_ext_hat), _FORCE_STEP):
+                draw_force(self._touch, _finite_or_zero(pose.F_ext_hat), self._r_j + 0.05, _TOUCH_N)
+            if self._drawn.has_changed("pressed", pose.pressed, 1):
                 for face in self._faces.values():
                     face.color = PRESSED if pose.pressed else WALL
             self._show_side(self._A, pose.A)
@@ -592,17 +592,17 @@ class SceneNodes:
 
     def _show_side(self, nodes: _SideNodes, side: Side) -> None:
         drawn, name = self._drawn, nodes.name
-        if drawn.changes(f"theta_{name}", side.theta, 4 * _ANGLE_STEP):
+        if drawn.has_changed(f"theta_{name}", side.theta, 4 * _ANGLE_STEP):
             nodes.reel.wxyz = _turn(-nodes.sign * side.theta)
-        if drawn.changes(f"spring_{name}", side.spring_length, _LENGTH_STEP):
+        if drawn.has_changed(f"spring_{name}", side.spring_length, _LENGTH_STEP):
             self._compress(nodes, side.spring_length)
-        if drawn.changes(f"colour_{name}", hash(side.colour), 1):
+        if drawn.has_changed(f"colour_{name}", hash(side.colour), 1):
             nodes.taut.color = side.colour
-        if drawn.changes(f"slack_{name}", side.slack, 1):
+        if drawn.has_changed(f"slack_{name}", side.slack, 1):
             nodes.taut.visible = not side.slack
             nodes.loose.visible = side.slack
-        if side.slack and drawn.changes(f"sag_{name}", side.sag, 3 * _LENGTH_STEP):
-            nodes.loose.vertices = _scaled(make_loose_tendon(nodes.sign, side.sag))
+        if side.slack and drawn.has_changed(f"sag_{name}", side.sag, 3 * _LENGTH_STEP):
+            nodes.loose.vertices = _scale_vertices(make_loose_tendon(nodes.sign, side.sag))
         if self._frame % _TEXT_PERIOD_FRAMES == 1:
             nodes.label.text = f"{name} slack" if side.slack else f"{name} {side.force_N:.1f} N"
 
@@ -624,7 +624,7 @@ class SceneNodes:
     ) -> Any:
         return self._scene.add_mesh_simple(
             name,
-            vertices=_scaled(mesh),
+            vertices=_scale_vertices(mesh),
             faces=mesh.faces.astype(np.uint32),
             color=colour,
             opacity=opacity,
@@ -639,11 +639,11 @@ def draw_force(arrow: Any, force_N: float, height: float, least_N: float) -> Non
     arrow.visible = abs(force_N) >= least_N
 
 
-def _known(force_N: float) -> float:
+def _finite_or_zero(force_N: float) -> float:
     return force_N if math.isfinite(force_N) else 0.0
 
 
-def _scaled(mesh: Mesh) -> NDArray[np.float32]:
+def _scale_vertices(mesh: Mesh) -> NDArray[np.float32]:
     return (mesh.vertices * SCALE).astype(np.float32)
 
 
@@ -665,7 +665,7 @@ RATE_HZ = 30.0
 UP_WITHIN_S = 5.0
 """Whoever wants to look waits so long for a scene that is being put up [s], and is sent away then."""
 
-_LOOK_S = 0.05
+_POLL_S = 0.05
 SCENE_PART = Part("A 3D view", "It stood still meanwhile.")
 
 
@@ -707,7 +707,7 @@ class SceneMirror:
         with suppress(TimeoutError):
             async with asyncio.timeout(UP_WITHIN_S):
                 while not self._up.is_set():
-                    await asyncio.sleep(_LOOK_S)
+                    await asyncio.sleep(_POLL_S)
         await self.server.show(send)
 
     def close(self) -> None:
@@ -733,19 +733,19 @@ class SceneMirror:
 
         Called again after that, it puts up another scene; those who looked at the first were sent away and come back.
         """
-        if self._scene is None or not self._scene[0].alive:
-            self._scene = self._put_up()
+        if self._scene is None or not self._scene[0].is_alive:
+            self._scene = self._start_server()
         server, stage = self._scene
         self._up.set()
         due = time.monotonic()
         while not self._ending.wait(max(0.0, due - time.monotonic())):
             due = max(due + 1.0 / RATE_HZ, time.monotonic())
-            if not server.alive:
+            if not server.is_alive:
                 server.clear_up()
                 raise SceneEndedError("viser's thread has ended")
             if server.viewers:
                 self._step(stage)
 
-    def _put_up(self) -> tuple[PortlessServer, SceneNodes]:
+    def _start_server(self) -> tuple[PortlessServer, SceneNodes]:
         server = PortlessServer()
         return server, SceneNodes(server, self._geometry.r_j, self._geometry.r_m)

@@ -139,23 +139,23 @@ class SentAwayError(SinewError):
         self.reason = reason
 
 
-class Hearing:
-    """Takes what one browser says, keeps nothing of it, and raises SentAwayError when it is none of viser's page."""
+class Silence:
+    """Reads the messages of one browser, discards them, and raises SentAwayError when it is none of viser's page."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._left = MOST_AT_ONCE
-        self._heard_s = clock()
+        self._last_received_s = clock()
 
-    def take(self, said: bytes | None) -> None:
+    def take(self, message: bytes | None) -> None:
         """Count one message, None for a text."""
         now_s = self._clock()
-        self._left = min(MOST_AT_ONCE, self._left + MOST_PER_S * (now_s - self._heard_s)) - 1.0
-        self._heard_s = now_s
-        if said is None:
+        self._left = min(MOST_AT_ONCE, self._left + MOST_PER_S * (now_s - self._last_received_s)) - 1.0
+        self._last_received_s = now_s
+        if message is None:
             raise SentAwayError(POLICY_VIOLATION, "text is not understood here")
-        if len(said) > MOST_BYTES:
-            raise SentAwayError(TOO_BIG, f"a message has {len(said)} bytes, at most {MOST_BYTES} are taken")
+        if len(message) > MOST_BYTES:
+            raise SentAwayError(TOO_BIG, f"a message has {len(message)} bytes, at most {MOST_BYTES} are taken")
         if self._left < 0.0:
             raise SentAwayError(POLICY_VIOLATION, f"more than {MOST_PER_S:g} messages a second")
 
@@ -194,7 +194,7 @@ class _Gallery:
         self._scene = scene
         self._path = path
         self._inside = 0
-        self._door = asyncio.Lock()
+        self._start_lock = asyncio.Lock()
 
     async def serve(self, websocket: WebSocket) -> None:
         """Show the scene until either side has enough."""
@@ -218,10 +218,10 @@ class _Gallery:
 
     async def _show(self, websocket: WebSocket) -> SentAwayError | None:
         """Show the scene; return why the browser is to be sent away, None when it has gone by itself."""
-        tasks = [asyncio.create_task(_hear(websocket)), asyncio.create_task(self._send(websocket))]
+        tasks = [asyncio.create_task(_receive(websocket)), asyncio.create_task(self._send(websocket))]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            return _reason_of(done.pop())
+            return _find_reason(done.pop())
         finally:
             for task in tasks:
                 task.cancel()
@@ -232,7 +232,7 @@ class _Gallery:
             async with asyncio.timeout(PATIENCE_S):
                 await websocket.send_bytes(message)
 
-        async with self._door:
+        async with self._start_lock:
             await asyncio.sleep(OPENING_S)
         await self._scene.show(send)
 
@@ -245,13 +245,13 @@ async def _refuse_version(websocket: WebSocket, offered: list[str]) -> None:
     await websocket.close(WRONG_VERSION, "the page is of another version: load it again")
 
 
-async def _hear(websocket: WebSocket) -> None:
-    hearing = Hearing()
+async def _receive(websocket: WebSocket) -> None:
+    silence = Silence()
     while (message := await websocket.receive())["type"] != "websocket.disconnect":
-        hearing.take(message.get("bytes"))
+        silence.take(message.get("bytes"))
 
 
-def _reason_of(ended: asyncio.Task[None]) -> SentAwayError | None:
+def _find_reason(ended: asyncio.Task[None]) -> SentAwayError | None:
     error = SceneEndedError() if ended.cancelled() else ended.exception()
     match error:
         case None | WebSocketDisconnect() | WebSocketDisconnected():

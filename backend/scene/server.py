@@ -1,10 +1,10 @@
 """viser without a network: it draws for whoever is handed to it, and hears nobody.
 
 viser's own server listens on a TCP port without sign-in or origin check, serves files there, and takes messages from
-whoever connects; one of them makes it fork and ask a public tunnel for an address. None of that can be switched off.
-So it is given no network: where it would begin to listen it finds a ``_Road``, which opens nothing and keeps viser's
-handler of connections; where that handler expects a websocket it gets a ``_Viewer``, which takes what viser sends and
-never says a word. Why not otherwise: docs/decisions/0015-viser-without-a-port.md.
+whoever connects; one of them makes it fork and ask a public tunnel for an address. None of that can be switched off. So
+it is given no network: where it would begin to listen it finds a ``_InProcessTransport``, which opens nothing and keeps
+viser's handler of connections; where that handler expects a websocket it gets a ``_Viewer``, which takes what viser
+sends and never says a word. Why not otherwise: docs/decisions/0015-viser-without-a-port.md.
 """
 
 import asyncio
@@ -41,15 +41,15 @@ class PortlessServer(viser.ViserServer):
     """
 
     def __init__(self) -> None:
-        self._road = road = _Road()
-        with _without_a_word():
+        self._transport = transport = _InProcessTransport()
+        with _suppress_output():
             vars(_infra)["websockets"] = SimpleNamespace(
-                asyncio=SimpleNamespace(server=SimpleNamespace(serve=road.serve)),
+                asyncio=SimpleNamespace(server=SimpleNamespace(serve=transport.serve)),
                 datastructures=websockets.datastructures,
                 exceptions=websockets.exceptions,
             )
             super().__init__(host="nowhere", port=0, verbose=False)
-        if not road.open:
+        if not transport.is_open:
             self.stop()
             raise RuntimeError(f"viser {viser.__version__} listens by itself: install the version of pyproject.toml")
         # What is left in it are the requests to publish the scene and the files that a browser wants to upload.
@@ -58,12 +58,12 @@ class PortlessServer(viser.ViserServer):
     @property
     def viewers(self) -> int:
         """How many look at the scene."""
-        return len(self._road.viewers)
+        return len(self._transport.viewers)
 
     @property
-    def alive(self) -> bool:
+    def is_alive(self) -> bool:
         """Whether viser's thread still serves."""
-        return self._road.open
+        return self._transport.is_open
 
     async def show(self, send: Send) -> None:
         """Hand the scene and all its changes to ``send``, in the caller's event loop, until cancelled.
@@ -71,7 +71,7 @@ class PortlessServer(viser.ViserServer):
         The next message waits until the last is sent; what changed meanwhile is sent once. Raises SceneEndedError, and
         what ``send`` raises.
         """
-        await self._road.show(send)
+        await self._transport.show(send)
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Publish nothing: viser's own would fork for it."""
@@ -82,7 +82,7 @@ class PortlessServer(viser.ViserServer):
 
     def stop(self) -> None:
         """Send all viewers away and end viser's thread."""
-        with _without_a_word():
+        with _suppress_output():
             super().stop()
 
     def clear_up(self) -> None:
@@ -99,18 +99,18 @@ class PortlessServer(viser.ViserServer):
 
 
 @contextmanager
-def _without_a_word() -> Iterator[None]:
-    """Let viser not print an address, as there is none; what others print meanwhile is heard."""
+def _suppress_output() -> Iterator[None]:
+    """Suppress viser's output, which prints an address that does not exist."""
     with _one_at_a_time:
-        said = rich.print
+        original_print = rich.print
         vars(rich)["print"] = lambda *_words, **_how: None
         try:
             yield
         finally:
-            vars(rich)["print"] = said
+            vars(rich)["print"] = original_print
 
 
-class _Road:
+class _InProcessTransport:
     """What a viser server finds in place of ``websockets.asyncio.server.serve``; at home in viser's event loop."""
 
     def __init__(self) -> None:
@@ -119,12 +119,12 @@ class _Road:
         self._loop: asyncio.AbstractEventLoop | None = None
 
     @property
-    def open(self) -> bool:
+    def is_open(self) -> bool:
         return self._loop is not None and self._loop.is_running()
 
     def serve(
         self, handler: Callable[["_Viewer"], Coroutine[Any, Any, None]], *_address: object, **_options: object
-    ) -> "_Road":
+    ) -> "_InProcessTransport":
         self._handler = handler
         return self
 

@@ -81,10 +81,10 @@ def test_no_socket_is_opened_whatever_the_environment_says(monkeypatch: pytest.M
     monkeypatch.setenv("_VISER_PORT_OVERRIDE", "8080")
     before = sockets()
     server = PortlessServer()
-    assert server.alive
+    assert server.is_alive
     assert sockets() == before
     server.stop()
-    assert not server.alive
+    assert not server.is_alive
 
 
 def test_the_whole_scene_comes_first_and_then_what_moves(scene: SceneMirror) -> None:

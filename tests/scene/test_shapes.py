@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from backend.scene import model
-from backend.scene.model import disc, joined, plate, rounded, sector, tube
+from backend.scene.model import disc, join_meshes, plate, round_rectangle, sector, tube
 
 
 @pytest.mark.parametrize("length", [0.031, 0.05, model.SPRING_FREE])
@@ -34,7 +34,7 @@ def test_a_disc_has_its_radius_its_bore_and_its_thickness() -> None:
 
 
 def test_a_rounded_plate_keeps_to_its_outline() -> None:
-    mesh = plate(rounded(0.2, -0.3, 0.05, 0.02), 0.03, 0.04)
+    mesh = plate(round_rectangle(0.2, -0.3, 0.05, 0.02), 0.03, 0.04)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     np.testing.assert_allclose(low, [-0.1, 0.03, -0.3])
     np.testing.assert_allclose(high, [0.1, 0.04, 0.05])
@@ -47,7 +47,7 @@ def test_a_sector_spans_its_angle() -> None:
 
 
 def test_faces_point_at_vertices_that_are_there() -> None:
-    mesh = joined(tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), 0.1), disc(1.0, 0.0, 1.0))
+    mesh = join_meshes(tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), 0.1), disc(1.0, 0.0, 1.0))
     assert mesh.faces.min() == 0
     assert mesh.faces.max() == len(mesh.vertices) - 1
     assert np.isfinite(mesh.vertices).all()
