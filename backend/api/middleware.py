@@ -132,7 +132,7 @@ def _show_in(connection: HTTPConnection) -> User | None:
     state = scope.get("state", {})
     place: ConnectionSlot | None = state.get(PLACE)
     places: ConnectionLimiter | None = state.get(ALL_PLACES)
-    if places is None or place is None or places.recognise(place, person, is_socket=is_socket) or not is_socket:
+    if places is None or place is None or places.authenticate(place, person, is_socket=is_socket) or not is_socket:
         return person
     raise RequestRejectedError(
         ErrorCode.UNAVAILABLE,

@@ -50,7 +50,7 @@ RESERVE = 40
 """Descriptors kept for the database, the loop process, the pools, and connections on their way in or out."""
 
 MOST_PLACES = 2048
-GUESTS = 64
+MAX_ANONYMOUS = 64
 SOCKET_COSTS = 3
 """Places that a websocket takes: the 3D view needs three descriptors for each page."""
 
@@ -79,29 +79,29 @@ class ConnectionSlot:
 class ConnectionBudget:
     """How many places there are for guests and for those who are signed in."""
 
-    guests: int
+    anonymous: int
     known: int
 
     @classmethod
     def within(cls, limit: int, in_use: int) -> "ConnectionBudget":
         """Divide what a limit of descriptors leaves beside those in use and the reserve."""
         free = max(12, min(MOST_PLACES, limit - in_use - RESERVE))
-        guests = min(GUESTS, free // 3)
-        return cls(guests, free - guests)
+        anonymous = min(MAX_ANONYMOUS, free // 3)
+        return cls(anonymous, free - anonymous)
 
 
 class ConnectionLimiter:
     """Keeps account of all places. Belongs to the event loop."""
 
-    def __init__(self, room: ConnectionBudget) -> None:
-        self.room = room
-        self._guests: dict[str, dict[ConnectionSlot, None]] = {}
+    def __init__(self, budget: ConnectionBudget) -> None:
+        self.budget = budget
+        self._anonymous: dict[str, dict[ConnectionSlot, None]] = {}
         self._known: set[ConnectionSlot] = set()
 
     @property
-    def guests(self) -> int:
-        """How many have not shown who they are."""
-        return sum(len(crowd) for crowd in self._guests.values())
+    def anonymous(self) -> int:
+        """Number of anonymous connections."""
+        return sum(len(crowd) for crowd in self._anonymous.values())
 
     @property
     def known(self) -> int:
@@ -110,29 +110,29 @@ class ConnectionLimiter:
 
     def enter(self, place: ConnectionSlot) -> None:
         """Let a guest in; another one gives way when all places for guests are taken."""
-        if self.guests >= self.room.guests:
-            self.make_room()
-        self._guests.setdefault(place.network, {})[place] = None
+        if self.anonymous >= self.budget.anonymous:
+            self.evict_anonymous()
+        self._anonymous.setdefault(place.network, {})[place] = None
 
-    def make_room(self) -> bool:
-        """Send one guest away, the oldest of a network, rather one that waits for no answer. False when there is none.
+    def evict_anonymous(self) -> bool:
+        """Close an anonymous connection: the oldest of the largest network, idle ones first. False when there is none.
 
         A network with more than half of the places gives way first. Else somebody who has not asked for anything does,
         of the network with the most of these: many who ask from one address are not pushed out by an idle crowd.
         """
-        going = self._who_gives_way()
+        going = self._select_evicted()
         if going is None:
             return False
         self.leave(going)
         going.end()
         return True
 
-    def _who_gives_way(self) -> ConnectionSlot | None:
-        largest = max(self._guests.values(), key=len, default=None)
+    def _select_evicted(self) -> ConnectionSlot | None:
+        largest = max(self._anonymous.values(), key=len, default=None)
         if largest is None:
             return None
         crowds: Iterable[dict[ConnectionSlot, None]] = (
-            [largest] if 2 * len(largest) > self.room.guests else self._guests.values()
+            [largest] if 2 * len(largest) > self.budget.anonymous else self._anonymous.values()
         )
         silent = max(([place for place in crowd if not place.is_answered()] for crowd in crowds), key=len)
         return silent[0] if silent else next(iter(largest))
@@ -140,23 +140,23 @@ class ConnectionLimiter:
     def leave(self, place: ConnectionSlot) -> None:
         """Take back a place, whoever held it."""
         self._known.discard(place)
-        crowd = self._guests.get(place.network, {})
+        crowd = self._anonymous.get(place.network, {})
         if place in crowd:
             del crowd[place]
             if not crowd:
-                del self._guests[place.network]
+                del self._anonymous[place.network]
 
-    def recognise(self, place: ConnectionSlot, person: User, *, is_socket: bool = False) -> bool:
-        """Give a place of their own to someone who is signed in. False when the person's part is taken.
+    def authenticate(self, place: ConnectionSlot, person: User, *, is_socket: bool = False) -> bool:
+        """Give a slot to an authenticated connection. False when the user's share is full.
 
         They stay a guest then: their requests are answered all the same. A websocket, which stays, is to be refused.
         """
         costs = SOCKET_COSTS if is_socket else 1
-        if place not in self._known and place not in self._guests.get(place.network, {}):
+        if place not in self._known and place not in self._anonymous.get(place.network, {}):
             return False  # gone meanwhile: whoever left does not come back to give a place back
         if place.costs >= costs:
             return True
-        if self._taken() + costs > self.room.known or not self._has_part(person, costs):
+        if self._sum_costs() + costs > self.budget.known or not self._has_part(person, costs):
             return False
         self.leave(place)
         place.holder, place.costs = person, costs
@@ -164,13 +164,13 @@ class ConnectionLimiter:
         return True
 
     def _has_part(self, person: User, costs: int) -> bool:
-        part = self.room.known // 2
-        if person.role is Role.VIEWER and self._taken(role=Role.VIEWER) + costs > part:
+        part = self.budget.known // 2
+        if person.role is Role.VIEWER and self._sum_costs(role=Role.VIEWER) + costs > part:
             return False
         own = part if person.session in (BEARER, OPEN) else min(part, BROWSER_PLACES)
-        return self._taken(session=person.session, role=person.role) + costs <= own
+        return self._sum_costs(session=person.session, role=person.role) + costs <= own
 
-    def _taken(self, role: Role | None = None, session: str | None = None) -> int:
+    def _sum_costs(self, role: Role | None = None, session: str | None = None) -> int:
         return sum(
             place.costs
             for place in self._known
@@ -252,7 +252,7 @@ class ConnectionAcceptor:
 
     def _accept(self) -> None:
         until = self._loop.time() + ACCEPT_TURN_S
-        for _ in range(self.places.room.guests // 2):
+        for _ in range(self.places.budget.anonymous // 2):
             if self._loop.time() > until:
                 return
             try:
@@ -262,7 +262,7 @@ class ConnectionAcceptor:
             except OSError as error:
                 self._accept_later(error)
                 return
-            if connection.fileno() > self._highest and not self.places.make_room():
+            if connection.fileno() > self._highest and not self.places.evict_anonymous():
                 _log.warning("The service refused a connection: no file descriptor is free.")
                 connection.close()
                 continue
@@ -272,7 +272,7 @@ class ConnectionAcceptor:
         """Leave the connections in the kernel for a moment."""
         _log.error("The service cannot accept connections at present: %s", error)
         if error.errno in _OUT_OF_RESOURCES:
-            self.places.make_room()
+            self.places.evict_anonymous()
         self._loop.remove_reader(self._listening)
         self._retry = self._loop.call_later(PAUSE_S, self._accept_from_now_on)
 
@@ -402,7 +402,7 @@ class ReadScheduler:
         until = self._loop.time() + READ_TURN_S
         while self._waiting:
             connection = self._waiting.popleft()
-            pause_s = _parsed(connection)
+            pause_s = _parse_head(connection)
             if pause_s is None:
                 self._lined_up.discard(id(connection))
             elif pause_s > 0.0:
@@ -427,7 +427,7 @@ class ReadScheduler:
             self._turn()
 
 
-def _parsed(connection: Connection) -> float | None:
+def _parse_head(connection: Connection) -> float | None:
     try:
         return connection.parse_piece()
     except Exception:
@@ -502,7 +502,7 @@ BODY_S = 10.0
 REST_S = 10.0
 """So long the rest of a body is taken that the answer did not wait for, so that the answer is read."""
 
-GUEST_PAUSE_S, KNOWN_PAUSE_S = 5.0, 60.0
+ANONYMOUS_PAUSE_S, AUTHENTICATED_PAUSE_S = 5.0, 60.0
 """So long a connection is kept between two requests: of a guest, of somebody who is signed in."""
 
 STALL_S = 30.0
@@ -520,7 +520,7 @@ READING = "reading"
 TOO_MUCH = 1008
 """Code with which a websocket is closed that sends more than its budget: a policy was violated."""
 
-LOOK_S = 0.005
+POLL_S = 0.005
 """Time [s] after which a connection is looked at again whose application has not taken yet what was parsed."""
 
 
@@ -530,7 +530,7 @@ def body_s(path: str) -> float:
     return BODY_S * body_limit(asked) / MAX_BODY_BYTES
 
 
-class _Placed(asyncio.Protocol):
+class _LimitedProtocol(asyncio.Protocol):
     """Gives the place back at the end, and ends a connection that takes nothing of what it asked for.
 
     What it receives waits in ``_unread`` until it is its turn to be parsed, ``PIECE`` bytes at a time. Comes before
@@ -582,14 +582,14 @@ class _Placed(asyncio.Protocol):
         if self.transport.is_closing():
             self._unread.clear()
             return None
-        if self._waits_for_app():
-            return LOOK_S
+        if self._is_waiting_for_app():
+            return POLL_S
         piece = bytes(self._unread[: self.PIECE])
         del self._unread[: len(piece)]
         pause_s = self.parse(piece) if piece else 0.0
         if self._is_full and len(self._unread) <= MOST_UNREAD:
             self._is_full = False
-            if not self.transport.is_closing() and not self._waits_for_app():
+            if not self.transport.is_closing() and not self._is_waiting_for_app():
                 self.transport.resume_reading()
         # A pause is kept where nothing more has come yet, too: what comes next is parsed after it.
         return pause_s if self._unread or pause_s > 0.0 else None
@@ -598,7 +598,7 @@ class _Placed(asyncio.Protocol):
         """Hand a piece to uvicorn; return after how long [s] the next one may be parsed."""
         raise NotImplementedError
 
-    def _waits_for_app(self) -> bool:
+    def _is_waiting_for_app(self) -> bool:
         """Tell whether the application has not taken yet what was parsed: uvicorn reads no further then."""
         raise NotImplementedError
 
@@ -614,9 +614,9 @@ class _Placed(asyncio.Protocol):
 
     def _watch_writing(self) -> None:
         waiting = self.transport.get_write_buffer_size()
-        self._stalled = self.loop.call_later(STALL_S, self._look_at_writing, waiting)
+        self._stalled = self.loop.call_later(STALL_S, self._check_writing, waiting)
 
-    def _look_at_writing(self, waiting: int) -> None:
+    def _check_writing(self, waiting: int) -> None:
         if self.transport.get_write_buffer_size() < waiting:
             self._watch_writing()
         else:
@@ -637,7 +637,7 @@ class _Wait(Enum):
     NOTHING = auto()
 
 
-class HttpProtocol(_Placed, H11Protocol):
+class HttpProtocol(_LimitedProtocol, H11Protocol):
     """HTTP/1.1 on a connection that has a place."""
 
     def __init__(
@@ -657,7 +657,7 @@ class HttpProtocol(_Placed, H11Protocol):
         """Take over the place, and what was said already."""
         super().connection_made(transport)
         self.place.end = self.end
-        self.place.is_answered = lambda: bool(self.place.first_words) or self._waiting() is _Wait.NOTHING
+        self.place.is_answered = lambda: bool(self.place.first_words) or self._find_wait() is _Wait.NOTHING
         self._watch()
         # Not at once: until this returns the transport cannot be told to pause.
         self.loop.call_soon(self._take_first_words)
@@ -676,12 +676,12 @@ class HttpProtocol(_Placed, H11Protocol):
         self._watch()
         return 0.0
 
-    def _waits_for_app(self) -> bool:
+    def _is_waiting_for_app(self) -> bool:
         return self.flow is not None and self.flow.read_paused
 
     def on_response_complete(self) -> None:
         """Keep the connection for the next request."""
-        self.timeout_keep_alive = int(KNOWN_PAUSE_S if self.place.costs else GUEST_PAUSE_S)
+        self.timeout_keep_alive = int(AUTHENTICATED_PAUSE_S if self.place.costs else ANONYMOUS_PAUSE_S)
         super().on_response_complete()
         self._watch()
 
@@ -696,7 +696,7 @@ class HttpProtocol(_Placed, H11Protocol):
 
     def send_400_response(self, msg: str) -> None:
         """Answer what is no HTTP, and a head that is too long, with the headers that every answer has."""
-        if self._waiting() is _Wait.HEAD and len(self.conn.trailing_data[0]) > LONGEST_HEAD:
+        if self._find_wait() is _Wait.HEAD and len(self.conn.trailing_data[0]) > LONGEST_HEAD:
             self._refuse_head()
         else:
             self._refuse(400, "Bad Request", msg)
@@ -728,7 +728,7 @@ class HttpProtocol(_Placed, H11Protocol):
         if not self.transport.is_closing():
             self.data_received(words)
 
-    def _waiting(self) -> _Wait:
+    def _find_wait(self) -> _Wait:
         cycle: Any = self.cycle  # None before the first request, which uvicorn does not declare
         if cycle is None:
             return _Wait.HEAD
@@ -740,7 +740,7 @@ class HttpProtocol(_Placed, H11Protocol):
         return body_s(self.cycle.scope["path"]) if self.cycle else BODY_S
 
     def _watch(self) -> None:
-        waits_for = self._waiting()
+        waits_for = self._find_wait()
         if waits_for is self._waits_for:
             return
         self._unset_patience()
@@ -756,7 +756,7 @@ class HttpProtocol(_Placed, H11Protocol):
             self._patience = None
 
 
-class SocketProtocol(_Placed, WebSocketsSansIOProtocol):
+class SocketProtocol(_LimitedProtocol, WebSocketsSansIOProtocol):
     """A websocket on a connection that has a place."""
 
     PIECE = PIECE
@@ -800,7 +800,7 @@ class SocketProtocol(_Placed, WebSocketsSansIOProtocol):
             self.close_sent = True
         self.transport.close()
 
-    def _waits_for_app(self) -> bool:
+    def _is_waiting_for_app(self) -> bool:
         return self.read_paused
 
     async def send(self, message: Any) -> None:

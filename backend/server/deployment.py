@@ -50,14 +50,14 @@ def apply_forwarded_headers(scope: Scope, public: PublicUrl | None) -> None:
         return
     is_prefixed = _take_prefix(scope, public.prefix)
     is_trusted = public.trusts(peer)
-    if is_trusted and (asking := _named(headers.getlist("x-forwarded-for"), public)):
+    if is_trusted and (asking := _find_client(headers.getlist("x-forwarded-for"), public)):
         scope["client"] = (asking, 0)
     is_forwarded = is_trusted and any(name in headers for name in FORWARDING)
-    if is_prefixed or is_forwarded or _is_host_of(headers.get("host", ""), public):
+    if is_prefixed or is_forwarded or _is_public_host(headers.get("host", ""), public):
         scope[COOKIE_PATH] = f"{public.prefix}/"
 
 
-def name_of(host: str) -> str:
+def parse_host_name(host: str) -> str:
     """Return the name in a Host header, without brackets and port; "" for what is none."""
     try:
         return urlsplit(f"//{host}").hostname or ""
@@ -65,7 +65,7 @@ def name_of(host: str) -> str:
         return ""
 
 
-def _is_host_of(host: str, public: PublicUrl) -> bool:
+def _is_public_host(host: str, public: PublicUrl) -> bool:
     """Return whether a Host header is that of the public URL, with its port or without any."""
     return host.lower() in (public.netloc, public.host, f"{public.host}:{public.port}")
 
@@ -82,8 +82,8 @@ def _take_prefix(scope: Scope, prefix: str) -> bool:
     return True
 
 
-def _named(forwarded: list[str], public: PublicUrl) -> str | None:
-    """Return who asked the first proxy that is trusted: those after it have put one address each behind the other."""
+def _find_client(forwarded: list[str], public: PublicUrl) -> str | None:
+    """Return the client of the first trusted proxy; each later proxy has appended one address."""
     found = None
     for name in reversed([part.strip() for line in forwarded for part in line.split(",")]):
         try:
@@ -119,17 +119,18 @@ def unknown_host(host: str, public: PublicUrl | None) -> str:
 
 def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
     """Say why a page's command or websocket is refused."""
-    said = f"the page comes from {_cut(origin)!r}, and the request asks for the host {_cut(host)!r}"
+    issue = f"the page comes from {_cut(origin)!r}, and the request asks for the host {_cut(host)!r}"
     if public is not None:
         return (
-            f"{said}; this service was started with --public-url {public}/: open that address, or start it with another"
+            f"{issue}; this service was started with --public-url {public}/: open that address, "
+            "or start it with another"
         )
     try:
         proxy = str(read_public_url(origin))
     except ValueError:
-        return f"{said}: pages of other sites are refused"
+        return f"{issue}: pages of other sites are refused"
     return (
-        f"{said}: pages of other sites are refused. If {proxy} is a reverse proxy in front of this service, start it "
+        f"{issue}: pages of other sites are refused. If {proxy} is a reverse proxy in front of this service, start it "
         f"with --public-url {proxy}/ (with the path, where there is one), or let the proxy pass the Host header on "
         "(nginx: proxy_set_header Host $http_host;)"
     )

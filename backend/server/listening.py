@@ -95,7 +95,7 @@ def listening_socket(host: str, port: int) -> Iterator[socket.socket]:
     """Hold the socket that is listened on. Raises CannotListenError."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
-        listening = socket.create_server((host, port), family=family, dualstack_ipv6=_serves_both(host))
+        listening = socket.create_server((host, port), family=family, dualstack_ipv6=_is_dual_stack(host))
     except OSError as error:
         reason = error.strerror or error
         raise CannotListenError(
@@ -111,12 +111,12 @@ def describe_served_addresses(host: str) -> str:
         return ""
     if ":" not in host:
         return "It listens on every IPv4 address of this machine, not over IPv6; --host :: serves both."
-    if _serves_both(host):
+    if _is_dual_stack(host):
         return "It listens on every address of this machine, over IPv6 and IPv4."
     return "It listens on every IPv6 address of this machine, not over IPv4: this system cannot serve both."
 
 
-def _serves_both(host: str) -> bool:
+def _is_dual_stack(host: str) -> bool:
     return ":" in host and _is_any(host) and socket.has_dualstack_ipv6()
 
 

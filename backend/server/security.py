@@ -25,7 +25,7 @@ from backend.plain_text import PlainTextError, require_plain, require_plain_text
 from backend.public_url import PublicUrl
 from backend.schemas import LONGEST_SHEET, ErrorDetail, ErrorResponse
 from backend.server import deployment
-from backend.server.deployment import COOKIE_PATH, PUBLIC, apply_forwarded_headers, name_of
+from backend.server.deployment import COOKIE_PATH, PUBLIC, apply_forwarded_headers, parse_host_name
 from plant import ErrorCode
 
 # Bodies --------------------------------------------------------------------------------------------
@@ -85,8 +85,8 @@ def _require_few(document: Any) -> None:
         names += len(part) if isinstance(part, dict) else 0
         count += len(part) if isinstance(part, list) else 0
         if names > MOST_NAMES or count > MOST_LISTED:
-            said = f"{MOST_NAMES} named values and {MOST_LISTED} in lists"
-            why = f"body: it has more than {said}, the most that any request has: leave some out"
+            limits = f"{MOST_NAMES} named values and {MOST_LISTED} in lists"
+            why = f"body: it has more than {limits}, the most that any request has: leave some out"
             raise RequestRejectedError(ErrorCode.BAD_VALUE, why, code="too_many_parts")
         parts.extend(part.values() if isinstance(part, dict) else part if isinstance(part, list) else ())
 
@@ -109,7 +109,7 @@ def replay_body(body: bytes, receive: Receive) -> Receive:
 COOKIE = "sinew_session_"
 """What a cookie's name begins with; the port of the address follows: all ports of a host share one jar."""
 
-KEPT_BY_BROWSER_S = 400 * 24 * 3600
+HSTS_MAX_AGE_S = 400 * 24 * 3600
 """As long as browsers keep a cookie at most: how long a session lasts is the service's to say, not a clock's."""
 
 LONGEST_COOKIE = 2000
@@ -147,7 +147,7 @@ def set_session_cookie(
         response.set_cookie(
             cookie_name(connection),
             value,
-            max_age=KEPT_BY_BROWSER_S,
+            max_age=HSTS_MAX_AGE_S,
             httponly=True,
             samesite="strict",
             secure=_is_secure(connection),
@@ -367,8 +367,8 @@ class HostOriginMiddleware:
         return _refusal_of_length(scope, headers, body_limit(scope["path"]))
 
     def _is_known(self, host: str) -> bool:
-        name = name_of(host)
-        if self._public is not None and name == name_of(self._public.host):
+        name = parse_host_name(host)
+        if self._public is not None and name == parse_host_name(self._public.host):
             return True
         return self._is_local(name)
 
@@ -392,7 +392,7 @@ class HostOriginMiddleware:
         if self._public is not None:
             if origin.lower() == self._public.origin:
                 return True
-            if not self._is_local(name_of(host)):
+            if not self._is_local(parse_host_name(host)):
                 return False
         try:
             return urlsplit(origin).netloc.lower() == host.lower()

@@ -29,14 +29,14 @@ class Crowd:
 
 @pytest.fixture
 def crowd() -> Crowd:
-    return Crowd(ConnectionBudget(guests=4, known=60))
+    return Crowd(ConnectionBudget(anonymous=4, known=60))
 
 
 def test_the_oldest_guest_gives_way(crowd: Crowd) -> None:
     for name in "abcdef":
         crowd.comes(name, "10.0.0.1")
     assert crowd.gone == ["a", "b"]
-    assert crowd.places.guests == 4
+    assert crowd.places.anonymous == 4
 
 
 def test_one_address_does_not_push_out_another(crowd: Crowd) -> None:
@@ -58,7 +58,7 @@ def test_who_waits_for_an_answer_gives_way_last(crowd: Crowd) -> None:
     for name in "abcd":
         crowd.comes(name, "10.0.0.1")
     assert crowd.gone == ["a"]
-    only_answered = Crowd(ConnectionBudget(guests=2, known=60))
+    only_answered = Crowd(ConnectionBudget(anonymous=2, known=60))
     for name in "abc":
         only_answered.comes(name, "10.0.0.1", is_answered=True)
     assert only_answered.gone == ["a"]
@@ -73,41 +73,41 @@ def test_an_idle_crowd_of_many_addresses_does_not_push_out_who_asked(crowd: Crow
 
 
 def test_who_is_recognised_stays(crowd: Crowd) -> None:
-    assert crowd.places.recognise(crowd.comes("operator", "10.0.0.1"), OPERATOR)
+    assert crowd.places.authenticate(crowd.comes("operator", "10.0.0.1"), OPERATOR)
     for name in "abcdef":
         crowd.comes(name, "10.0.0.1")
     assert "operator" not in crowd.gone
 
 
 def test_viewers_and_one_browser_have_a_part_only() -> None:
-    crowd = Crowd(ConnectionBudget(guests=4, known=400))
+    crowd = Crowd(ConnectionBudget(anonymous=4, known=400))
     viewers = [User(f"viewer {number}", Role.VIEWER, str(number)) for number in range(10)]
     let_in = [
         viewer.session
         for viewer in viewers
         for number in range(50)
-        if crowd.places.recognise(crowd.comes(str(number), "10.0.0.1"), viewer, is_socket=True)
+        if crowd.places.authenticate(crowd.comes(str(number), "10.0.0.1"), viewer, is_socket=True)
     ]
     assert let_in.count("0") == BROWSER_PLACES // SOCKET_COSTS
     assert len(let_in) == 200 // SOCKET_COSTS
-    assert crowd.places.recognise(crowd.comes("operator", "10.0.0.1"), OPERATOR, is_socket=True)
+    assert crowd.places.authenticate(crowd.comes("operator", "10.0.0.1"), OPERATOR, is_socket=True)
 
 
 def test_a_place_is_free_again_when_its_holder_leaves(crowd: Crowd) -> None:
     place = crowd.comes("viewer", "10.0.0.1")
-    assert crowd.places.recognise(place, VIEWER, is_socket=True)
+    assert crowd.places.authenticate(place, VIEWER, is_socket=True)
     assert crowd.places.known == SOCKET_COSTS
     crowd.places.leave(place)
     crowd.places.leave(place)
-    assert (crowd.places.known, crowd.places.guests) == (0, 0)
-    assert not crowd.places.recognise(place, VIEWER)
+    assert (crowd.places.known, crowd.places.anonymous) == (0, 0)
+    assert not crowd.places.authenticate(place, VIEWER)
     assert crowd.places.known == 0
 
 
 @pytest.mark.parametrize(("limit", "in_use"), [(64, 60), (128, 40), (1024, 60), (8192, 60)])
 def test_there_is_room_for_both_whatever_the_limit(limit: int, in_use: int) -> None:
     room = ConnectionBudget.within(limit, in_use)
-    assert room.guests >= 4
+    assert room.anonymous >= 4
     assert room.known >= 8
 
 

@@ -35,7 +35,7 @@ async def large() -> Response:
 @app.get("/guests")
 async def count(request: Request) -> int:
     places: ConnectionLimiter = getattr(request.state, connections.ALL_PLACES)
-    return places.guests
+    return places.anonymous
 
 
 @app.post("/thing")
@@ -120,7 +120,7 @@ def guests(address: tuple[str, int]) -> int:
 
 def test_a_connection_is_kept_for_the_next_request(address: tuple[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "HEAD_S", SHORT_S)
-    monkeypatch.setattr(connections, "GUEST_PAUSE_S", 60)
+    monkeypatch.setattr(connections, "ANONYMOUS_PAUSE_S", 60)
     with connected(address) as kept:
         for _ in range(3):
             kept.sendall(b"GET /thing HTTP/1.1\r\n" + HOST + b"\r\n")

@@ -28,7 +28,7 @@ def test_numbers_are_those_of_the_code() -> None:
     assert dict(cells("### Numbers\n", 2)[:22]) == {
         "largest body of a request": f"{security.MAX_BODY_BYTES // 1024} kB",
         "largest sheet of charts for a PDF": f"{security.MAX_SHEET_BYTES // 1024} kB",
-        "anonymous connections": f"{connections.GUESTS}",
+        "anonymous connections": f"{connections.MAX_ANONYMOUS}",
         "connections in total, as far as descriptors allow": f"{connections.MOST_PLACES}",
         "connections of one browser session": f"{connections.BROWSER_PLACES}",
         "descriptors reserved for all other purposes": f"{connections.RESERVE}",
