@@ -30,3 +30,15 @@ def test_no_package_is_too_large() -> None:
     assert len(shares) > 15
     assert {name: round(share, 3) for name, share in shares.items() if share > LARGEST_SHARE} == {}
     assert lines(ROOT / "backend" / "api") < LARGEST_API
+
+
+def test_contributing_names_files_and_what_they_contain() -> None:
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = [row for row in re.findall(r"^\| (`.*) \| (.*) \|$", page, re.MULTILINE) if "/" in row[0]]
+    assert len(rows) > 20
+    for places, change in rows:
+        paths = [ROOT / path for path in re.findall(r"`([^`]+)`", places) if "/" in path and "NAME" not in path]
+        assert [path for path in paths if not path.exists()] == []
+        names = re.findall(r"`([A-Z]\w+|[a-z]+_\w+)`", change)
+        files = [path for path in paths if path.is_file()]
+        assert [name for name in names if not any(name in path.read_text(encoding="utf-8") for path in files)] == []
