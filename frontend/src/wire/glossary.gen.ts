@@ -731,7 +731,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "quantity",
     "name": "M_s",
     "term": "M_s",
-    "meaning": "sensitivity peak of a loop, the inverse of its distance from instability; the smallest λ offered has 1.7",
+    "meaning": "sensitivity peak (maximum sensitivity) of a loop, the inverse of its distance from instability; the smallest λ offered has 1.7",
     "equation": "max over ω of 1/abs(1 + L(jω))",
     "source": "docs/explanation/tuning.md"
   },

@@ -46,6 +46,7 @@ export type Purpose = keyof typeof PURPOSES;
 /** Order within a list; documents without an entry follow in alphabetical order. */
 const FIRST = [
   "first-hour",
+  "installation",
   "rig",
   "experiments",
   "studies",
@@ -54,6 +55,7 @@ const FIRST = [
   "reports",
   "network",
   "new-hardware",
+  "command-line",
   "notation",
   "faults",
   "search",
