@@ -8,7 +8,7 @@ import { Redirect, Route, Switch, useLocation } from "wouter";
 import styles from "./App.module.css";
 import { AddressProblems, Problems } from "./components/AddressProblems";
 import { ControlLoss } from "./components/ControlMenu";
-import { Boundary } from "./components/ErrorBoundary";
+import { ErrorBoundary } from "./components/ErrorBoundary";
 import { Explanation } from "./components/Explanation";
 import { Header } from "./components/Header";
 import { NameQuestion } from "./components/NameQuestion";
@@ -22,12 +22,12 @@ import { OperatePage } from "./pages/operate/OperatePage";
 import { EXPERIMENTS, RUNS } from "./pages/runs/runAddress";
 import { CookiesBlockedPage, SignInPage } from "./pages/SignInPage";
 import { useLiveFormulas } from "./service/api/formulas";
-import { AnglesContext, usePreferences } from "./service/api/preferences";
+import { AngleUnitContext, usePreferences } from "./service/api/preferences";
 import { sessionQuery } from "./service/api/session";
-import { useFreshness } from "./service/api/useRefetchOnChanges";
+import { useRefetchOnChanges } from "./service/api/useRefetchOnChanges";
 import type { ControlForm } from "./service/control/handover";
 import { useNotifications } from "./service/notifications/useNotifications";
-import { keepsCookies } from "./wire/browserStorage";
+import { acceptsCookies } from "./wire/browserStorage";
 import { RequestError } from "./wire/client";
 
 const IdentifyPage = lazy(() => import("./pages/identify/IdentifyPage"));
@@ -52,7 +52,7 @@ const DOCS = /^\/docs(?:\/(?<rest>.+))?$/;
 const FLIGHT = /^\/flights\/(?<id>[1-9]\d*)$/;
 
 export function App() {
-  const [isUsable] = useState(keepsCookies);
+  const [isUsable] = useState(acceptsCookies);
   return isUsable ? <Dashboard /> : <CookiesBlockedPage />;
 }
 
@@ -91,7 +91,7 @@ function Shell() {
   const [form, setForm] = useState<ControlForm | null>(null);
   const [address, go] = useLocation();
   const pages = usePages();
-  useFreshness();
+  useRefetchOnChanges();
   useScheme();
   useNotifications();
   useLiveFormulas();
@@ -104,26 +104,26 @@ function Shell() {
   ]);
   const { angles } = usePreferences().preferences;
   return (
-    <AnglesContext value={angles}>
+    <AngleUnitContext value={angles}>
       <div className={styles.shell}>
-        <Boundary of="Header">
+        <ErrorBoundary of="Header">
           <Header onShortcuts={open} onName={name.open} onForm={setForm} />
-        </Boundary>
-        <Boundary of="Status">
+        </ErrorBoundary>
+        <ErrorBoundary of="Status">
           <StatusStrip form={form} onForm={setForm} />
-        </Boundary>
-        <Boundary of="Notices">
+        </ErrorBoundary>
+        <ErrorBoundary of="Notices">
           <AddressProblems />
           <ControlLoss />
           <NameQuestion wanted={naming} onDone={name.close} />
           <Tour />
-        </Boundary>
+        </ErrorBoundary>
         <div className={styles.body}>
-          <Boundary of="Navigation">
+          <ErrorBoundary of="Navigation">
             <Navigation onSetup={setup.open} onShortcuts={open} />
-          </Boundary>
+          </ErrorBoundary>
           <main className={styles.page}>
-            <Boundary of="Page" at={address}>
+            <ErrorBoundary of="Page" at={address}>
               <Suspense>
                 <Switch>
                   <Route path="/operate" component={OperatePage} />
@@ -144,17 +144,17 @@ function Shell() {
                   </Route>
                 </Switch>
               </Suspense>
-            </Boundary>
+            </ErrorBoundary>
           </main>
         </div>
-        <Boundary of="Help">
+        <ErrorBoundary of="Help">
           <Shortcuts opened={shortcuts} onClose={close} />
           <Explanation />
-        </Boundary>
-        <Boundary of="Set-up">
+        </ErrorBoundary>
+        <ErrorBoundary of="Set-up">
           <SetupDrawer opened={settingUp} onClose={setup.close} />
-        </Boundary>
+        </ErrorBoundary>
       </div>
-    </AnglesContext>
+    </AngleUnitContext>
   );
 }

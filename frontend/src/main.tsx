@@ -8,7 +8,7 @@ import { createRoot } from "react-dom/client";
 import { Router } from "wouter";
 import { useHashLocation } from "wouter/use-hash-location";
 import { App } from "./App";
-import { Boundary } from "./components/ErrorBoundary";
+import { ErrorBoundary } from "./components/ErrorBoundary";
 import { sessionQuery } from "./service/api/session";
 import { theme } from "./theme/theme";
 import { RequestError } from "./wire/client";
@@ -41,9 +41,9 @@ createRoot(document.getElementById("root") as HTMLElement).render(
     <MantineProvider theme={theme} defaultColorScheme="auto">
       <QueryClientProvider client={queries}>
         <Router hook={useHashLocation}>
-          <Boundary of="Sinew">
+          <ErrorBoundary of="Sinew">
             <App />
-          </Boundary>
+          </ErrorBoundary>
         </Router>
       </QueryClientProvider>
     </MantineProvider>

@@ -26,11 +26,11 @@ import {
   held,
   type Playhead,
   panned,
-  stretch,
   useEnlarged,
   useEpoch,
   type ViewControl,
   type Viewport,
+  visibleRange,
   zoomed,
 } from "./viewport";
 
@@ -178,7 +178,7 @@ export function Charts(props: ChartsProps) {
   );
   useEffect(() => () => readout.close(), [readout]);
   useEffect(() => readout.setMarks(marks), [readout, marks]);
-  const seen = useCallback(() => stretch(current.current, source.now_s()), [current, source]);
+  const seen = useCallback(() => visibleRange(current.current, source.now_s()), [current, source]);
   const looked = useCallback(() => readout.looked(seen()), [readout, seen]);
   const stack = useRef<ChartStack | null>(null);
   const [wheelHint, explainWheel] = useWheelHint();

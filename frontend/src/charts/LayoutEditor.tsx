@@ -5,9 +5,9 @@ import { useDisclosure } from "@mantine/hooks";
 import { type FormEvent, useRef, useState } from "react";
 import { TbClock, TbLayoutRows, TbPencil, TbTrash } from "react-icons/tb";
 import { OperatorsOnly } from "../components/ControlMenu";
-import { EditedText, TextField } from "../components/fields";
+import { CommittedTextInput, TextField } from "../components/fields";
 import { Refusal } from "../components/Refusal";
-import { useFormulas, usePutFormula, useRemoveFormula } from "../service/api/formulas";
+import { useFormulas, useRemoveFormula, useSaveFormula } from "../service/api/formulas";
 import { usePreferences } from "../service/api/preferences";
 import { isPlainRecord, isText, useDraft } from "../service/forms/drafts";
 import { RefusedFields } from "../service/forms/refusals";
@@ -38,7 +38,7 @@ function isFormula(value: unknown): value is typeof EMPTY {
 
 export function FormulaEditor() {
   const formulas = useFormulas();
-  const put = usePutFormula();
+  const put = useSaveFormula();
   const remove = useRemoveFormula();
   const draft = useDraft("formula", EMPTY, isFormula);
   const text = draft.value;
@@ -182,7 +182,7 @@ export function LayoutEditor() {
       <div className={styles.head}>
         <span className={styles.name}>
           Layout
-          <EditedText
+          <CommittedTextInput
             label="Name of the layout"
             text={used.name}
             onDone={(text) => take((layout) => renamed(layout, text))}

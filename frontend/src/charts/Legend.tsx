@@ -2,7 +2,7 @@ import { Popover } from "@mantine/core";
 import { useState } from "react";
 import { TbArrowsMaximize, TbArrowsMinimize } from "react-icons/tb";
 import { Explained, entriesOf, explaining } from "../components/Explained";
-import { Written } from "../components/values";
+import { SymbolText } from "../components/values";
 import { usePreferences } from "../service/api/preferences";
 import { symbolEntries } from "../service/glossary";
 import { PALETTE, type Panel, paintOf, signalOf, type Trace } from "../theme/signals";
@@ -109,7 +109,7 @@ export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlar
             {...explaining(entriesOf(symbolEntries(trace.name)))}
           >
             <span aria-hidden="true">
-              <Written name={trace.name} />
+              <SymbolText name={trace.name} />
             </span>
             <span className="visually-hidden">{trace.name}</span>
           </button>
@@ -121,7 +121,7 @@ export function Legend({ panel, hidden, onToggle, onHighlight, enlarged, onEnlar
       ))}
       {panel.over !== undefined && (
         <span className={chartsStyles.over}>
-          over <Written name={panel.over.name} />
+          over <SymbolText name={panel.over.name} />
           {panel.over.unit !== "1" && <span>[{panel.over.unit}]</span>}
           <span className={chartsStyles.value} data-role="over" />
         </span>

@@ -1,8 +1,8 @@
 import { ActionIcon, NativeSelect } from "@mantine/core";
 import { type ReactNode, useEffect, useRef } from "react";
 import { TbArrowDown, TbArrowUp, TbMinus, TbPlus, TbTrash, TbX } from "react-icons/tb";
-import { EditedText } from "../components/fields";
-import { Written } from "../components/values";
+import { CommittedTextInput } from "../components/fields";
+import { SymbolText } from "../components/values";
 import { fixed } from "../samples/format";
 import { useDerived } from "../service/api/formulas";
 import {
@@ -60,7 +60,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
 
   return (
     <li ref={row} className={layoutEditorStyles.panel} aria-label={title} data-panel-row={place}>
-      <EditedText
+      <CommittedTextInput
         label={`Title of panel ${place + 1}`}
         text={title}
         onDone={(text) => onEdit((now) => withTitle(now, place, text))}
@@ -74,7 +74,7 @@ export function PanelRow({ layout, panel, place, onEdit, onMove }: PanelRowProps
             aria-label={`Remove ${name} from ${title}`}
             onClick={() => onEdit((now) => withoutSignal(now, place, name))}
           >
-            <Written name={name} /> <TbX size={12} aria-hidden="true" />
+            <SymbolText name={name} /> <TbX size={12} aria-hidden="true" />
           </button>
         ))}
       </span>

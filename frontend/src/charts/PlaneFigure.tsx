@@ -1,7 +1,7 @@
 import { useMemo } from "react";
 import type { Extent } from "../samples/decimate";
 import { fixed } from "../samples/format";
-import type { Stretch } from "../samples/timeSeries";
+import type { TimeRange } from "../samples/timeSeries";
 import { dashOf, type Panel, type Trace } from "../theme/signals";
 import { roundStep, steadyRange, tickLabels, type ValueRange } from "./axes";
 import styles from "./Charts.module.css";
@@ -28,7 +28,7 @@ export function isPlane(panel: Panel): panel is Plane {
 }
 
 /** The points of one trace, in the units shown. */
-export function pointsOf(source: PlotSource, plane: Plane, trace: Trace, seen: Stretch): Pairs {
+export function pointsOf(source: PlotSource, plane: Plane, trace: Trace, seen: TimeRange): Pairs {
   const mark = /[′⁰¹²³⁴-⁹]*$/.exec(trace.name)?.[0] ?? "";
   const over = plane.over.name + mark;
   const { x, y } =
@@ -37,7 +37,7 @@ export function pointsOf(source: PlotSource, plane: Plane, trace: Trace, seen: S
 }
 
 /** Where a source has no pairs: its curves on the times that they share. */
-function fromCurves(source: PlotSource, x: string, y: string, seen: Stretch): Pairs {
+function fromCurves(source: PlotSource, x: string, y: string, seen: TimeRange): Pairs {
   const traces = [x, y].map((name): Trace => ({ name, hue: "", dashed: false }));
   const plain = { title: "", unit: "1", factor: 1, decimals: 0, narrowest: 1, traces };
   const { times, values } = source.curves(plain, seen, POINTS / 4);
@@ -175,7 +175,7 @@ interface PlaneProps {
   readonly place: number;
   readonly source: PlotSource;
   readonly hidden: ReadonlySet<string>;
-  seen(): Stretch;
+  seen(): TimeRange;
   /** The moment that the legends tell. */
   looked(): number;
   onToggle(name: string): void;
@@ -201,7 +201,7 @@ function drawingOf(
   plane: Plane,
   source: PlotSource,
   hidden: ReadonlySet<string>,
-  seen: () => Stretch,
+  seen: () => TimeRange,
   looked: () => number,
 ): Drawing {
   let ranges: PlaneRanges | null = null;
@@ -223,7 +223,7 @@ export function drawnNow(
   plane: Plane,
   source: PlotSource,
   hidden: ReadonlySet<string>,
-  seen: Stretch,
+  seen: TimeRange,
   looked_s: number,
   before: PlaneRanges | null,
 ): DrawnPlane {

@@ -1,7 +1,7 @@
 import { TextInput } from "@mantine/core";
 import { useState } from "react";
 import { TbPlus } from "react-icons/tb";
-import { Written } from "../components/values";
+import { SymbolText } from "../components/values";
 import type { DerivedSignal } from "../samples/formula";
 import { useDerived } from "../service/api/formulas";
 import { DRAWN, meaningOf } from "../theme/signals";
@@ -86,7 +86,7 @@ export function SignalTree({ onPress }: { onPress: (name: string) => void }) {
                   event.dataTransfer.setData(DRAGGED, value);
                 }}
               >
-                <Written name={value} />
+                <SymbolText name={value} />
                 <button
                   type="button"
                   className={styles.own}

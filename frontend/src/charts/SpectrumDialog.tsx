@@ -4,21 +4,21 @@ import uPlot from "uplot";
 import { SignalName } from "../components/values";
 import { type SignalSpectrum, type Spectra, type Spectrum, spectraOf } from "../samples/analysis";
 import { fixed, significant } from "../samples/format";
-import type { SampleTable, Stretch } from "../samples/timeSeries";
+import type { SampleTable, TimeRange } from "../samples/timeSeries";
 import { dashOf, type Panel } from "../theme/signals";
 import { PERIOD_S } from "../wire/sample.gen";
 import { decadeRange, logLabels } from "./axes";
 import { readColours } from "./canvas";
 import { TraceLine } from "./PanelRow";
 import styles from "./Spectrum.module.css";
-import { basisWords, grouped } from "./StatisticsTable";
+import { describeBasis, grouped } from "./StatisticsTable";
 import type { StoredData } from "./storedRuns";
 
 /** Spectra of a range: of the page's own samples at once, or computed by the service, which takes a moment. */
 
 /** What the spectrum is to be of: what was in sight, or between the cursors, when it was asked for. */
 export interface SpectrumOrder {
-  readonly range: Stretch;
+  readonly range: TimeRange;
   /** Null where the service has every sample. */
   readonly table: SampleTable | null;
   readonly stored: StoredData | null;
@@ -133,7 +133,8 @@ function Content({ panels, order, timeText }: ContentProps) {
       {found !== null && (
         <output className={styles.foot} aria-label="Spectrum facts">
           {computed && `${unit} over Hz. Welch's method: ${methodOf(found, names)}. `}
-          From {basisWords(found.basis, timeText)}.{computed && sentence("Left out", leftOut(found, names))}
+          From {describeBasis(found.basis, timeText)}.
+          {computed && sentence("Left out", leftOut(found, names))}
           {computed && sentence("No spectrum", reasonsOf(found, names))}
         </output>
       )}

@@ -2,9 +2,9 @@ import { act, renderHook } from "@testing-library/react";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import type { Figures } from "../samples/analysis";
 import { clockTime } from "../samples/format";
-import type { Stretch } from "../samples/timeSeries";
+import type { TimeRange } from "../samples/timeSeries";
 import type { Waiting } from "../service/api/recordings";
-import { basisWords, grouped, useStatistics } from "./StatisticsTable";
+import { describeBasis, grouped, useStatistics } from "./StatisticsTable";
 import type { StoredData } from "./storedRuns";
 
 describe("useStatistics", () => {
@@ -12,14 +12,14 @@ describe("useStatistics", () => {
   const FIGURES: Figures = { basis: [], signals: new Map() };
 
   interface Asked extends Waiting {
-    readonly range: Stretch;
+    readonly range: TimeRange;
     answer(figures: Figures): void;
     refuse(error: Error): void;
   }
 
   let asked: Asked[] = [];
   const stored = {
-    statistics: (_names: readonly string[], range: Stretch, waiting: Waiting) =>
+    statistics: (_names: readonly string[], range: TimeRange, waiting: Waiting) =>
       new Promise<Figures>((answer, refuse) => asked.push({ ...waiting, range, answer, refuse })),
   } as StoredData;
 
@@ -85,22 +85,22 @@ describe("basis", () => {
   };
 
   it("says which samples figures come from, and how many are missing", () => {
-    expect(basisWords([WHOLE], told)).toBe(
+    expect(describeBasis([WHOLE], told)).toBe(
       "every sample between 0:00.000 and 9:59.999: 599\u202f300 samples, 700 missing",
     );
   });
 
   it("says so of each of several recordings, and of what has no sample", () => {
     const none = { ...WHOLE, of: "run 3", range: null, samples: 0 };
-    const words = basisWords([{ ...WHOLE, of: "run 2", missing: 0 }, none], told);
+    const words = describeBasis([{ ...WHOLE, of: "run 2", missing: 0 }, none], told);
     expect(words).toBe(
       "run 2: every sample between 0:00.000 and 9:59.999: 599\u202f300 samples; run 3: no sample in this range",
     );
-    expect(basisWords([], told)).toBe("no sample in this range");
+    expect(describeBasis([], told)).toBe("no sample in this range");
   });
 
   it("calls no envelope every sample", () => {
-    const words = basisWords([{ ...WHOLE, bucket_s: 0.3, samples: 2000 }], told);
+    const words = describeBasis([{ ...WHOLE, bucket_s: 0.3, samples: 2000 }], told);
     expect(words).toBe("min and max per 0.300 s between 0:00.000 and 9:59.999: 2\u202f000 pairs");
   });
 

@@ -1,9 +1,9 @@
 import { Progress } from "@mantine/core";
 import { useEffect, useRef, useState } from "react";
-import { Shown, SignalName } from "../components/values";
+import { SignalName, ValueOrReason } from "../components/values";
 import { type Basis, type Figures, figuresOf } from "../samples/analysis";
 import { fixed, significant } from "../samples/format";
-import type { SampleTable, Stretch } from "../samples/timeSeries";
+import type { SampleTable, TimeRange } from "../samples/timeSeries";
 import type { Panel } from "../theme/signals";
 import styles from "./Statistics.module.css";
 import type { StoredData } from "./storedRuns";
@@ -26,7 +26,7 @@ export interface ShownStatistics {
 interface Asked {
   readonly names: readonly string[];
   /** The stretch in sight, or between the cursors. */
-  range(): Stretch;
+  range(): TimeRange;
   table(): SampleTable;
 }
 
@@ -76,7 +76,7 @@ export function useStatistics({ names, range, table }: Asked, stored: StoredData
 /** What figures were computed from, in words. Pure. */
 
 /** "every sample between 0:00.000 and 9:59.999: 599 988 samples, 12 missing"; of several recordings, of each. */
-export function basisWords(basis: readonly Basis[], timeText: (time_s: number) => string): string {
+export function describeBasis(basis: readonly Basis[], timeText: (time_s: number) => string): string {
   if (basis.length === 0) return "no sample in this range";
   return basis.map((one) => wordsOf(one, timeText)).join("; ");
 }
@@ -145,15 +145,15 @@ export function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsT
           {rows.map(({ panel, name, key }) => {
             const figure = figures?.signals.get(name);
             const number = (value: number | undefined, decimals: number, why = none) => (
-              <Shown value={value} why={why}>
+              <ValueOrReason value={value} why={why}>
                 {(some) => fixed(some * panel.factor, decimals)}
-              </Shown>
+              </ValueOrReason>
             );
             const at = (time_s: number | undefined) => (
               <div className={styles.when}>
-                <Shown value={time_s} why={none}>
+                <ValueOrReason value={time_s} why={none}>
                   {timeText}
-                </Shown>
+                </ValueOrReason>
               </div>
             );
             const needsAll = ofBuckets ? "it needs every sample: only min and max are here" : none;
@@ -163,9 +163,9 @@ export function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsT
                   <SignalName name={name} />
                 </th>
                 <td>
-                  <Shown value={ofBuckets ? undefined : figure?.values} why={needsAll}>
+                  <ValueOrReason value={ofBuckets ? undefined : figure?.values} why={needsAll}>
                     {grouped}
-                  </Shown>
+                  </ValueOrReason>
                   {figure !== undefined && !ofBuckets && figure.withoutValue > 0 && (
                     <div className={styles.when}>{grouped(figure.withoutValue)} without value</div>
                   )}
@@ -188,7 +188,7 @@ export function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsT
       </table>
       <output className={styles.foot} aria-label="Statistics facts">
         {problem !== "" && `Not computed: ${problem}`}
-        {problem === "" && figures !== null && `From ${basisWords(figures.basis, timeText)}.`}
+        {problem === "" && figures !== null && `From ${describeBasis(figures.basis, timeText)}.`}
         {share !== null && ` Reading every sample of the new range: ${fixed(100 * share, 0)} %`}
       </output>
       {share !== null && <Progress value={100 * share} size={3} aria-label="Statistics progress" />}
@@ -203,7 +203,7 @@ interface RangeStatisticsProps {
   readonly hidden: ReadonlySet<string>;
   readonly names: readonly string[];
   readonly stored: StoredData | null;
-  range(): Stretch;
+  range(): TimeRange;
   table(): SampleTable;
   timeText(time_s: number): string;
 }

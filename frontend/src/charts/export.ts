@@ -1,7 +1,7 @@
 import { useState } from "react";
 import { statistics } from "../samples/analysis";
 import { dateTime, fixed, short } from "../samples/format";
-import { type SampleTable, type Stretch, toCsv } from "../samples/timeSeries";
+import { type SampleTable, type TimeRange, toCsv } from "../samples/timeSeries";
 import { dashOf, type Panel, type Trace, unitOf } from "../theme/signals";
 import { answered, api, RequestError } from "../wire/client";
 import { printedTime, roundedRange, splitsOf, stepFor, timeText, timeTitle, type ValueRange } from "./axes";
@@ -39,7 +39,7 @@ export interface Sheet {
   readonly planes: readonly { readonly plane: Plane; readonly drawn: DrawnPlane }[];
   readonly hidden: ReadonlySet<string>;
   readonly source: PlotSource;
-  readonly seen: Stretch;
+  readonly seen: TimeRange;
   readonly limits: readonly LimitLine[];
   readonly marks: readonly PlacedMark[];
   readonly epoch_s: number | null;
@@ -372,7 +372,7 @@ interface Saving {
   readonly stored: StoredData | null;
   sheet(): Sheet;
   /** The visible range, or that between the cursors. */
-  range(): Stretch;
+  range(): TimeRange;
   table(): SampleTable;
 }
 
@@ -439,7 +439,7 @@ export function sheetNow({ planes, looked_s, ...drawn }: Drawn, { of, plant, ban
 }
 
 /** λ as the samples in sight have it: two numbers where it was changed meanwhile. */
-function lambdas(source: PlotSource, seen: Stretch): string[] {
+function lambdas(source: PlotSource, seen: TimeRange): string[] {
   const { t, raw, columns } = source.table(Object.keys(TUNING), seen);
   return Object.entries(TUNING).map(([name, symbol]) => {
     const column = columns.find((one) => one.name === name);

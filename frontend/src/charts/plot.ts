@@ -3,7 +3,7 @@
 import uPlot from "uplot";
 import { paintsInSoftware, withMemoryCanvases } from "../drawing/canvas";
 import { FramePacer } from "../drawing/pacer";
-import type { Stretch } from "../samples/timeSeries";
+import type { TimeRange } from "../samples/timeSeries";
 import { dashOf, type Panel } from "../theme/signals";
 import { splitsOf, steadyRange, TIME_STEPS_S, tickLabels, timeText, type ValueRange } from "./axes";
 import { type ChartColours, readColours } from "./canvas";
@@ -17,7 +17,7 @@ import {
   type PlacedMark,
 } from "./decorations";
 import type { Curves, PlotSource } from "./sources";
-import { stretch, type Viewport } from "./viewport";
+import { type Viewport, visibleRange } from "./viewport";
 
 /** Path of a curve straight from typed arrays; NaN lifts the pen, so that missing samples show as holes. */
 
@@ -146,7 +146,7 @@ export class SignalPlot {
     this.plot = software ? withMemoryCanvases(build) : build();
   }
 
-  draw(curves: Curves, stretch: Stretch): void {
+  draw(curves: Curves, stretch: TimeRange): void {
     const range = this.manualRange ?? this.follow(curves);
     this.plot.batch(() => {
       this.plot.setData([curves.times, ...curves.values] as uPlot.AlignedData, false);
@@ -303,7 +303,7 @@ const LEAST_SHIFT_PX = 1;
 export class ChartStack {
   private readonly plots: readonly SignalPlot[];
   private width = 0;
-  private drawn: (Stretch & { version: number }) | null = null;
+  private drawn: (TimeRange & { version: number }) | null = null;
   private dirty = true;
   private request = 0;
   private readonly pacer = new FramePacer(1);
@@ -314,7 +314,7 @@ export class ChartStack {
     private readonly source: PlotSource,
     private readonly view: () => Viewport,
     epoch_s: () => number | null,
-    private readonly afterFrame: (seen: Stretch) => void,
+    private readonly afterFrame: (seen: TimeRange) => void,
   ) {
     const colours = readColours(hosts[0] as HTMLElement);
     this.plots = panels.map(
@@ -335,8 +335,8 @@ export class ChartStack {
   }
 
   /** The stretch in sight now. */
-  seen(): Stretch {
-    return stretch(this.view(), this.source.now_s());
+  seen(): TimeRange {
+    return visibleRange(this.view(), this.source.now_s());
   }
 
   resize(): void {
@@ -407,7 +407,7 @@ export class ChartStack {
     this.afterFrame(seen);
   };
 
-  private worthDrawing(seen: Stretch): boolean {
+  private worthDrawing(seen: TimeRange): boolean {
     if (this.dirty || this.drawn === null) return true;
     const perPixel_s = (seen.to_s - seen.from_s) / (this.plotWidth * devicePixelRatio);
     const shift_s = Math.max(

@@ -2,7 +2,7 @@
 
 import { writeAbsent, writeValue } from "../components/values";
 import { fixed } from "../samples/format";
-import type { Stretch } from "../samples/timeSeries";
+import type { TimeRange } from "../samples/timeSeries";
 import type { Panel } from "../theme/signals";
 import { marksNear, type PlacedMark } from "./decorations";
 import type { PlotSource } from "./sources";
@@ -67,14 +67,14 @@ export class Readout {
     this.written_ms = 0;
   }
 
-  measure(seen: Stretch): void {
+  measure(seen: TimeRange): void {
     const span_s = seen.to_s - seen.from_s;
     this.cursors = [seen.from_s + 0.35 * span_s, seen.from_s + 0.65 * span_s];
     this.written_ms = 0;
   }
 
   /** The stretch between the measuring cursors, null while there are none. */
-  selection(): Stretch | null {
+  selection(): TimeRange | null {
     if (this.cursors === null) return null;
     const [a, b] = this.cursors;
     return { from_s: Math.min(a, b), to_s: Math.max(a, b) };
@@ -105,13 +105,13 @@ export class Readout {
   }
 
   /** The moment that the legends tell: under the pointer, or else the newest in sight or where a recording is looked at. */
-  looked(seen: Stretch): number {
+  looked(seen: TimeRange): number {
     if (this.hovered === null) return this.newest(seen);
     return seen.from_s + this.hovered * (seen.to_s - seen.from_s);
   }
 
   /** Called after each drawn frame. */
-  refresh(seen: Stretch): void {
+  refresh(seen: TimeRange): void {
     if (this.frame === null) return;
     const span_s = seen.to_s - seen.from_s;
     const resting = this.playhead === undefined ? null : (this.playhead.at_s - seen.from_s) / span_s;
@@ -154,7 +154,7 @@ export class Readout {
     element.toggleAttribute("data-left", left);
   }
 
-  private write(seen: Stretch): void {
+  private write(seen: TimeRange): void {
     const at_s = this.looked(seen);
     this.moments?.want([at_s, ...(this.cursors ?? [])].filter((time_s) => !this.isHere(time_s)));
     for (const [place, panel] of this.panels.entries()) {
@@ -222,7 +222,7 @@ export class Readout {
   }
 
   /** Where a recording is looked at, or the newest sample in sight; the edge of a following view may be a little ahead of it. */
-  private newest(seen: Stretch): number {
+  private newest(seen: TimeRange): number {
     if (this.playhead !== undefined) return this.playhead.at_s;
     return Math.min(seen.to_s, this.source.newest_s());
   }

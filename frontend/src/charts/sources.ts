@@ -9,7 +9,7 @@ import {
   writeTimes,
   writeValues,
 } from "../samples/decimate";
-import type { SampleTable, Stretch } from "../samples/timeSeries";
+import type { SampleTable, TimeRange } from "../samples/timeSeries";
 import { HUES, type Panel, type Trace } from "../theme/signals";
 import type { Excerpt } from "../wire/curves";
 import { PERIOD_S } from "../wire/sample.gen";
@@ -40,16 +40,16 @@ export interface PlotSource {
   /** A number that changes whenever samples are added or replaced. */
   version(): number;
   /** Whether samples within `seen` were added or replaced since `version`. */
-  changedWithin(seen: Stretch, version: number): boolean;
-  curves(panel: Panel, stretch: Stretch, pixels: number): Curves;
+  changedWithin(seen: TimeRange, version: number): boolean;
+  curves(panel: Panel, stretch: TimeRange, pixels: number): Curves;
   /** About `points` pairs at most, each of one moment, or of the middles of one bucket where single samples are not here. */
-  pairs?(x: string, y: string, seen: Stretch, points: number): Pairs;
+  pairs?(x: string, y: string, seen: TimeRange, points: number): Pairs;
   /** The sample at or before an instant, in SI; the middle of a bucket where single samples are not here; NaN where there is none. */
   at(name: string, time_s: number): number;
   /** Whether `at` tells a sample then, not the middle of a bucket; left out where it always does. */
   exactAt?(time_s: number): boolean;
   /** What is known of a stretch, every sample where the source has them; a copy. */
-  table(names: readonly string[], stretch: Stretch): SampleTable;
+  table(names: readonly string[], stretch: TimeRange): SampleTable;
 }
 
 /** The live window as a source of curves. */
@@ -94,12 +94,12 @@ export class LiveSource implements PlotSource {
     return this.store.window.endTick;
   }
 
-  changedWithin(seen: Stretch, version: number): boolean {
+  changedWithin(seen: TimeRange, version: number): boolean {
     const endTick = this.store.window.endTick;
     return endTick < version || (endTick > version && seen.to_s >= version * PERIOD_S);
   }
 
-  curves(panel: Panel, stretch: Stretch, pixels: number): Curves {
+  curves(panel: Panel, stretch: TimeRange, pixels: number): Curves {
     const window = this.store.window;
     const grid = gridOver(
       window,
@@ -125,7 +125,7 @@ export class LiveSource implements PlotSource {
     return { times: buffers.times.subarray(0, points), values, extents };
   }
 
-  pairs(x: string, y: string, { from_s, to_s }: Stretch, points: number): Pairs {
+  pairs(x: string, y: string, { from_s, to_s }: TimeRange, points: number): Pairs {
     const window = this.store.window;
     const from = Math.max(window.startTick, Math.ceil(from_s / PERIOD_S));
     const to = Math.min(window.endTick - 1, Math.floor(to_s / PERIOD_S));
@@ -148,7 +148,7 @@ export class LiveSource implements PlotSource {
     return this.epoch;
   }
 
-  table(names: readonly string[], { from_s, to_s }: Stretch): SampleTable {
+  table(names: readonly string[], { from_s, to_s }: TimeRange): SampleTable {
     const window = this.store.window;
     const from = Math.max(window.startTick, Math.ceil(from_s / PERIOD_S));
     const rows = Math.max(0, Math.min(window.endTick, Math.floor(to_s / PERIOD_S) + 1) - from);
@@ -169,7 +169,7 @@ export class LiveSource implements PlotSource {
 /** A stored run as a source of curves: an overview of all of it, and detail where the view has come to rest. */
 
 interface Sheet {
-  readonly stretch: Stretch;
+  readonly stretch: TimeRange;
   readonly samples: Excerpt;
   readonly times: Float64Array;
 }
@@ -186,7 +186,7 @@ export class RecordedSource implements PlotSource {
     this.sheets += 1;
   }
 
-  setDetail(stretch: Stretch, samples: Excerpt): void {
+  setDetail(stretch: TimeRange, samples: Excerpt): void {
     this.detail = sheet(stretch, samples);
     this.sheets += 1;
   }
@@ -207,11 +207,11 @@ export class RecordedSource implements PlotSource {
     return this.sheets;
   }
 
-  changedWithin(_seen: Stretch, version: number): boolean {
+  changedWithin(_seen: TimeRange, version: number): boolean {
     return version !== this.sheets;
   }
 
-  curves(panel: Panel, stretch: Stretch): Curves {
+  curves(panel: Panel, stretch: TimeRange): Curves {
     const chosen = this.covering(stretch);
     if (chosen === null) {
       const nothing = new Float64Array(0);
@@ -245,7 +245,7 @@ export class RecordedSource implements PlotSource {
     return this.covering({ from_s: time_s, to_s: time_s })?.samples.raw ?? true;
   }
 
-  pairs(x: string, y: string, seen: Stretch): Pairs {
+  pairs(x: string, y: string, seen: TimeRange): Pairs {
     const { columns } = this.table([x, y], seen);
     const middles = (index: number) => {
       const column = columns[index];
@@ -255,7 +255,7 @@ export class RecordedSource implements PlotSource {
     return { x: middles(0), y: middles(1) };
   }
 
-  table(names: readonly string[], seen: Stretch): SampleTable {
+  table(names: readonly string[], seen: TimeRange): SampleTable {
     const chosen = this.covering(seen);
     if (chosen === null) return { raw: false, width_s: Number.NaN, t: new Float64Array(0), columns: [] };
     const { t, raw, width_s, signals } = chosen.samples;
@@ -274,7 +274,7 @@ export class RecordedSource implements PlotSource {
     };
   }
 
-  private covering(stretch: Stretch): Sheet | null {
+  private covering(stretch: TimeRange): Sheet | null {
     const detail = this.detail;
     const fits =
       detail !== null && detail.stretch.from_s <= stretch.from_s && detail.stretch.to_s >= stretch.to_s;
@@ -282,11 +282,11 @@ export class RecordedSource implements PlotSource {
   }
 }
 
-function within(t: number, { from_s, to_s }: Stretch): boolean {
+function within(t: number, { from_s, to_s }: TimeRange): boolean {
   return t >= from_s && t <= to_s;
 }
 
-function sheet(stretch: Stretch, samples: Excerpt): Sheet {
+function sheet(stretch: TimeRange, samples: Excerpt): Sheet {
   return { stretch, samples, times: pointTimes(samples) };
 }
 
@@ -376,11 +376,11 @@ export class ComparedSource implements PlotSource {
     return this.sources.reduce((sum, source) => sum + source.version(), 0);
   }
 
-  changedWithin(_seen: Stretch, version: number): boolean {
+  changedWithin(_seen: TimeRange, version: number): boolean {
     return version !== this.version();
   }
 
-  curves(panel: Panel, stretch: Stretch, pixels: number): Curves {
+  curves(panel: Panel, stretch: TimeRange, pixels: number): Curves {
     const parts = this.sources.map((source, index) => {
       const traces = panel.traces
         .filter((trace) => parted(trace.name).of === index)
@@ -415,7 +415,7 @@ export class ComparedSource implements PlotSource {
   }
 
   /** Of the first recording only: files and figures of several are taken one by one. */
-  table(names: readonly string[], stretch: Stretch): SampleTable {
+  table(names: readonly string[], stretch: TimeRange): SampleTable {
     const own = names.filter((name) => parted(name).of === 0);
     return (this.sources[0] as PlotSource).table(own, stretch);
   }
@@ -469,11 +469,11 @@ export class ShiftedSource implements PlotSource {
     return this.own.version();
   }
 
-  changedWithin(seen: Stretch, version: number): boolean {
+  changedWithin(seen: TimeRange, version: number): boolean {
     return this.own.changedWithin(this.back(seen), version);
   }
 
-  curves(panel: Panel, stretch: Stretch, pixels: number): Curves {
+  curves(panel: Panel, stretch: TimeRange, pixels: number): Curves {
     const curves = this.own.curves(panel, this.back(stretch), pixels);
     return { ...curves, times: curves.times.map((time) => time + this.offset_s) };
   }
@@ -489,12 +489,12 @@ export class ShiftedSource implements PlotSource {
     return this.own.exactAt?.(time_s - this.offset_s) ?? true;
   }
 
-  table(names: readonly string[], stretch: Stretch): SampleTable {
+  table(names: readonly string[], stretch: TimeRange): SampleTable {
     const found = this.own.table(names, this.back(stretch));
     return { ...found, t: found.t.map((time) => time + this.offset_s) };
   }
 
-  private back({ from_s, to_s }: Stretch): Stretch {
+  private back({ from_s, to_s }: TimeRange): TimeRange {
     return { from_s: from_s - this.offset_s, to_s: to_s - this.offset_s };
   }
 }

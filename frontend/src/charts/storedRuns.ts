@@ -1,5 +1,5 @@
 import type { Basis, Figures, SignalSpectrum, Spectra, Statistics } from "../samples/analysis";
-import type { Stretch } from "../samples/timeSeries";
+import type { TimeRange } from "../samples/timeSeries";
 import {
   type RecordedSpectra,
   type RecordedStatistics,
@@ -18,12 +18,12 @@ import { parted } from "./sources";
 export type Moment = ReadonlyMap<string, number>;
 
 export interface StoredData {
-  statistics(names: readonly string[], range: Stretch, waiting: Waiting): Promise<Figures>;
-  spectra(names: readonly string[], range: Stretch, waiting: Waiting): Promise<Spectra>;
+  statistics(names: readonly string[], range: TimeRange, waiting: Waiting): Promise<Figures>;
+  spectra(names: readonly string[], range: TimeRange, waiting: Waiting): Promise<Spectra>;
   /** In the order of the times. */
   values(names: readonly string[], times_s: readonly number[], signal: AbortSignal): Promise<Moment[]>;
   /** Address of the file of every sample of a range; null where the range has none. */
-  file(names: readonly string[], range: Stretch): string | null;
+  file(names: readonly string[], range: TimeRange): string | null;
   /** What the file is of: "run 12". */
   readonly fileOf: string;
 }
@@ -101,7 +101,7 @@ interface Part {
   readonly run: StoredRun;
   readonly drawn: readonly string[];
   readonly recorded: readonly string[];
-  readonly range: Stretch;
+  readonly range: TimeRange;
 }
 
 export class StoredRuns implements StoredData {
@@ -111,7 +111,7 @@ export class StoredRuns implements StoredData {
     return `run ${this.runs[0]?.id}`;
   }
 
-  async statistics(names: readonly string[], range: Stretch, waiting: Waiting): Promise<Figures> {
+  async statistics(names: readonly string[], range: TimeRange, waiting: Waiting): Promise<Figures> {
     const found = await this.each(names, range, waiting, ({ run, range: own, recorded }, shared) =>
       rangeStatistics(run.id, own, recorded, shared),
     );
@@ -124,7 +124,7 @@ export class StoredRuns implements StoredData {
     return { basis: found.map(([part, result]) => this.basis(part, result)), signals: new Map(signals) };
   }
 
-  async spectra(names: readonly string[], range: Stretch, waiting: Waiting): Promise<Spectra> {
+  async spectra(names: readonly string[], range: TimeRange, waiting: Waiting): Promise<Spectra> {
     const found = await this.each(names, range, waiting, ({ run, range: own, recorded }, shared) =>
       rangeSpectra(run.id, own, recorded, shared),
     );
@@ -169,7 +169,7 @@ export class StoredRuns implements StoredData {
     return moments;
   }
 
-  file(names: readonly string[], range: Stretch): string | null {
+  file(names: readonly string[], range: TimeRange): string | null {
     const first = this.parts(names, range).find(({ run }) => run === this.runs[0]);
     return first === undefined ? null : rangeFile(first.run.id, first.range, first.recorded);
   }
@@ -177,7 +177,7 @@ export class StoredRuns implements StoredData {
   /** Ask for one run after the other: the service reads few ranges at a time. */
   private async each<Result>(
     names: readonly string[],
-    range: Stretch,
+    range: TimeRange,
     { signal, onShare }: Waiting,
     ask: (part: Part, waiting: Waiting) => Promise<Result>,
   ): Promise<[Part, Result][]> {
@@ -190,7 +190,7 @@ export class StoredRuns implements StoredData {
     return found;
   }
 
-  private parts(names: readonly string[], { from_s, to_s }: Stretch): Part[] {
+  private parts(names: readonly string[], { from_s, to_s }: TimeRange): Part[] {
     return this.runs.flatMap((run, of) => {
       const drawn = names.filter((name) => parted(name).of === of);
       const own = {

@@ -3,7 +3,7 @@
 import { act, cleanup, fireEvent, renderHook } from "@testing-library/react";
 import { afterEach, describe, expect, it } from "vitest";
 import { panelsOf, STANDARD } from "../theme/layouts";
-import { following, held, LIVE, panned, stretch, useEnlarged, withSpan, zoomed } from "./viewport";
+import { following, held, LIVE, panned, useEnlarged, visibleRange, withSpan, zoomed } from "./viewport";
 
 describe("useEnlarged", () => {
   afterEach(cleanup);
@@ -38,19 +38,19 @@ describe("useEnlarged", () => {
 
 describe("viewport", () => {
   it("follows the newest sample until it is held", () => {
-    expect(stretch(LIVE, 100)).toEqual({ from_s: 80, to_s: 100 });
+    expect(visibleRange(LIVE, 100)).toEqual({ from_s: 80, to_s: 100 });
     const still = held(LIVE, 100);
-    expect(stretch(still, 130)).toEqual({ from_s: 80, to_s: 100 });
-    expect(stretch(following(still), 130).to_s).toBe(130);
+    expect(visibleRange(still, 130)).toEqual({ from_s: 80, to_s: 100 });
+    expect(visibleRange(following(still), 130).to_s).toBe(130);
   });
 
   it("zooms a held view about the pointer, and survives streaming", () => {
     const view = zoomed(held(LIVE, 100), 0.5, 85, 120);
-    expect(stretch(view, 500)).toEqual({ from_s: 82.5, to_s: 92.5 });
+    expect(visibleRange(view, 500)).toEqual({ from_s: 82.5, to_s: 92.5 });
   });
 
   it("keeps following while it zooms", () => {
-    expect(stretch(zoomed(LIVE, 0.25, 90, 120), 100)).toEqual({ from_s: 95, to_s: 100 });
+    expect(visibleRange(zoomed(LIVE, 0.25, 90, 120), 100)).toEqual({ from_s: 95, to_s: 100 });
   });
 
   it("keeps spans between 20 ms and the longest", () => {
@@ -65,6 +65,6 @@ describe("viewport", () => {
   });
 
   it("changes the span of a held view at its left", () => {
-    expect(stretch(withSpan(held(LIVE, 100), 5), 900)).toEqual({ from_s: 95, to_s: 100 });
+    expect(visibleRange(withSpan(held(LIVE, 100), 5), 900)).toEqual({ from_s: 95, to_s: 100 });
   });
 });

@@ -1,6 +1,6 @@
 import { useHotkeys } from "@mantine/hooks";
 import { type RefObject, useCallback, useMemo, useRef, useState, useSyncExternalStore } from "react";
-import type { Stretch } from "../samples/timeSeries";
+import type { TimeRange } from "../samples/timeSeries";
 import type { Panel } from "../theme/signals";
 
 /** Which stretch of time the charts show: the newest `span_s` seconds, or a stretch held still. Pure. */
@@ -19,7 +19,7 @@ const LONGEST_SPAN_S = SPANS_S[SPANS_S.length - 1] as number;
 export const LIVE: Viewport = { span_s: DEFAULT_SPAN_S, end_s: null };
 
 /** The stretch in sight when the newest sample is at `now_s`. */
-export function stretch(view: Viewport, now_s: number): Stretch {
+export function visibleRange(view: Viewport, now_s: number): TimeRange {
   const to_s = view.end_s ?? now_s;
   return { from_s: to_s - view.span_s, to_s };
 }

@@ -3,7 +3,7 @@
 import { useQuery } from "@tanstack/react-query";
 import { useLive } from "../live/react";
 import { capital } from "../samples/format";
-import { NO_STREAM, wayQuery } from "../service/api/system";
+import { addressCheckQuery, NO_STREAM } from "../service/api/system";
 import styles from "./AddressProblems.module.css";
 
 /** The first connection is given up for lost after so many attempts, about two seconds. */
@@ -11,13 +11,13 @@ const ATTEMPTS = 3;
 
 /** For a page that follows the live stream. */
 export function AddressProblems() {
-  const isWithoutStream = useLive(({ link }) => link.heard_ms === null && link.failures >= ATTEMPTS);
+  const isWithoutStream = useLive(({ link }) => link.received_ms === null && link.failures >= ATTEMPTS);
   return <Problems isWithoutStream={isWithoutStream} />;
 }
 
 /** For a page without a live stream. */
 export function Problems({ isWithoutStream = false }: { isWithoutStream?: boolean }) {
-  const { data: way } = useQuery(wayQuery(isWithoutStream));
+  const { data: way } = useQuery(addressCheckQuery(isWithoutStream));
   if (way === undefined) return null;
   const said = isWithoutStream && way.isAnswered ? [...way.problems, NO_STREAM] : way.problems;
   if (said.length === 0) return null;

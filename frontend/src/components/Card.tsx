@@ -2,7 +2,7 @@
 
 import type { ReactNode } from "react";
 import styles from "./Card.module.css";
-import { Boundary } from "./ErrorBoundary";
+import { ErrorBoundary } from "./ErrorBoundary";
 import { Terms } from "./Explained";
 
 interface CardProps {
@@ -19,7 +19,7 @@ export function Card({ title, aside, children, className }: CardProps) {
       className={className === undefined ? styles.card : `${styles.card} ${className}`}
       aria-label={title}
     >
-      <Boundary of={title}>
+      <ErrorBoundary of={title}>
         <Terms>
           <div className={styles.head}>
             <h2 className={styles.title}>{title}</h2>
@@ -27,7 +27,7 @@ export function Card({ title, aside, children, className }: CardProps) {
           </div>
           {children}
         </Terms>
-      </Boundary>
+      </ErrorBoundary>
     </section>
   );
 }

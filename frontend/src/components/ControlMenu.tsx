@@ -3,23 +3,23 @@ import { useMutation, useQuery } from "@tanstack/react-query";
 import { type FormEvent, type ReactNode, useEffect, useRef, useState, useSyncExternalStore } from "react";
 import { TbAlertTriangle, TbDeviceGamepad2, TbHandStop } from "react-icons/tb";
 import { useLive } from "../live/react";
-import { counted, timeOfDay } from "../samples/format";
+import { pluralized, timeOfDay } from "../samples/format";
 import { sessionQuery, useSignOut } from "../service/api/session";
-import { afterTold, lossSentence, NO_CONTROL, useMayCommand } from "../service/control/control";
+import { describeLoss, NO_CONTROL, nextControlState, useMayCommand } from "../service/control/control";
 import {
-  askedHere,
   type ControlForm,
-  type Deed,
-  isAsked,
   isOpen,
+  isRequested,
+  isRequestOfThisPage,
   MOST_LETTERS,
   type Notice,
+  type NoticeAction,
   noticeOf,
   othersToGetControl,
-  useAnswer,
-  useAsk,
-  useOffer,
-  useTakeHanded,
+  useAnswerRequest,
+  useOfferControl,
+  useRequestControl,
+  useTakeHandedControl,
 } from "../service/control/handover";
 import { isText, useDraft } from "../service/forms/drafts";
 import { RefusedFields, useErrorLifetime } from "../service/forms/refusals";
@@ -44,7 +44,7 @@ interface Done {
 
 export function AskForm({ onDone }: Done) {
   const { value: reason, set: setReason, discard } = useDraft("reason to ask for control", "", isText);
-  const ask = useAsk();
+  const ask = useRequestControl();
   const holder = useLive((live) => live.state?.holder?.name);
   return (
     <ReasonForm
@@ -69,7 +69,7 @@ export function OfferForm({ onDone }: Done) {
   const others = othersToGetControl(people, me?.name);
   const [to, setTo] = useState(others[0] ?? "");
   const { value: reason, set: setReason, discard } = useDraft("reason to offer control", "", isText);
-  const offer = useOffer();
+  const offer = useOfferControl();
   // who was chosen stays so when they leave: to be refused, not to become somebody else
   const choices = others.includes(to) || to === "" ? others : [...others, to];
   return (
@@ -96,7 +96,7 @@ export function OfferForm({ onDone }: Done) {
 }
 
 export function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
-  const answer = useAnswer();
+  const answer = useAnswerRequest();
   const wish = useLive((live) => live.state?.wishes ?? NO_WISHES).find((one) => one.number === number);
   // numbers begin again with the service: the draft belongs to the request itself
   const form = `answer to ${wish?.name ?? ""}: ${wish?.reason ?? ""}`;
@@ -182,7 +182,7 @@ function ReasonForm({ title, label, error, reason, above, children, onReason, on
 
 /** Who asks for control, or offers it, in the status line, where nothing moves for it; and what is said to that. */
 
-const WORDS: Record<Deed, string> = {
+const WORDS: Record<NoticeAction, string> = {
   answer: "Answer …",
   withdraw: "Withdraw",
   take: "Take control",
@@ -263,11 +263,11 @@ interface NoticeLineProps {
 }
 
 function NoticeLine({ notice, more, onRead, onForm }: NoticeLineProps) {
-  const answer = useAnswer();
-  const take = useTakeHanded();
-  const { wish, text, deeds, urgent } = notice;
+  const answer = useAnswerRequest();
+  const take = useTakeHandedControl();
+  const { wish, text, actions, urgent } = notice;
   const refusal = useErrorLifetime(answer.error ?? take.error)?.message;
-  const takes = wish.standing === "handed" && deeds.includes("take") && askedHere(wish);
+  const takes = wish.standing === "handed" && actions.includes("take") && isRequestOfThisPage(wish);
   const taken = useRef<number | null>(null);
   const { mutate: takeNow } = take;
   useEffect(() => {
@@ -277,34 +277,35 @@ function NoticeLine({ notice, more, onRead, onForm }: NoticeLineProps) {
     takeNow(wish.number);
   }, [takes, takeNow, wish.number]);
 
-  function act(deed: Deed): void {
-    if (deed === "answer") onForm({ kind: "answer", number: wish.number });
-    if (deed === "take") take.mutate(wish.number);
-    if (deed === "read") onRead(notice);
-    if (deed === "withdraw" || deed === "decline") answer.mutate({ number: wish.number, answer: "decline" });
+  function act(action: NoticeAction): void {
+    if (action === "answer") onForm({ kind: "answer", number: wish.number });
+    if (action === "take") take.mutate(wish.number);
+    if (action === "read") onRead(notice);
+    if (action === "withdraw" || action === "decline")
+      answer.mutate({ number: wish.number, answer: "decline" });
   }
 
   return (
     <section className={handOverStyles.notice} data-wish={wish.standing} aria-label="Control asked for">
       <TbHandStop size={16} aria-hidden="true" className={handOverStyles.icon} />
-      <Said text={refusal ?? text} urgent={urgent} />
+      <NoticeMessage text={refusal ?? text} urgent={urgent} />
       {more > 0 && <span className={handOverStyles.more}>+{more}</span>}
-      {deeds.map((deed) => (
+      {actions.map((action) => (
         <Button
-          key={deed}
+          key={action}
           size="compact-xs"
-          variant={deed === "answer" || deed === "take" ? "filled" : "default"}
-          loading={(deed === "take" && take.isPending) || (deed === "withdraw" && answer.isPending)}
-          onClick={() => act(deed)}
+          variant={action === "answer" || action === "take" ? "filled" : "default"}
+          loading={(action === "take" && take.isPending) || (action === "withdraw" && answer.isPending)}
+          onClick={() => act(action)}
         >
-          {WORDS[deed]}
+          {WORDS[action]}
         </Button>
       ))}
     </section>
   );
 }
 
-function Said({ text, urgent }: { text: string; urgent: boolean }) {
+function NoticeMessage({ text, urgent }: { text: string; urgent: boolean }) {
   if (!urgent) {
     return (
       <output className={handOverStyles.text} title={text}>
@@ -329,7 +330,7 @@ export function ControlLoss() {
     const handed = state.wishes.some(({ epoch }) => epoch !== null && epoch === state.holder?.epoch);
     keep((before) => {
       const givenUp = handed ? before.had : givenUpEpoch();
-      return afterTold(before, state.holder, heldEpoch(), givenUp, Date.now());
+      return nextControlState(before, state.holder, heldEpoch(), givenUp, Date.now());
     });
   }, [state]);
   if (kept.lost === null) return null;
@@ -338,7 +339,7 @@ export function ControlLoss() {
     <div className={controlLossStyles.loss} role="alert" aria-label="Control lost">
       <TbAlertTriangle size={18} aria-hidden="true" />
       <span className={controlLossStyles.message}>
-        <strong>{at}</strong> {lossSentence(kept.lost)}
+        <strong>{at}</strong> {describeLoss(kept.lost)}
       </span>
       <TakeControl variant="white" color="dark" />
       <Button size="compact-xs" variant="subtle" color="dark" onClick={() => keep(NO_CONTROL)}>
@@ -377,7 +378,7 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   const mine = holder !== null && holder.epoch === epoch;
   const name = holder === null ? "nobody" : mine ? "you" : holder.name;
-  const asking = useLive((live) => live.state?.wishes ?? NO_WISHES).filter(isAsked);
+  const asking = useLive((live) => live.state?.wishes ?? NO_WISHES).filter(isRequested);
   const others = othersToGetControl(people, me?.name);
   const refusal = useErrorLifetime(take.error ?? giveUp.error ?? signOut.error)?.message;
   return (
@@ -452,5 +453,5 @@ export function ControlMenu({ onName, onForm }: ControlMenuProps) {
 /** What somebody who is connected may do and does. */
 function whatOf({ name, role, pages }: State["people"][number], holder: string | null): string {
   const part = role === "viewer" ? "VIEW" : name === holder ? "has control" : "may take control";
-  return `${part}, ${counted(pages, "page")}`;
+  return `${part}, ${pluralized(pages, "page")}`;
 }

@@ -3,7 +3,7 @@
 import { MantineProvider } from "@mantine/core";
 import { cleanup, fireEvent, type RenderResult, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-import { Boundary } from "./ErrorBoundary";
+import { ErrorBoundary } from "./ErrorBoundary";
 
 const broken = { now: true };
 let shown: RenderResult;
@@ -15,9 +15,9 @@ function Part() {
 
 const page = (at: string) => (
   <MantineProvider>
-    <Boundary of="Charts" at={at}>
+    <ErrorBoundary of="Charts" at={at}>
       <Part />
-    </Boundary>
+    </ErrorBoundary>
     <p>beside</p>
   </MantineProvider>
 );

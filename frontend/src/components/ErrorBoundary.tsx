@@ -12,7 +12,7 @@ interface BoundaryProps {
   readonly children: ReactNode;
 }
 
-export class Boundary extends Component<BoundaryProps, { readonly error: unknown }> {
+export class ErrorBoundary extends Component<BoundaryProps, { readonly error: unknown }> {
   override state: { readonly error: unknown } = { error: null };
 
   static getDerivedStateFromError(error: unknown): { readonly error: unknown } {

@@ -1,7 +1,7 @@
 /** A word is explained on hover, focus and tap, told to a screen reader, closed by Escape, and costs one stop of Tab. */
 import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { close, entryOf, figureEntry, search, symbolEntry } from "../service/glossary";
+import { closeExplanation, entryOf, figureEntry, search, symbolEntry } from "../service/glossary";
 import { FAULTS, FIELDS, LIMITS, MODES } from "../wire/sample.gen";
 import { Explained, Terms } from "./Explained";
 import { Explanation } from "./Explanation";
@@ -11,7 +11,7 @@ beforeEach(() => {
   vi.useFakeTimers();
 });
 afterEach(() => {
-  act(() => close());
+  act(() => closeExplanation());
   cleanup();
   vi.useRealTimers();
 });

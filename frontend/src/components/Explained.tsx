@@ -11,7 +11,14 @@ import {
   useState,
   useSyncExternalStore,
 } from "react";
-import { close, current, type Entry, entryOf, explain, left } from "../service/glossary";
+import {
+  closeExplanation,
+  currentExplanation,
+  type Entry,
+  entryOf,
+  explain,
+  pointerLeft,
+} from "../service/glossary";
 import styles from "./Explained.module.css";
 
 /**
@@ -113,12 +120,12 @@ export function explaining(entries: readonly Entry[]): Handlers {
     onPointerEnter(event: PointerEvent<HTMLElement>) {
       if (event.pointerType !== "touch") explain({ anchor: event.currentTarget, entries, by: "pointer" });
     },
-    onPointerLeave: left,
+    onPointerLeave: pointerLeft,
     onFocus(event: FocusEvent<HTMLElement>) {
       const anchor = event.currentTarget;
       if (anchor.matches(":focus-visible")) explain({ anchor, entries, by: "focus" });
     },
-    onBlur: (event: FocusEvent<HTMLElement>) => close(event.currentTarget),
+    onBlur: (event: FocusEvent<HTMLElement>) => closeExplanation(event.currentTarget),
   };
 }
 
@@ -166,7 +173,8 @@ function Term({
       }}
       onClick={(event) => {
         const anchor = event.currentTarget;
-        if (current()?.anchor === anchor && current()?.by === "tap") close(anchor);
+        if (currentExplanation()?.anchor === anchor && currentExplanation()?.by === "tap")
+          closeExplanation(anchor);
         else explain({ anchor, entries, by: "tap" });
       }}
       onKeyDown={(event) => {

@@ -2,20 +2,20 @@
 
 import { useEffect, useId, useLayoutEffect, useMemo, useRef } from "react";
 import { createPortal } from "react-dom";
-import { inWords, readingOf } from "../samples/quantity";
-import { useAngles } from "../service/api/preferences";
+import { localizeAngles, readingOf } from "../samples/quantity";
+import { useAngleUnit } from "../service/api/preferences";
 import { useDescribedBy } from "../service/forms/refusals";
 import {
-  close,
+  closeExplanation,
   type Entry,
   type Explained,
   KIND_TITLES,
-  left,
-  stay,
+  keepExplanation,
+  pointerLeft,
   useExplained,
 } from "../service/glossary";
 import styles from "./Explained.module.css";
-import { Written } from "./values";
+import { SymbolText } from "./values";
 
 /** An entry of the glossary, as it is shown in place and in the list of all. */
 
@@ -23,13 +23,13 @@ import { Written } from "./values";
 const SYMBOLS: ReadonlySet<string> = new Set(["signal", "quantity", "parameter"]);
 
 export function EntryText({ entry, listed = false }: { entry: Entry; listed?: boolean }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { term, name, unit, meaning, equation, source, more } = entry;
   return (
     <div className={styles.entry}>
       <div className={styles.head}>
         <span className={styles.name}>
-          {SYMBOLS.has(entry.kind) && !term.includes(".") ? <Written name={term} /> : term}
+          {SYMBOLS.has(entry.kind) && !term.includes(".") ? <SymbolText name={term} /> : term}
         </span>
         {unit && <span className={styles.unit}>[{readingOf(unit, angles).unit}]</span>}
         {listed ? (
@@ -38,14 +38,14 @@ export function EntryText({ entry, listed = false }: { entry: Entry; listed?: bo
           <span className={styles.kind}>{KIND_TITLES[entry.kind]}</span>
         )}
       </div>
-      <p className={styles.meaning}>{inWords(meaning, angles)}</p>
+      <p className={styles.meaning}>{localizeAngles(meaning, angles)}</p>
       {equation && <p className={styles.equation}>{equation}</p>}
       {more && (
         <dl className={styles.more}>
           {more.map(([heading, text]) => (
             <div key={heading}>
               <dt>{heading}</dt>
-              <dd>{inWords(text, angles)}</dd>
+              <dd>{localizeAngles(text, angles)}</dd>
             </div>
           ))}
         </dl>
@@ -85,13 +85,13 @@ function Tooltip({ shown }: { shown: Explained }) {
     const onKey = (event: KeyboardEvent) => {
       if (event.key !== "Escape") return;
       event.stopPropagation(); // it closes this alone, not the dialog below
-      close();
+      closeExplanation();
     };
     const onPress = (event: PointerEvent) => {
       const at = event.target as Node;
-      if (!anchor.contains(at) && self.current?.contains(at) !== true) close();
+      if (!anchor.contains(at) && self.current?.contains(at) !== true) closeExplanation();
     };
-    const gone = setInterval(() => anchor.isConnected || close(), 500);
+    const gone = setInterval(() => anchor.isConnected || closeExplanation(), 500);
     document.addEventListener("keydown", onKey, { capture: true });
     document.addEventListener("pointerdown", onPress, { capture: true });
     return () => {
@@ -107,8 +107,8 @@ function Tooltip({ shown }: { shown: Explained }) {
       id={id}
       role="tooltip"
       className={styles.explanation}
-      onPointerEnter={stay}
-      onPointerLeave={left}
+      onPointerEnter={keepExplanation}
+      onPointerLeave={pointerLeft}
     >
       {entries.map((entry) => (
         <EntryText key={`${entry.kind}:${entry.name}`} entry={entry} />

@@ -14,7 +14,12 @@ import { age, capital, fixed, kilohertz } from "../samples/format";
 import { usePreferences } from "../service/api/preferences";
 import { useMayCommand } from "../service/control/control";
 import type { ControlForm } from "../service/control/handover";
-import { allowed, askForPermission, playTone, whyNotTold } from "../service/notifications/notifications";
+import {
+  askForPermission,
+  notificationAccess,
+  playTone,
+  whyNotNotified,
+} from "../service/notifications/notifications";
 import type { PlantView } from "../wire/types";
 import badgeStyles from "./Badge.module.css";
 import { ControlMenu } from "./ControlMenu";
@@ -47,7 +52,7 @@ const WHEN =
 
 export function NotificationMenu() {
   const { preferences, change } = usePreferences();
-  const [answer, setAnswer] = useState(allowed);
+  const [answer, setAnswer] = useState(notificationAccess);
   const [asked, setAsked] = useState(false);
   const on = preferences.notify && answer === "granted";
   const Icon = on || preferences.sound ? TbBell : TbBellOff;
@@ -68,14 +73,14 @@ export function NotificationMenu() {
     change({ sound: !preferences.sound });
   }
 
-  const refused = answer === "default" && !preferences.notify && !asked ? "" : whyNotTold(answer);
+  const refused = answer === "default" && !preferences.notify && !asked ? "" : whyNotNotified(answer);
   return (
     <Menu
       position="bottom-end"
       width={300}
       closeOnItemClick={false}
       withInitialFocusPlaceholder={false}
-      onOpen={() => setAnswer(allowed())}
+      onOpen={() => setAnswer(notificationAccess())}
     >
       <Menu.Target>
         <ActionIcon

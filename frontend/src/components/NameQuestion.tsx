@@ -6,7 +6,7 @@ import { type FormEvent, useState } from "react";
 import { usePreferences } from "../service/api/preferences";
 import { sessionQuery, useSetName } from "../service/api/session";
 import { RefusedFields } from "../service/forms/refusals";
-import { keepText, readKept } from "../wire/browserStorage";
+import { readStored, storeText } from "../wire/browserStorage";
 import { TextField } from "./fields";
 import styles from "./NameQuestion.module.css";
 import { Refusal } from "./Refusal";
@@ -22,7 +22,7 @@ interface NameQuestionProps {
 
 export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
   const session = useQuery(sessionQuery);
-  const [leftOut, leaveOut] = useState(() => readKept("localStorage", LEFT_OUT) !== null);
+  const [leftOut, leaveOut] = useState(() => readStored("localStorage", LEFT_OUT) !== null);
   const [name, setName] = useState("");
   const set = useSetName();
   const { preferences, known } = usePreferences();
@@ -38,7 +38,7 @@ export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
   }
 
   function close(): void {
-    keepText("localStorage", LEFT_OUT, role);
+    storeText("localStorage", LEFT_OUT, role);
     leaveOut(true);
     onDone();
   }
@@ -52,7 +52,7 @@ export function NameQuestion({ wanted, onDone }: NameQuestionProps) {
         <TextField
           id="own-name"
           name="name"
-          saidAt="refusal-of-name"
+          messageId="refusal-of-name"
           size="xs"
           w={180}
           maxLength={40}

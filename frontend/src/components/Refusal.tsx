@@ -4,10 +4,10 @@ import { Button, type ButtonProps } from "@mantine/core";
 import { useMutation } from "@tanstack/react-query";
 import type { ReactNode } from "react";
 import { useLive } from "../live/react";
-import { inWords } from "../samples/quantity";
-import { useAngles } from "../service/api/preferences";
-import { useNoControl } from "../service/control/control";
-import { isAboutControl, useErrorLifetime, useToldAtField } from "../service/forms/refusals";
+import { localizeAngles } from "../samples/quantity";
+import { useAngleUnit } from "../service/api/preferences";
+import { useWhyNoControl } from "../service/control/control";
+import { isAboutControl, useErrorLifetime, useShownAtField } from "../service/forms/refusals";
 import { answeredBy } from "../wire/client";
 import { takeControl } from "../wire/control";
 import styles from "./Refusal.module.css";
@@ -54,20 +54,20 @@ interface RefusalProps {
 
 export function Refusal({ error, about, id, text, forFields = false, hint = "", children }: RefusalProps) {
   const standing = useErrorLifetime(error, about);
-  const angles = useAngles();
-  const elsewhere = useToldAtField(standing) && !forFields;
+  const angles = useAngleUnit();
+  const elsewhere = useShownAtField(standing) && !forFields;
   const said = standing === null ? text : elsewhere ? null : standing.message;
   const refused = said !== null && said !== undefined;
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const offersControl = standing === null ? refused && said === noControl : isAboutControl(standing);
-  const reason = refused ? inWords(said, angles) : undefined;
+  const reason = refused ? localizeAngles(said, angles) : undefined;
   return (
     <output
       id={id}
       className={styles.refusal}
       aria-label="Refusal"
       data-refused={refused}
-      title={refused ? inWords(standing?.message ?? said, angles) : undefined}
+      title={refused ? localizeAngles(standing?.message ?? said, angles) : undefined}
     >
       {refused ? reason : hint}
       {offersControl && (

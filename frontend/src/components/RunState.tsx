@@ -10,8 +10,8 @@ import {
   TbUrgent,
 } from "react-icons/tb";
 import { heading } from "../samples/format";
-import { inWords } from "../samples/quantity";
-import { useAngles } from "../service/api/preferences";
+import { localizeAngles } from "../samples/quantity";
+import { useAngleUnit } from "../service/api/preferences";
 import { entryOf } from "../service/glossary";
 import type { Experiment, Run } from "../wire/types";
 import { Explained, type Meaning } from "./Explained";
@@ -40,7 +40,7 @@ export function RunState({
   reason?: string;
   unevaluated?: string | undefined;
 }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const known = STATES[state];
   const lacksResult = unevaluated !== undefined;
   const of = entryOf(`end:${state}`);
@@ -53,7 +53,7 @@ export function RunState({
       data-state={state}
     >
       <Icon size={15} aria-hidden="true" />
-      <Explained of={of && { ...of, more: why === "" ? [] : [["Here", inWords(why, angles)]] }} quiet>
+      <Explained of={of && { ...of, more: why === "" ? [] : [["Here", localizeAngles(why, angles)]] }} quiet>
         {heading(state)}
         {lacksResult && ", not evaluated"}
       </Explained>

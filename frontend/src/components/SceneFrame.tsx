@@ -32,7 +32,7 @@ export function stageIn(frame: HTMLIFrameElement): Stage {
 }
 
 /** Empty once there is a picture. `software`: the browser paints without a graphics processor. */
-export function sceneWords(stage: Stage, late: boolean, software: boolean): string {
+export function describeStage(stage: Stage, late: boolean, software: boolean): string {
   switch (stage) {
     case "shown":
       return "";
@@ -105,7 +105,7 @@ function View({ address, title, onAgain }: SceneFrameProps & { onAgain: () => vo
     return () => window.clearTimeout(timer);
   }, [stage]);
 
-  const words = possible ? sceneWords(stage, late === stage, paintsInSoftware()) : NO_3D;
+  const words = possible ? describeStage(stage, late === stage, paintsInSoftware()) : NO_3D;
   const stuck = stage === "failed" || stage === "dropped" || (stage !== "shown" && late === stage);
   return (
     <div className={styles.frame}>

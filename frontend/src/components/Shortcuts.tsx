@@ -2,7 +2,7 @@ import { Button, Kbd, Modal, Table } from "@mantine/core";
 import type { FormEvent } from "react";
 import { Link } from "wouter";
 import { usePreferences } from "../service/api/preferences";
-import { close, type Entry } from "../service/glossary";
+import { closeExplanation, type Entry } from "../service/glossary";
 import { explaining, type Handlers } from "./Explained";
 import { usePages } from "./Navigation";
 
@@ -90,6 +90,6 @@ export function help(entry: Entry | undefined): Handlers {
   if (entry === undefined) return {};
   return {
     ...explaining([entry]),
-    onInput: (event: FormEvent<HTMLElement>) => close(event.currentTarget),
+    onInput: (event: FormEvent<HTMLElement>) => closeExplanation(event.currentTarget),
   };
 }

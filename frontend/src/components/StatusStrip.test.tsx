@@ -2,7 +2,7 @@ import { act, cleanup, render, screen, waitFor } from "@testing-library/react";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
-import { pressStop, stopWords } from "../stop/stop";
+import { describeStop, pressStop } from "../stop/stop";
 import type { State, StopProof } from "../wire/types";
 import {
   currentStatus,
@@ -347,7 +347,7 @@ describe("status", () => {
     it("leaves to STOP itself that a stop is not confirmed", () => {
       const stop = { kind: "unconfirmed", reason: "No answer." } as const;
       expect(stopSentence(stop, { mode: "tripped", stop_proof: PROOF })).toBe("");
-      expect(stopWords(stop)).toBe("STOP NOT CONFIRMED: use the stop at the machine. No answer.");
+      expect(describeStop(stop)).toBe("STOP NOT CONFIRMED: use the stop at the machine. No answer.");
     });
   });
 });

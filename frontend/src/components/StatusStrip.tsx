@@ -5,22 +5,22 @@ import { TbAlertTriangle, TbCircleX, TbInfoCircle, TbPlayerPlay } from "react-ic
 import { Link } from "wouter";
 import { age_ms, type Health, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
-import { age, capital, clockTime, counted, duration, fixed, inWordsOf } from "../samples/format";
-import { inWords } from "../samples/quantity";
+import { age, capital, clockTime, duration, fixed, pluralized, spacedName } from "../samples/format";
+import { localizeAngles } from "../samples/quantity";
 import { useReset } from "../service/api/actuator";
-import { useAngles } from "../service/api/preferences";
+import { useAngleUnit } from "../service/api/preferences";
 import { flightOf, flightsQuery } from "../service/api/recordings";
-import { useMayCommand, useNoControl } from "../service/control/control";
+import { useMayCommand, useWhyNoControl } from "../service/control/control";
 import type { ControlForm } from "../service/control/handover";
 import { isAboutControl, useErrorLifetime } from "../service/forms/refusals";
 import {
-  hearState,
+  describeProof,
+  describeStop,
   listenToStop,
-  proofWords,
+  observeState,
   type StopState,
   showElsewhere,
   stopState,
-  stopWords,
 } from "../stop/stop";
 import type { PlayerPosition, State, Task } from "../wire/types";
 import { HandOver } from "./ControlMenu";
@@ -151,12 +151,12 @@ export function taskName(task: Task): string {
  */
 export function taskTitle({ kind, title, run, number, following, part, phase }: Task): string {
   const several = (following > 0 || number > 1) && part?.doing == null && phase !== "evaluation";
-  return `${title || capital(inWordsOf(kind))}, run ${run}${several ? `, ${number} of ${number + following}` : ""}`;
+  return `${title || capital(spacedName(kind))}, run ${run}${several ? `, ${number} of ${number + following}` : ""}`;
 }
 
 /** What is being done for it: "part 2 of 3, Breaths, 12 s left", "2 of 4: 20 N, exciting, 12 s left", or "pretension". */
 export function partOf({ phase, part }: Task): string {
-  if (part === null) return inWordsOf(phase);
+  if (part === null) return spacedName(phase);
   if (part.doing !== null) {
     return `${part.number} of ${part.of}: ${part.title}, ${part.doing}, ${duration(part.left_s)} left`;
   }
@@ -168,7 +168,7 @@ export function partOf({ phase, part }: Task): string {
 export function timeLeft({ phase, elapsed_s, duration_s, following }: Task): string {
   if (phase === "evaluation") return "computing the result";
   const left_s = duration_s - elapsed_s;
-  const more = following === 0 ? "" : `, then ${counted(following, "more run")}`;
+  const more = following === 0 ? "" : `, then ${pluralized(following, "more run")}`;
   return left_s >= 0
     ? `${duration(left_s)} left of ${duration(duration_s)}${more}`
     : `${duration(-left_s)} longer than expected${more}`;
@@ -185,9 +185,9 @@ export function taskProgress(task: Task): number {
  */
 export function stopSentence(stop: StopState, state: Pick<State, "mode" | "stop_proof"> | null): string {
   if (stop.kind === "unconfirmed") return "";
-  if (stop.kind !== "idle") return stopWords(stop);
-  if (state?.stop_proof?.paused_recording) return proofWords(state.stop_proof);
-  return state?.mode === "tripped" && state.stop_proof !== null ? proofWords(state.stop_proof) : "";
+  if (stop.kind !== "idle") return describeStop(stop);
+  if (state?.stop_proof?.paused_recording) return describeProof(state.stop_proof);
+  return state?.mode === "tripped" && state.stop_proof !== null ? describeProof(state.stop_proof) : "";
 }
 
 /** What became of STOP: from the answer to the press until the service tells it itself, and then as the service tells it. */
@@ -197,7 +197,7 @@ export function StopResult() {
   const stop = useStop();
   useEffect(() => showElsewhere(), []);
   useEffect(() => {
-    if (state !== null) hearState(state);
+    if (state !== null) observeState(state);
   }, [state]);
   return (
     <output className={statusStripStyles.proof} aria-label="Stop result" data-kind={stop.kind}>
@@ -229,7 +229,7 @@ export function StatusStrip({ form, onForm }: StatusStripProps) {
   const reset = useReset();
   const may = useMayCommand();
   const refused = useErrorLifetime(reset.error);
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const status = currentStatus(
     state,
     health(link, now_ms),
@@ -287,9 +287,9 @@ function FlightLink() {
 }
 
 function Message({ status, instead }: { status: Status; instead: string | undefined }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const fault = useLive((live) => live.state?.fault ?? null);
-  const told = (text: string) => inWords(text, angles);
+  const told = (text: string) => localizeAngles(text, angles);
   const content = (
     <>
       <strong>

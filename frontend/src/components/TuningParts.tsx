@@ -5,8 +5,8 @@ import { useQuery } from "@tanstack/react-query";
 import { useLive } from "../live/react";
 import { fixed } from "../samples/format";
 import { banksQuery } from "../service/api/banks";
-import { motorMarginsQuery, tuningInWords, type useTuningStep, whyNoStep } from "../service/api/tuning";
-import { useNoControl } from "../service/control/control";
+import { describeTuning, motorMarginsQuery, type useTuningStep, whyNoStep } from "../service/api/tuning";
+import { useWhyNoControl } from "../service/control/control";
 import type { MotorMargins as Margins } from "../wire/types";
 import { Explained } from "./Explained";
 
@@ -68,10 +68,10 @@ interface StepButtonProps {
 function StepButton({ step, command, size }: StepButtonProps) {
   const isUndo = step === "undo";
   const tuning = useLive((live) => (isUndo ? live.state?.earlier : live.state?.later) ?? null);
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const reason = useLive((live) => whyNoStep(step, live.state, noControl));
   const { data: banks = [] } = useQuery(banksQuery);
-  const words = tuning === null ? "" : tuningInWords({ ...tuning, bank: tuning.bank?.id ?? 0 }, banks);
+  const words = tuning === null ? "" : describeTuning({ ...tuning, bank: tuning.bank?.id ?? 0 }, banks);
   return (
     <Button
       variant="default"

@@ -26,7 +26,7 @@ function openBox({ isInForm = false } = {}) {
     decimals: 1,
     step: 1,
     width: 100,
-    saidAt: "why",
+    messageId: "why",
     isInForm,
   };
   render(<ValueBox {...props} onCommit={sent} onProblem={told} />, { wrapper: MantineProvider });

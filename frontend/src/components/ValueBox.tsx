@@ -9,7 +9,7 @@ import { type KeyboardEvent, useEffect, useEffectEvent, useRef, useState } from 
 import { notANumber, numberIn } from "../samples/format";
 import { withUnit } from "../samples/quantity";
 import { useDescribedBy, useRefusedInput } from "../service/forms/refusals";
-import { close, type Entry } from "../service/glossary";
+import { closeExplanation, type Entry } from "../service/glossary";
 import { help } from "./Shortcuts";
 
 /** So long the page says that a value that was left was not sent [ms]. */
@@ -27,7 +27,7 @@ interface ValueBoxProps {
   /** Whether a button sends the value together with others: leaving the box keeps it. */
   readonly isInForm?: boolean;
   /** The element that says why the value is not taken. */
-  readonly saidAt: string;
+  readonly messageId: string;
   /** Whether the service refused the value, where that is known otherwise than by `place`. */
   readonly refused?: boolean;
   /** Where the value stands in what is sent, as refusals name it. */
@@ -52,7 +52,7 @@ export function ValueBox(props: ValueBoxProps) {
     width,
     disabled = false,
     isInForm = false,
-    saidAt,
+    messageId,
     refused = false,
     place,
     entry,
@@ -63,9 +63,9 @@ export function ValueBox(props: ValueBoxProps) {
   const { onBlur, ...helped } = help(entry);
   const [typed, setTyped] = useState<string | null>(null);
   const [odd, setOdd] = useState(false);
-  const { ref, said } = useRefusedInput<HTMLInputElement>(place, saidAt);
+  const { ref, said } = useRefusedInput<HTMLInputElement>(place, messageId);
   const isUnsent = !isInForm && typed !== null;
-  useDescribedBy(ref, odd || refused || isUnsent ? saidAt : undefined);
+  useDescribedBy(ref, odd || refused || isUnsent ? messageId : undefined);
   const reminder = useRef<number | undefined>(undefined);
   useEffect(() => () => window.clearTimeout(reminder.current), []);
   // a reload, and the way back of the browser, take the box away with the focus in it: no blur is heard then
@@ -120,7 +120,7 @@ export function ValueBox(props: ValueBoxProps) {
     else if (event.key === "Escape") take(null);
     else if (steps !== undefined) {
       event.preventDefault();
-      close(); // Escape gives up what was stepped to, as what was typed
+      closeExplanation(); // Escape gives up what was stepped to, as what was typed
       const from = typed === null ? value : numberIn(typed);
       if (from !== null) take(shown(from + steps, decimals));
     }

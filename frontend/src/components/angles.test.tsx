@@ -6,8 +6,8 @@ import { Figures } from "../pages/experiments/ExperimentRuns";
 import { SegmentsEditor } from "../pages/experiments/SequenceEditor";
 import { limitLines } from "../pages/operate/LiveCharts";
 import { SettingsCard } from "../pages/runs/RunDetail";
-import type { Angles } from "../samples/quantity";
-import { AnglesContext } from "../service/api/preferences";
+import type { AngleUnit } from "../samples/quantity";
+import { AngleUnitContext } from "../service/api/preferences";
 import { PANELS, POSITION, readIn } from "../theme/layouts";
 import type { Criterion, Limits, Metric, Run, Setting } from "../wire/types";
 import { NumberField, SettingField } from "./fields";
@@ -21,10 +21,10 @@ beforeEach(() => {
 });
 afterEach(cleanup);
 
-function open(element: ReactElement, angles: Angles = "deg"): void {
+function open(element: ReactElement, angles: AngleUnit = "deg"): void {
   render(
     <MantineProvider>
-      <AnglesContext value={angles}>{element}</AnglesContext>
+      <AngleUnitContext value={angles}>{element}</AngleUnitContext>
     </MantineProvider>,
   );
 }
@@ -142,7 +142,7 @@ it("draws the joint's chart, its limits and its readouts in the person's unit, a
   }
   const forces = { S_min: 8, S_max: 15, F_min: 0.5, F_max: 47.5, u_max: 7 };
   const limits = { q_min: -SIXTH, q_max: SIXTH, ...forces } as Limits;
-  const lines = (angles: Angles) =>
+  const lines = (angles: AngleUnit) =>
     limitLines(limits, angles)
       .filter(({ of }) => of.includes("q"))
       .map(({ value }) => value);

@@ -12,7 +12,7 @@ import { useDebouncedCallback } from "@mantine/hooks";
 import { useEffect, useRef, useState } from "react";
 import { capital, notANumber } from "../samples/format";
 import { boxText, inSI, labelWith, rangeText, readingOf } from "../samples/quantity";
-import { useAngles } from "../service/api/preferences";
+import { useAngleUnit } from "../service/api/preferences";
 import { useDescribedBy, useRefusedInput } from "../service/forms/refusals";
 import { type Entry, settingEntry } from "../service/glossary";
 import type { Setting } from "../wire/types";
@@ -31,21 +31,21 @@ interface NumberFieldProps
   /** Where the value stands in what is sent, as refusals name it; the name of the box if left out. */
   readonly place?: string;
   /** Where there is no room below the box: the element that says why it is refused, or no number. */
-  readonly saidAt?: string;
+  readonly messageId?: string;
   /** What it is for. */
   readonly entry?: Entry | undefined;
   onChange(value: number | string): void;
 }
 
 export function NumberField(props: NumberFieldProps) {
-  const { value, unit = "1", place = props.name, saidAt, entry, onChange, ...rest } = props;
+  const { value, unit = "1", place = props.name, messageId, entry, onChange, ...rest } = props;
   const { onFocus, onBlur, ...helped } = help(entry);
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const [typed, setTyped] = useState<string | null>(null);
   const before = useRef(value);
-  const { ref, said } = useRefusedInput<HTMLInputElement>(rest.disabled ? undefined : place, saidAt);
+  const { ref, said } = useRefusedInput<HTMLInputElement>(rest.disabled ? undefined : place, messageId);
   const odd = typeof value === "string" && !rest.disabled ? notANumber(value) : null;
-  useDescribedBy(ref, odd === null ? undefined : saidAt);
+  useDescribedBy(ref, odd === null ? undefined : messageId);
   const problem = odd ?? said;
   // while "1." is being typed it is the number 1, and its point stays
   const mine = typed !== null && (inSI(typed, unit, angles) ?? typed) === value;
@@ -57,7 +57,7 @@ export function NumberField(props: NumberFieldProps) {
       inputWrapperOrder={["label", "input", "description", "error"]}
       value={mine ? typed : typeof value === "number" ? boxText(value, unit, angles) : value}
       ref={ref}
-      error={saidAt === undefined ? problem : problem !== null}
+      error={messageId === undefined ? problem : problem !== null}
       onFocus={(event) => {
         before.current = value;
         onFocus?.(event);
@@ -87,7 +87,7 @@ interface TextFieldProps extends Omit<TextInputProps, "error" | "onChange"> {
   /** Where the value stands in what is sent, as refusals name it; the name of the box if left out. */
   readonly place?: string;
   /** Where there is no room below the field: the element that says why it is refused. */
-  readonly saidAt?: string;
+  readonly messageId?: string;
   /** What the page itself finds wrong with the text. */
   readonly problem?: string | null;
   /** What it is for. */
@@ -96,15 +96,15 @@ interface TextFieldProps extends Omit<TextInputProps, "error" | "onChange"> {
 }
 
 export function TextField(props: TextFieldProps) {
-  const { place = props.name, saidAt, problem = null, entry, onChange, ...rest } = props;
-  const { ref, said } = useRefusedInput<HTMLInputElement>(place, saidAt);
+  const { place = props.name, messageId, problem = null, entry, onChange, ...rest } = props;
+  const { ref, said } = useRefusedInput<HTMLInputElement>(place, messageId);
   return (
     <TextInput
       {...rest}
       {...help(entry)}
       ref={ref}
       inputWrapperOrder={["label", "input", "description", "error"]}
-      error={problem ?? (saidAt === undefined ? said : said !== null)}
+      error={problem ?? (messageId === undefined ? said : said !== null)}
       onChange={(event) => onChange(event.currentTarget.value)}
     />
   );
@@ -116,22 +116,22 @@ interface ChoiceFieldProps extends Omit<NativeSelectProps, "error" | "onChange">
   /** Where the value stands in what is sent, as refusals name it; the name of the field if left out. */
   readonly place?: string;
   /** Where there is no room below the field: the element that says why it is refused. */
-  readonly saidAt?: string;
+  readonly messageId?: string;
   /** What it is for. */
   readonly entry?: Entry | undefined;
   onChange(value: string): void;
 }
 
 export function ChoiceField(props: ChoiceFieldProps) {
-  const { place = props.name, saidAt, entry, onChange, ...rest } = props;
-  const { ref, said } = useRefusedInput<HTMLSelectElement>(place, saidAt);
+  const { place = props.name, messageId, entry, onChange, ...rest } = props;
+  const { ref, said } = useRefusedInput<HTMLSelectElement>(place, messageId);
   return (
     <NativeSelect
       {...rest}
       {...help(entry)}
       ref={ref}
       inputWrapperOrder={["label", "input", "description", "error"]}
-      error={saidAt === undefined ? said : said !== null}
+      error={messageId === undefined ? said : said !== null}
       onChange={(event) => onChange(event.currentTarget.value)}
     />
   );
@@ -176,7 +176,7 @@ interface SettingFieldProps {
 
 export function SettingField({ setting, value, origin = "", onChange }: SettingFieldProps) {
   const { name, meaning, unit, minimum, maximum, choices } = setting;
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const label = labelWith(capital(meaning), unit, angles);
   const entry = settingEntry(setting, angles);
   if (typeof value === "boolean") {
@@ -234,7 +234,7 @@ interface EditedTextProps {
   onDone(text: string): void;
 }
 
-export function EditedText({ label, text, onDone }: EditedTextProps) {
+export function CommittedTextInput({ label, text, onDone }: EditedTextProps) {
   const [typed, type] = useState(text);
   useEffect(() => type(text), [text]);
   const done = () => {
@@ -274,9 +274,9 @@ interface SettledNumberProps {
   onChange(value: number | null): void;
 }
 
-export function SettledNumber(props: SettledNumberProps) {
+export function DebouncedNumberField(props: SettledNumberProps) {
   const { label, before, value, unit = "1", fits, optional, onChange } = props;
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const [typed, setTyped] = useState<string | null>(null);
   const settle = useDebouncedCallback((text: string) => {
     const found = inSI(text, unit, angles);

@@ -2,7 +2,7 @@
 import { MantineProvider } from "@mantine/core";
 import { act, cleanup, fireEvent, render, screen } from "@testing-library/react";
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
-import { close, entryOf, fieldEntry, settingEntry } from "../service/glossary";
+import { closeExplanation, entryOf, fieldEntry, settingEntry } from "../service/glossary";
 import type { Setting } from "../wire/types";
 import { Explanation } from "./Explanation";
 import { ValueBox } from "./ValueBox";
@@ -12,7 +12,7 @@ beforeEach(() => {
   vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
 });
 afterEach(() => {
-  act(() => close());
+  act(() => closeExplanation());
   cleanup();
   vi.useRealTimers();
 });
@@ -29,7 +29,7 @@ function box() {
         decimals={0}
         step={1000}
         width={104}
-        saidAt="nowhere"
+        messageId="nowhere"
         entry={fieldEntry("wall.k_wall", "deg", { minimum: 100, maximum: 40000 })}
         onCommit={() => undefined}
         onProblem={() => undefined}

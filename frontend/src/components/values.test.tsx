@@ -1,6 +1,6 @@
 import { cleanup, render, screen } from "@testing-library/react";
 import { afterEach, describe, expect, it } from "vitest";
-import { Shown, Written, writeAbsent, writeValue } from "./values";
+import { SymbolText, ValueOrReason, writeAbsent, writeValue } from "./values";
 
 /** No value is absent without its reason: by type where a number is written, by reading the source for the rest. */
 describe("absent", () => {
@@ -47,9 +47,9 @@ describe("absent", () => {
 
   it.each([null, undefined, Number.NaN])("tells why there is %s, to the eye and to the ear", (value) => {
     render(
-      <Shown value={value} why="nothing is staged">
+      <ValueOrReason value={value} why="nothing is staged">
         {(some) => `${some} s`}
-      </Shown>,
+      </ValueOrReason>,
     );
     const dash = screen.getByRole("img", { name: "nothing is staged" });
     expect([dash.textContent, dash.title]).toEqual(["–", "nothing is staged"]);
@@ -58,9 +58,9 @@ describe("absent", () => {
 
   it.each([0, false, ""])("takes %j for a value", (value) => {
     render(
-      <Shown<unknown> value={value} why="no">
+      <ValueOrReason<unknown> value={value} why="no">
         {(some) => `has ${some}`}
-      </Shown>,
+      </ValueOrReason>,
     );
     expect(document.body.textContent).toBe(`has ${value}`);
   });
@@ -84,7 +84,7 @@ describe("signal name", () => {
     ["F_A", "FA"],
     ["theta_A - theta_A_ref", "θA − θA,ref"],
   ])("writes %s as the paper does", (name, read) => {
-    const { container } = render(<Written name={name} />);
+    const { container } = render(<SymbolText name={name} />);
     expect(container.textContent).toBe(read);
   });
 });

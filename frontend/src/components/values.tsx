@@ -1,7 +1,7 @@
 import type { ReactNode } from "react";
 import { MINUS } from "../samples/format";
-import { inWords, readingNear } from "../samples/quantity";
-import { useAngles } from "../service/api/preferences";
+import { localizeAngles, readingNear } from "../samples/quantity";
+import { useAngleUnit } from "../service/api/preferences";
 import { entryOf, symbolEntries } from "../service/glossary";
 import { Explained } from "./Explained";
 import styles from "./Metric.module.css";
@@ -9,7 +9,7 @@ import styles from "./Metric.module.css";
 /** A text of the service, with the angles in it as this person reads them. */
 
 export function LocalizedText({ text }: { text: string }) {
-  return <>{inWords(text, useAngles())}</>;
+  return <>{localizeAngles(text, useAngleUnit())}</>;
 }
 
 /** A signal's name as it is written in the paper: q_ref with a lowered "ref"; it says what it means when asked. */
@@ -18,7 +18,7 @@ export function LocalizedText({ text }: { text: string }) {
 const GREEK: Record<string, string> = { theta: "θ", lam: "λ" };
 
 /** The name alone, where something around it explains it, or is a control; of a difference those of both. */
-export function Written({ name }: { name: string }) {
+export function SymbolText({ name }: { name: string }) {
   const [of, taken] = name.split(" - ");
   if (taken === undefined) return <Single name={name} />;
   return (
@@ -41,7 +41,7 @@ function Single({ name }: { name: string }) {
 export function SignalName({ name }: { name: string }) {
   return (
     <Explained of={symbolEntries(name)}>
-      <Written name={name} />
+      <SymbolText name={name} />
     </Explained>
   );
 }
@@ -69,7 +69,7 @@ interface ShownProps<Value> extends AbsentProps {
 }
 
 /** A value as `children` write it, or that there is none; a number that is none counts as absent. */
-export function Shown<Value>({ value, why, children }: ShownProps<Value>) {
+export function ValueOrReason<Value>({ value, why, children }: ShownProps<Value>) {
   const absent = value === null || value === undefined || Number.isNaN(value);
   return absent ? <Absent why={why} /> : children(value);
 }
@@ -94,7 +94,7 @@ export function writeValue(into: HTMLElement, text: string): void {
 
 /** `near` is the figure of the row in SI, whose prefix the unit takes. */
 export function Unit({ unit, near = 1 }: { unit: string; near?: number | undefined }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   return unit === "1" || unit === "" ? <Absent why="it has no unit" /> : readingNear(near, unit, angles).unit;
 }
 

@@ -11,7 +11,7 @@ export interface Link {
   /** Connections that failed or ended since the last good one. */
   readonly failures: number;
   /** When anything last arrived, null before the first message ever. */
-  readonly heard_ms: number | null;
+  readonly received_ms: number | null;
   /** When to try again, while waiting. */
   readonly retry_ms: number;
   /** Time of the last ping there and back. */
@@ -19,7 +19,7 @@ export interface Link {
   readonly pinged_ms: number;
   readonly opened_ms: number;
   /** Time of the last look at the clock. */
-  readonly looked_ms: number;
+  readonly checked_ms: number;
   /** Until when this page itself was asleep: silence before that says nothing about the link. */
   readonly awake_ms: number;
 }
@@ -51,12 +51,12 @@ export function firstLink(now_ms: number): Link {
   return {
     phase: "connecting",
     failures: 0,
-    heard_ms: null,
+    received_ms: null,
     retry_ms: now_ms,
     latency_ms: null,
     pinged_ms: now_ms,
     opened_ms: now_ms,
-    looked_ms: now_ms,
+    checked_ms: now_ms,
     awake_ms: now_ms,
   };
 }
@@ -65,11 +65,11 @@ export function firstLink(now_ms: number): Link {
 export function step(link: Link, event: LinkEvent, now_ms: number): [Link, LinkAction] {
   switch (event.kind) {
     case "opened":
-      return [{ ...link, phase: "open", heard_ms: now_ms, opened_ms: now_ms, pinged_ms: now_ms }, "ping"];
+      return [{ ...link, phase: "open", received_ms: now_ms, opened_ms: now_ms, pinged_ms: now_ms }, "ping"];
     case "heard":
-      return [{ ...link, failures: 0, heard_ms: now_ms }, "none"];
+      return [{ ...link, failures: 0, received_ms: now_ms }, "none"];
     case "pong":
-      return [{ ...link, failures: 0, heard_ms: now_ms, latency_ms: now_ms - event.sent_ms }, "none"];
+      return [{ ...link, failures: 0, received_ms: now_ms, latency_ms: now_ms - event.sent_ms }, "none"];
     case "closed":
       return [waiting(link, now_ms), "none"];
     case "wake":
@@ -80,15 +80,15 @@ export function step(link: Link, event: LinkEvent, now_ms: number): [Link, LinkA
 }
 
 function looked(link: Link, now_ms: number): Link {
-  const asleep = now_ms - link.looked_ms > ASLEEP_MS;
-  return { ...link, looked_ms: now_ms, awake_ms: asleep ? now_ms : link.awake_ms };
+  const asleep = now_ms - link.checked_ms > ASLEEP_MS;
+  return { ...link, checked_ms: now_ms, awake_ms: asleep ? now_ms : link.awake_ms };
 }
 
 function onClock(link: Link, now_ms: number): [Link, LinkAction] {
   if (link.phase === "waiting") {
     return now_ms >= link.retry_ms ? [connecting(link, now_ms), "connect"] : [link, "none"];
   }
-  const last_ms = link.phase === "open" ? (link.heard_ms ?? link.opened_ms) : link.opened_ms;
+  const last_ms = link.phase === "open" ? (link.received_ms ?? link.opened_ms) : link.opened_ms;
   const quiet_ms = now_ms - Math.max(last_ms, link.awake_ms);
   if (quiet_ms > (link.phase === "open" ? SILENCE_MS : CONNECT_WITHIN_MS))
     return [waiting(link, now_ms), "drop"];
@@ -115,7 +115,7 @@ function waiting(link: Link, now_ms: number): Link {
 
 /** How old the newest message is, or null when none ever came. */
 export function age_ms(link: Link, now_ms: number): number | null {
-  return link.heard_ms === null ? null : Math.max(0, now_ms - link.heard_ms);
+  return link.received_ms === null ? null : Math.max(0, now_ms - link.received_ms);
 }
 
 /** Whether what the page shows may be trusted. */

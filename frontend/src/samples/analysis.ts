@@ -1,7 +1,7 @@
 /** Computes statistics and spectra of samples, with what they were computed from. Pure. */
 
 import FFT from "fft.js";
-import type { Column, SampleTable, Stretch } from "./timeSeries";
+import type { Column, SampleTable, TimeRange } from "./timeSeries";
 
 /** Figures of a signal over the stretch in sight. Pure. */
 
@@ -139,7 +139,7 @@ export interface Basis {
   /** "run 12"; "" where it is the one thing that is drawn. */
   readonly of: string;
   /** First and last sample; null where there is none. */
-  readonly range: Stretch | null;
+  readonly range: TimeRange | null;
   readonly samples: number;
   /** Samples that are lacking between the first and the last. */
   readonly missing: number;

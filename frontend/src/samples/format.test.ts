@@ -4,22 +4,22 @@ import {
   bytes,
   capital,
   clockTime,
-  counted,
   dateTime,
   dayTime,
+  describeStructure,
   digitsApart,
   digitsOver,
   duration,
   fixed,
   heading,
-  inWordsOf,
   kilohertz,
   notANumber,
   numberIn,
   percent,
+  pluralized,
   short,
   significant,
-  structureInWords,
+  spacedName,
   timeOfDay,
   withError,
 } from "./format";
@@ -37,7 +37,7 @@ describe("format", () => {
       expect(numbers.flatMap((number) => [fixed(number, 2), significant(number, 2)])).toEqual(
         Array(4).fill("no number"),
       );
-      // @ts-expect-error what may be absent goes through `Shown`, which asks for the reason
+      // @ts-expect-error what may be absent goes through `ValueOrReason`, which asks for the reason
       expect(fixed(null, 2)).toBe("no number");
       // @ts-expect-error the same
       expect(significant(undefined, 2)).toBe("no number");
@@ -152,11 +152,11 @@ describe("words", () => {
     ["lags2+delay", "Two equal lags, dead time"],
     ["order:1+delay", "Order 1, free poles, dead time"],
   ])("reads the structure %s as %s", (name, words) => {
-    expect(structureInWords(name)).toBe(words);
+    expect(describeStructure(name)).toBe(words);
   });
 
   it("says one day and many days", () => {
-    expect([1, 0, 2, 0.5].map((days) => counted(days, "day"))).toEqual([
+    expect([1, 0, 2, 0.5].map((days) => pluralized(days, "day"))).toEqual([
       "1 day",
       "0 days",
       "2 days",
@@ -165,7 +165,7 @@ describe("words", () => {
   });
 
   it("reads a name of the service as words, with a capital where it stands alone", () => {
-    expect(inWordsOf("motor_identification")).toBe("motor identification");
+    expect(spacedName("motor_identification")).toBe("motor identification");
     expect(heading("motor_identification")).toBe("Motor identification");
     expect(heading("tracking")).toBe("Tracking");
     expect(capital("smallest λ_q")).toBe("Smallest λ_q");

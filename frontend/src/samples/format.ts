@@ -180,13 +180,13 @@ export function bytes(count: number | null): string {
 const COUNTS = ["", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"];
 
 /** Such a name in a sentence: "motor identification". */
-export function inWordsOf(name: string): string {
+export function spacedName(name: string): string {
   return name.replaceAll("_", " ");
 }
 
 /** Such a name as a heading or in a cell of its own: "Motor identification". */
 export function heading(name: string): string {
-  return capital(inWordsOf(name));
+  return capital(spacedName(name));
 }
 
 /** Words as they stand, with a capital; a symbol in them keeps its index: "Tuning parameter λ_q". */
@@ -195,12 +195,12 @@ export function capital(words: string): string {
 }
 
 /** A number of things as it is said: "1 day", "30 days". */
-export function counted(count: number, noun: string): string {
+export function pluralized(count: number, noun: string): string {
   return `${count} ${noun}${count === 1 ? "" : "s"}`;
 }
 
 /** A structure of a model by its name at the command line: "order:4", "lags4+delay". */
-export function structureInWords(name: string): string {
+export function describeStructure(name: string): string {
   const [plain = "", ...more] = name.split("+");
   const [, kind = plain, count = ""] = /^(lags|order:)(\d)$/.exec(plain) ?? [];
   const words =

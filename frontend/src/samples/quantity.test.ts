@@ -1,15 +1,15 @@
 import { describe, expect, it } from "vitest";
 import {
-  type Angles,
+  type AngleUnit,
   angleText,
   boxText,
+  formatWithUnit,
   inSI,
-  inWords,
-  offered,
+  localizeAngles,
+  offeredDefault,
   rangeText,
   readingNear,
   readingOf,
-  told,
 } from "./quantity";
 
 /** Angles in degrees with up to six decimals, the same at each run. */
@@ -41,7 +41,7 @@ describe("a box", () => {
 
   it("never shows more digits than a person reads, whatever the unit", () => {
     for (const angle of someAngles()) {
-      for (const angles of ["deg", "rad"] satisfies Angles[]) {
+      for (const angles of ["deg", "rad"] satisfies AngleUnit[]) {
         const text = boxText(Math.sin(angle) * 100, "rad", angles);
         expect(text.replace(/e.*|\D/g, "").replace(/^0+/, "").length, text).toBeLessThanOrEqual(8);
       }
@@ -91,29 +91,31 @@ it.each([
   [Math.PI / 3, "rad", 60],
   [0.004, "s", 0.004],
 ])("offers a default of %d %s in few digits, and sends what is shown", (usual, unit, shown) => {
-  const inForm = offered(usual, { unit }, "deg") as number;
+  const inForm = offeredDefault(usual, { unit }, "deg") as number;
   expect(boxText(inForm, unit, "deg")).toBe(String(shown));
   expect(inSI(String(shown), unit, "deg")).toBe(inForm);
-  expect(offered(usual, { unit }, "rad")).toBe(usual);
+  expect(offeredDefault(usual, { unit }, "rad")).toBe(usual);
 });
 
 it("offers a default as it is where few digits would leave its range", () => {
-  expect(offered(1, { unit: "rad", maximum: 1 }, "deg")).toBe(1);
-  expect(offered("geometry", { unit: "" }, "deg")).toBe("geometry");
+  expect(offeredDefault(1, { unit: "rad", maximum: 1 }, "deg")).toBe(1);
+  expect(offeredDefault("geometry", { unit: "" }, "deg")).toBe("geometry");
 });
 
 it("writes no number of a person with an exponent in letters", () => {
-  expect(told(3.357e-6, "V", "deg")).toBe("3.357 µV");
-  expect(told(3.357e-9, "N·m/rad", "deg")).toBe("3.357·10⁻⁹ N·m/rad");
-  expect(inWords("7.019e-05 N at 3e-06 V, 2e-09 N·m/rad", "deg")).toBe("70.19 µN at 3 µV, 2e-09 N·m/rad");
+  expect(formatWithUnit(3.357e-6, "V", "deg")).toBe("3.357 µV");
+  expect(formatWithUnit(3.357e-9, "N·m/rad", "deg")).toBe("3.357·10⁻⁹ N·m/rad");
+  expect(localizeAngles("7.019e-05 N at 3e-06 V, 2e-09 N·m/rad", "deg")).toBe(
+    "70.19 µN at 3 µV, 2e-09 N·m/rad",
+  );
   expect(inSI(boxText(3.3e-7, "V", "deg"), "V", "deg")).toBe(3.3e-7);
   expect(boxText(3.3e-7, "V", "deg")).toBe("0.00000033");
 });
 
 it("tells a quantity with its unit", () => {
-  expect(told(2.0943951023931953, "rad", "deg")).toBe("120°");
-  expect(told(-2.0943951023931953, "rad", "rad")).toBe("−2.0944 rad");
-  expect(told(0.5, "1", "deg")).toBe("0.5");
+  expect(formatWithUnit(2.0943951023931953, "rad", "deg")).toBe("120°");
+  expect(formatWithUnit(-2.0943951023931953, "rad", "rad")).toBe("−2.0944 rad");
+  expect(formatWithUnit(0.5, "1", "deg")).toBe("0.5");
   expect(angleText(Math.PI / 6, 1, "deg")).toBe("30.0");
   expect(angleText(Math.PI / 6, 1, "rad")).toBe("0.524");
 });
@@ -127,15 +129,15 @@ it.each([
   ["3 radishes, 2 rad²", "3 radishes, 2 rad²"],
   ["“turned 1.0 rad” was 0.5236 rad", "“turned 1.0 rad” was 30°"],
 ])("reads the angles in %j and nothing else", (text, degrees) => {
-  expect(inWords(text, "deg")).toBe(degrees);
-  expect(inWords(text, "rad")).toBe(text);
+  expect(localizeAngles(text, "deg")).toBe(degrees);
+  expect(localizeAngles(text, "rad")).toBe(text);
 });
 
 it("reads a text in degrees in radians, where somebody changes the unit while it stands", () => {
   for (const unit of [" deg", "°"]) {
     const text = `120${unit} is outside -100 to 100${unit}; phase margin 47°`;
-    expect(inWords(text, "rad")).toBe("2.094 rad is outside -1.745 to 1.745 rad; phase margin 47°");
-    expect(inWords(text, "deg")).toBe("120° is outside -100 to 100°; phase margin 47°");
+    expect(localizeAngles(text, "rad")).toBe("2.094 rad is outside -1.745 to 1.745 rad; phase margin 47°");
+    expect(localizeAngles(text, "deg")).toBe("120° is outside -100 to 100°; phase margin 47°");
   }
 });
 

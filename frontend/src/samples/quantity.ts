@@ -6,7 +6,7 @@
 
 import { fixed, MINUS, numberIn, short } from "./format";
 
-export type Angles = "deg" | "rad";
+export type AngleUnit = "deg" | "rad";
 
 /** A unit as it is read, and the factor from SI to it. */
 export interface Reading {
@@ -22,7 +22,7 @@ const IN_DEGREES: Readonly<Record<string, Reading>> = {
   mrad: { unit: "°", factor: TO_DEGREES / 1000 },
   rad·s: { unit: "°·s", factor: TO_DEGREES },
 };
-const WRITTEN: Readonly<Record<Angles, string>> = { deg: "°", rad: " rad" };
+const WRITTEN: Readonly<Record<AngleUnit, string>> = { deg: "°", rad: " rad" };
 
 /** Digits that a typed number keeps on its way to SI and back; the doubles between hold fifteen. */
 const TYPED = 12;
@@ -33,7 +33,7 @@ const BOUND = 3;
 /** A number that comes back with so few characters was typed, or might have been. */
 const SHORT = 9;
 
-export function readingOf(unit: string, angles: Angles): Reading {
+export function readingOf(unit: string, angles: AngleUnit): Reading {
   return (angles === "deg" ? IN_DEGREES[unit] : undefined) ?? { unit, factor: 1 };
 }
 
@@ -50,14 +50,14 @@ const PREFIXED: ReadonlySet<string> = new Set(["V", "N", "s", "m", "A"]);
  * How a quantity is read whose largest figure is `largest` in SI: as `readingOf`, and small volts, newtons, seconds,
  * metres and amperes with the prefix that makes them numbers from 1 on.
  */
-export function readingNear(largest: number, unit: string, angles: Angles): Reading {
+export function readingNear(largest: number, unit: string, angles: AngleUnit): Reading {
   const size = Math.abs(largest);
   if (!PREFIXED.has(unit) || !(size > 0) || size >= 1e-3) return readingOf(unit, angles);
   return size >= 1e-6 ? { unit: `µ${unit}`, factor: 1e6 } : { unit: `n${unit}`, factor: 1e9 };
 }
 
 /** A value in SI as it stands in a number box: as it was typed, or else to six digits. */
-export function boxText(value: number, unit: string, angles: Angles): string {
+export function boxText(value: number, unit: string, angles: AngleUnit): string {
   if (!(unit in IN_DEGREES)) return plain(value);
   const shown = value * readingOf(unit, angles).factor;
   const typed = String(Number(shown.toPrecision(TYPED)));
@@ -80,7 +80,11 @@ interface Declared {
  * The default of a setting as a form offers it: an angle in few digits of the unit in which it is read, since what is
  * shown is sent; as it is where that would leave its range, and where it is no angle.
  */
-export function offered<T>(value: T, { unit, minimum, maximum }: Declared, angles: Angles): T | number {
+export function offeredDefault<T>(
+  value: T,
+  { unit, minimum, maximum }: Declared,
+  angles: AngleUnit,
+): T | number {
   const { factor } = readingOf(unit, angles);
   if (typeof value !== "number" || factor === 1) return value;
   const rounded = Number((value * factor).toPrecision(BOUND));
@@ -90,14 +94,14 @@ export function offered<T>(value: T, { unit, minimum, maximum }: Declared, angle
 }
 
 /** The number that a text in a box is, in SI; null for what is no number. */
-export function inSI(text: string, unit: string, angles: Angles): number | null {
+export function inSI(text: string, unit: string, angles: AngleUnit): number | null {
   const typed = numberIn(text);
   if (typed === null) return null;
   return toSI(typed, unit, angles);
 }
 
 /** A number as it is read, in SI. */
-export function toSI(shown: number, unit: string, angles: Angles): number {
+export function toSI(shown: number, unit: string, angles: AngleUnit): number {
   switch (readingOf(unit, angles).factor) {
     case 1:
       return shown;
@@ -109,13 +113,13 @@ export function toSI(shown: number, unit: string, angles: Angles): number {
 }
 
 /** A value in SI as a number to be read in a sentence, with its unit: "120°". */
-export function told(value: number, unit: string, angles: Angles): string {
+export function formatWithUnit(value: number, unit: string, angles: AngleUnit): string {
   const reading = readingNear(value, unit, angles);
   return withUnit(short(value * reading.factor, READ), reading.unit);
 }
 
 /** A range in SI as a hint below a box: "−80.2 to 80.2"; the unit stands in the label. Who types an end is accepted. */
-export function rangeText(minimum: number, maximum: number, unit: string, angles: Angles): string {
+export function rangeText(minimum: number, maximum: number, unit: string, angles: AngleUnit): string {
   const { factor } = readingOf(unit, angles);
   return rangeOf(minimum * factor, maximum * factor);
 }
@@ -129,7 +133,7 @@ export function rangeOf(low: number, high: number): string {
 }
 
 /** A range with its unit: "−80.2 to 80.2°". */
-export function rangeWithUnit(minimum: number, maximum: number, unit: string, angles: Angles): string {
+export function rangeWithUnit(minimum: number, maximum: number, unit: string, angles: AngleUnit): string {
   return withUnit(rangeText(minimum, maximum, unit, angles), readingOf(unit, angles).unit);
 }
 
@@ -144,17 +148,17 @@ function bound(shown: number, inwards: (value: number) => number, digits: number
 }
 
 /** What stands over a box, a column or an axis: with the unit, where there is one. */
-export function labelWith(words: string, unit: string, angles: Angles): string {
+export function labelWith(words: string, unit: string, angles: AngleUnit): string {
   return unit === "1" || unit === "" ? words : `${words} [${readingOf(unit, angles).unit}]`;
 }
 
 /** An angle in SI with so many decimals of a degree, and as finely in radians. */
-export function angleText(value: number, decimals: number, angles: Angles): string {
+export function angleText(value: number, decimals: number, angles: AngleUnit): string {
   return fixed(value * readingOf("rad", angles).factor, decimals + (angles === "deg" ? 0 : FINER));
 }
 
 /** The same with its unit: "30.0°". */
-export function angleWithUnit(value: number, decimals: number, angles: Angles): string {
+export function angleWithUnit(value: number, decimals: number, angles: AngleUnit): string {
   return `${angleText(value, decimals, angles)}${WRITTEN[angles]}`;
 }
 
@@ -174,7 +178,7 @@ const QUANTITY = new RegExp(
  * A text of the service (a mark, a fault, a refusal) with the angles in it as they are read; everybody is sent the same
  * text. A number keeps as many digits as it came with, four at least; what somebody named, between “ and ”, stays.
  */
-export function inWords(text: string, angles: Angles): string {
+export function localizeAngles(text: string, angles: AngleUnit): string {
   return text.replace(QUANTITY, (found: string, ...more: unknown[]) => {
     const named = more[more.length - 1] as Readonly<Record<string, string | undefined>>;
     if (named.quoted !== undefined) return found;

@@ -1,7 +1,7 @@
 /** Time ranges and tables of samples, as they are computed with and exported. Pure. */
 
 /** A piece of the time axis [s]. */
-export interface Stretch {
+export interface TimeRange {
   readonly from_s: number;
   readonly to_s: number;
 }

@@ -1,6 +1,6 @@
 import { useSyncExternalStore } from "react";
 import { capital } from "../samples/format";
-import { type Angles, rangeWithUnit, told } from "../samples/quantity";
+import { type AngleUnit, formatWithUnit, rangeWithUnit } from "../samples/quantity";
 import { type Entry, GLOSSARY } from "../wire/glossary.gen";
 import { COMBINED } from "../wire/sample.gen";
 import type { Metric, Setting } from "../wire/types";
@@ -119,22 +119,22 @@ export function explain(next: Explained): void {
 }
 
 /** The pointer has left a word; what focus or tap has opened stays. */
-export function left(): void {
+export function pointerLeft(): void {
   clearTimeout(timer);
   if (shown?.by === "pointer") timer = setTimeout(become, LEFT_MS, null);
 }
 
 /** The pointer has come to the explanation itself. */
-export function stay(): void {
+export function keepExplanation(): void {
   clearTimeout(timer);
 }
 
-export function close(anchor?: HTMLElement): void {
+export function closeExplanation(anchor?: HTMLElement): void {
   if (anchor === undefined || shown?.anchor === anchor) become(null);
   else clearTimeout(timer);
 }
 
-export function current(): Explained | null {
+export function currentExplanation(): Explained | null {
   return shown;
 }
 
@@ -144,7 +144,7 @@ function subscribe(listener: () => void): () => void {
 }
 
 export function useExplained(): Explained | null {
-  return useSyncExternalStore(subscribe, current);
+  return useSyncExternalStore(subscribe, currentExplanation);
 }
 
 /** What a box of a form means: as the service declares it, with its unit and what it accepts now. Pure. */
@@ -157,14 +157,14 @@ export interface Range {
 }
 
 /** The explanation of a declared setting. */
-export function settingEntry(setting: Setting, angles: Angles): Entry {
+export function settingEntry(setting: Setting, angles: AngleUnit): Entry {
   const { name, symbol, meaning, unit, minimum, maximum, choices, default: usual } = setting;
   const more: Line[] = [];
   if (typeof usual === "number" && minimum != null && maximum != null) {
     more.push(accepted({ minimum, maximum }, unit, angles));
   }
   if (choices != null && choices.length > 0) more.push(["Accepted", choices.join(", ")]);
-  if (typeof usual === "number") more.push(["Default", told(usual, unit, angles)]);
+  if (typeof usual === "number") more.push(["Default", formatWithUnit(usual, unit, angles)]);
   else if (usual !== null && choices != null) more.push(["Default", String(usual)]);
   return {
     kind: "setting",
@@ -177,12 +177,12 @@ export function settingEntry(setting: Setting, angles: Angles): Entry {
 }
 
 /** The explanation of a field of an order, "wall.k_wall"; with what this plant lets it be, where that is known. */
-export function fieldEntry(key: string, angles: Angles, range?: Range): Entry | undefined {
+export function fieldEntry(key: string, angles: AngleUnit, range?: Range): Entry | undefined {
   const entry = entryOf(`setting:${key}`);
   if (entry === undefined || range === undefined) return entry;
   return { ...entry, more: [accepted(range, entry.unit ?? "", angles)] };
 }
 
-function accepted({ minimum, maximum }: Range, unit: string, angles: Angles): Line {
+function accepted({ minimum, maximum }: Range, unit: string, angles: AngleUnit): Line {
   return ["Accepted", rangeWithUnit(minimum, maximum, unit, angles)];
 }

@@ -4,7 +4,7 @@ import { beforeEach, expect, it, vi } from "vitest";
 const fetched = vi.fn<(request: Request) => Promise<Response>>();
 vi.stubGlobal("fetch", fetched);
 
-import { hearState, showElsewhere, stopState } from "./stop";
+import { observeState, showElsewhere, stopState } from "./stop";
 
 const PROOF = { arrived_tick: 1000, zero_tick: 1001, milliseconds: 1 };
 const LOST = { kind: "unconfirmed" } as const;
@@ -97,9 +97,9 @@ it("shows that nothing was confirmed whatever the application shows, until the m
   await becomes("unconfirmed");
   expect(notice().textContent).not.toBe("");
   const link = { alive: true, silent_s: 0, starts: 1, restarting: "", restarting_s: 0 };
-  hearState({ mode: "run", tick: 5, stop_proof: null, link });
+  observeState({ mode: "run", tick: 5, stop_proof: null, link });
   expect(stopState().kind).toBe("unconfirmed");
-  hearState({ mode: "tripped", tick: 6, stop_proof: null, link });
+  observeState({ mode: "tripped", tick: 6, stop_proof: null, link });
   expect([stopState().kind, notice().textContent]).toEqual(["idle", ""]);
   release();
 });
@@ -108,9 +108,9 @@ it("says of itself what it does to a recording, where one is played", () => {
   const told = { mode: "off", tick: 5, stop_proof: null } as const;
   const link = { alive: true, silent_s: 0, starts: 1, restarting: "", restarting_s: 0 };
   const where = { title: "run 12", t: 1, tick: 5, duration_s: 2, playing: true, ended: false };
-  hearState({ ...told, link, player: { ...where, speed: 1, speed_min: 0.25, speed_max: 4 } });
+  observeState({ ...told, link, player: { ...where, speed: 1, speed_min: 0.25, speed_max: 4 } });
   expect(button().title).toMatch(/^Pauses the recording/);
-  hearState({ ...told, link, player: null });
+  observeState({ ...told, link, player: null });
   expect(button().title).toMatch(/zero volts at once, latched/);
 });
 

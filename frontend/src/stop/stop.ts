@@ -73,7 +73,7 @@ export function pressStop(): void {
 }
 
 /** Take in a state of the service: from here on the service's word counts. */
-export function hearState(told: Parameters<typeof settled>[1] & Partial<Pick<State, "player">>): void {
+export function observeState(told: Parameters<typeof settled>[1] & Partial<Pick<State, "player">>): void {
   if (shown !== null) shown.button.title = told.player ? PAUSES : STOPS;
   change(settled(state, told));
 }
@@ -138,21 +138,21 @@ export function isStopKey(event: Pick<KeyboardEvent, "ctrlKey" | "metaKey" | "sh
 }
 
 /** The sentence of a state of STOP; the instruction of one that was not confirmed comes before its reason. */
-export function stopWords(stop: StopState): string {
+export function describeStop(stop: StopState): string {
   switch (stop.kind) {
     case "idle":
       return "";
     case "sending":
       return "STOP sent, waiting for proof …";
     case "confirmed":
-      return proofWords(stop.proof);
+      return describeProof(stop.proof);
     case "unconfirmed":
       return `STOP NOT CONFIRMED: use the stop at the machine. ${stop.reason}`;
   }
 }
 
 /** The sentence of the proof that a stop took place. */
-export function proofWords(proof: StopProof): string {
+export function describeProof(proof: StopProof): string {
   if (proof.paused_recording) return `Recording paused (tick ${proof.zero_tick}); nothing is driven`;
   const ticks = proof.zero_tick - proof.arrived_tick;
   const counted = `${ticks} ${ticks === 1 ? "tick" : "ticks"}`;
@@ -188,7 +188,7 @@ function draw(): void {
   button.dataset.sending = String(state.kind === "sending");
   notice.dataset.kind = state.kind;
   // with its text alone: whatever took the place of its text before, it is gone
-  notice.textContent = state.kind === "unconfirmed" || pages === 0 ? stopWords(state) : "";
+  notice.textContent = state.kind === "unconfirmed" || pages === 0 ? describeStop(state) : "";
 }
 
 function install(): { button: HTMLButtonElement; notice: HTMLElement } {

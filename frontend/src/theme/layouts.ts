@@ -1,7 +1,7 @@
 /** Layouts of the charts: those that come with the page, and the changes of a person's own ones. Pure. */
 
 import { capital } from "../samples/format";
-import { type Angles, FINER, readingOf } from "../samples/quantity";
+import { type AngleUnit, FINER, readingOf } from "../samples/quantity";
 import type { ChartLayout, ChartPanel } from "../wire/types";
 import { isDrawn, meaningOf, type Panel, type Scale, scaleOf, traceFor, unitOf } from "./signals";
 
@@ -83,13 +83,13 @@ export function panelsOf({ panels }: ChartLayout): Panel[] {
 }
 
 /** An axis in SI in the unit in which a person reads it; an angle of two decimals in degrees has four in radians. */
-function scaleIn<S extends Scale>(scale: S, angles: Angles): S {
+function scaleIn<S extends Scale>(scale: S, angles: AngleUnit): S {
   const { unit, factor } = readingOf(scale.unit, angles);
   if (factor === 1) return scale;
   return { ...scale, unit, factor, decimals: scale.decimals - FINER, narrowest: scale.narrowest * factor };
 }
 
-export function readIn(panel: Panel, angles: Angles): Panel {
+export function readIn(panel: Panel, angles: AngleUnit): Panel {
   const read = scaleIn(panel, angles);
   return panel.over === undefined ? read : { ...read, over: scaleIn(panel.over, angles) };
 }

@@ -2,7 +2,7 @@
 
 import { useMemo } from "react";
 import { useDerived } from "../service/api/formulas";
-import { useAngles, usePreferences } from "../service/api/preferences";
+import { useAngleUnit, usePreferences } from "../service/api/preferences";
 import type { ChartLayout, Preferences } from "../wire/types";
 import { type Edited, MOST, panelsOf, READY, readIn, STANDARD, unused } from "./layouts";
 import { type Panel, signalOf } from "./signals";
@@ -79,7 +79,7 @@ export function useStandardPanels(): readonly Panel[] {
 
 function useDrawn(layout: typeof STANDARD): readonly Panel[] {
   const { colours } = usePreferences().preferences;
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const derived = useDerived();
   // biome-ignore lint/correctness/useExhaustiveDependencies: which signals there are decides which are drawn
   return useMemo(

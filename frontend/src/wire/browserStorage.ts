@@ -3,7 +3,7 @@
 type Kind = "localStorage" | "sessionStorage";
 
 /** What was kept under a name; null for nothing, and where the browser keeps nothing. */
-export function readKept(kind: Kind, name: string): string | null {
+export function readStored(kind: Kind, name: string): string | null {
   try {
     return globalThis[kind]?.getItem(name) ?? null;
   } catch {
@@ -12,7 +12,7 @@ export function readKept(kind: Kind, name: string): string | null {
 }
 
 /** The names under which something is kept. */
-export function keptNames(kind: Kind): string[] {
+export function storedNames(kind: Kind): string[] {
   try {
     return Object.keys(globalThis[kind] ?? {});
   } catch {
@@ -21,7 +21,7 @@ export function keptNames(kind: Kind): string[] {
 }
 
 /** Keep a text under a name, null to forget it. Returns whether the browser did: it may refuse, and the page works without. */
-export function keepText(kind: Kind, name: string, text: string | null): boolean {
+export function storeText(kind: Kind, name: string, text: string | null): boolean {
   try {
     if (text === null) globalThis[kind].removeItem(name);
     else globalThis[kind].setItem(name, text);
@@ -35,7 +35,7 @@ export function keepText(kind: Kind, name: string, text: string | null): boolean
  * Whether this browser keeps cookies for this page: without one the service does not know who is signed in. It is tried,
  * as `navigator.cookieEnabled` stays true in Chromium for a person who has blocked them.
  */
-export function keepsCookies(): boolean {
+export function acceptsCookies(): boolean {
   const tried = "sinew-tried=1";
   try {
     // biome-ignore lint/suspicious/noDocumentCookie: whether a cookie is kept is what is asked

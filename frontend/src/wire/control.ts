@@ -9,7 +9,7 @@
  */
 
 import { addressOf, pathOf } from "./address";
-import { keepText, readKept } from "./browserStorage";
+import { readStored, storeText } from "./browserStorage";
 
 const HEADER = "Sinew-Control";
 const LEFT_AS = "sinew-control";
@@ -36,7 +36,7 @@ let last: Promise<unknown> = Promise.resolve();
 const listeners = new Set<() => void>();
 
 globalThis.addEventListener?.("pagehide", () => {
-  if (held !== null) keepText("sessionStorage", LEFT_AS, held.key);
+  if (held !== null) storeText("sessionStorage", LEFT_AS, held.key);
 });
 // brought back whole by the browser's own cache: nothing was left behind after all
 globalThis.addEventListener?.("pageshow", (event) => {
@@ -82,7 +82,7 @@ export function takeHanded(number: number): Promise<Response> {
 }
 
 /** Ask for control, offer it, answer: with the stamp of this page where it holds control, which it never takes for it. */
-export function sayOfControl(path: "wishes" | `wishes/${number}`, body: object): Promise<Response> {
+export function postControl(path: "wishes" | `wishes/${number}`, body: object): Promise<Response> {
   return inTurn(() => send(stamped(posted(`/api/control/${path}`, body))));
 }
 
@@ -176,7 +176,7 @@ function keep(next: Held | null): void {
 }
 
 function takeLeft(): string | null {
-  const key = readKept("sessionStorage", LEFT_AS);
-  keepText("sessionStorage", LEFT_AS, null);
+  const key = readStored("sessionStorage", LEFT_AS);
+  storeText("sessionStorage", LEFT_AS, null);
   return key;
 }

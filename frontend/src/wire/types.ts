@@ -5,7 +5,7 @@ import type { components } from "./api.gen";
 type Schemas = components["schemas"];
 
 export type State = Schemas["State"];
-export type Wish = Schemas["WishView"];
+export type HandoverRequest = Schemas["WishView"];
 export type Mode = Schemas["Mode"];
 export type Limits = Schemas["LimitsView"];
 export type Tuning = Schemas["TuningView"];

@@ -19,7 +19,7 @@ const STATES: Record<StepState, { word: string; Icon: IconType }> = {
   unusable: { word: "not usable", Icon: TbCircleX },
 };
 
-interface StepWords {
+interface StepText {
   readonly title: string;
   readonly path: string;
   readonly action: string;
@@ -27,7 +27,7 @@ interface StepWords {
   readonly told: string;
 }
 
-export const STEPS: Record<string, StepWords> = {
+export const STEPS: Record<string, StepText> = {
   pretension: { title: "Pretension", path: "/operate", action: "Wind the tendons up", told: "pretension" },
   motor: {
     title: "Motor identification",

@@ -5,7 +5,7 @@ import { useQuery } from "@tanstack/react-query";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/RunState";
-import { Shown, SignalName, Written } from "../../components/values";
+import { SignalName, SymbolText, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { bankDetailQuery } from "../../service/api/banks";
@@ -107,9 +107,9 @@ function Figures({ figures, why }: { figures: Partial<LoopFigures>; why: string 
       {FIGURES.map((name) => (
         <Table.Td key={name} className={page.number}>
           <Label name={name} />
-          <Shown value={figures[name]} why={why}>
+          <ValueOrReason value={figures[name]} why={why}>
             {(value) => significant(value, 4)}
-          </Shown>
+          </ValueOrReason>
         </Table.Td>
       ))}
       <Table.Td className={page.number}>
@@ -117,9 +117,9 @@ function Figures({ figures, why }: { figures: Partial<LoopFigures>; why: string 
         {unstable ? (
           "unstable"
         ) : (
-          <Shown value={figures.M_s} why={why}>
+          <ValueOrReason value={figures.M_s} why={why}>
             {(value) => fixed(value, 3)}
-          </Shown>
+          </ValueOrReason>
         )}
       </Table.Td>
     </>
@@ -130,7 +130,7 @@ function Figures({ figures, why }: { figures: Partial<LoopFigures>; why: string 
 function Label({ name }: { name: string }) {
   return (
     <span className={page.cardLabel} aria-hidden="true">
-      <Written name={name} />{" "}
+      <SymbolText name={name} />{" "}
     </span>
   );
 }

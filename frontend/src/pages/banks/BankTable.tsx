@@ -6,7 +6,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { dateTime, fixed, NOT_MEASURED, short, significant } from "../../samples/format";
 import { useActivateBank } from "../../service/api/banks";
-import { useNoRetuning } from "../../service/control/control";
+import { useWhyNoRetuning } from "../../service/control/control";
 import type { Bank } from "../../wire/types";
 import page from "../Page.module.css";
 
@@ -40,7 +40,7 @@ export function changeOf(before: string | undefined, after: string | undefined):
 
 export function BankTable({ banks, selected }: { banks: readonly Bank[]; selected: number | undefined }) {
   const activate = useActivateBank();
-  const locked = useNoRetuning();
+  const locked = useWhyNoRetuning();
   if (banks.length === 0) {
     return <p className={page.empty}>No bank yet: gains come from geometry.</p>;
   }

@@ -10,15 +10,15 @@ import { UndoTuning } from "../../components/TuningParts";
 import { SignalName } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
-import { banksQuery, useGeometry, useImportBank } from "../../service/api/banks";
+import { banksQuery, useActivateGeometry, useImportBank } from "../../service/api/banks";
 import {
-  tuningInWords,
+  describeTuning,
   usePreview,
   usePreviewedStiffness,
   useTuningStep,
   whyNoRetuning,
 } from "../../service/api/tuning";
-import { useNoControl } from "../../service/control/control";
+import { useWhyNoControl } from "../../service/control/control";
 import { RefusedFields, useDescribedBy, useRefusedInput } from "../../service/forms/refusals";
 import { HUES } from "../../theme/signals";
 import type { Bank, BankFile, Tuning } from "../../wire/types";
@@ -94,12 +94,12 @@ function FileChoice({ reading, odd, onChange }: FileChoiceProps) {
 
 /** What the gains in force come from, with the ways back: to geometry, and to before the last change. */
 
-export function InForce({ banks }: { banks: readonly Bank[] }) {
+export function ActiveGains({ banks }: { banks: readonly Bank[] }) {
   const state = useLive((live) => live.state);
-  const geometry = useGeometry();
+  const geometry = useActivateGeometry();
   const undo = useTuningStep("undo");
   const redo = useTuningStep("redo");
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   if (state === null) return null;
   const { bank, entry_name } = state.tuning;
   const own = tuningOf(state);
@@ -107,7 +107,7 @@ export function InForce({ banks }: { banks: readonly Bank[] }) {
   return (
     <div className={pageStyles.fields} style={{ padding: "4px 4px 8px" }}>
       <output aria-label="In force">
-        {state.own_tuning ? "In force again after the run" : "In force"}: {tuningInWords(own, banks)}
+        {state.own_tuning ? "In force again after the run" : "In force"}: {describeTuning(own, banks)}
         {bank !== null && !state.own_tuning && ` (now ${entry_name})`}
       </output>
       <OperatorsOnly>
@@ -220,7 +220,7 @@ export default function BanksPage() {
           </OperatorsOnly>
         }
       >
-        <InForce banks={all} />
+        <ActiveGains banks={all} />
         {banks.data === undefined ? (
           <p className={pageStyles.empty}>{banks.error?.message ?? "Loading …"}</p>
         ) : (

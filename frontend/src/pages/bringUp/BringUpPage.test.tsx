@@ -12,8 +12,8 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import type { Angles } from "../../samples/quantity";
-import { AnglesContext } from "../../service/api/preferences";
+import type { AngleUnit } from "../../samples/quantity";
+import { AngleUnitContext } from "../../service/api/preferences";
 import type { BringUp, BringUpStep, State } from "../../wire/types";
 import BringUpPage from "./BringUpPage";
 
@@ -67,7 +67,7 @@ afterEach(cleanup);
 
 async function open(
   steps: BringUpStep[],
-  angles: Angles = "deg",
+  angles: AngleUnit = "deg",
   drives_on: BringUp["drives_on"] = null,
   drives_locked = drives_on === false,
 ): Promise<void> {
@@ -77,15 +77,15 @@ async function open(
   await waitFor(() => expect(asked("/api/session")).toHaveLength(1));
 }
 
-function show(angles: Angles = "deg"): void {
+function show(angles: AngleUnit = "deg"): void {
   const client = new QueryClient({ defaultOptions: { queries: { retry: false } } });
   render(
     <MantineProvider>
       <QueryClientProvider client={client}>
         <LiveProvider store={store}>
-          <AnglesContext value={angles}>
+          <AngleUnitContext value={angles}>
             <BringUpPage />
-          </AnglesContext>
+          </AngleUnitContext>
         </LiveProvider>
       </QueryClientProvider>
     </MantineProvider>,

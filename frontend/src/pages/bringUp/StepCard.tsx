@@ -16,20 +16,20 @@ import { Explained } from "../../components/Explained";
 import { NumberField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
-import { LocalizedText, Shown, SignalName } from "../../components/values";
+import { LocalizedText, SignalName, ValueOrReason } from "../../components/values";
 import { useLive, useLiveStore, useNow, useSampleAge } from "../../live/react";
 import { age, capital, dateTime, duration, fixed, NOT_MEASURED, significant } from "../../samples/format";
 import {
-  type Angles,
+  type AngleUnit,
   angleText,
   labelWith,
-  offered,
+  offeredDefault,
   rangeText,
   readingOf,
   withUnit,
 } from "../../samples/quantity";
 import type { SampleWindow } from "../../samples/window";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { useStepCommand } from "../../service/api/system";
 import { isPlainRecord, useDraft } from "../../service/forms/drafts";
 import { RefusedFields } from "../../service/forms/refusals";
@@ -101,7 +101,7 @@ const WORDS: Record<Movement, string> = { rising: "rising", falling: "falling", 
 
 export function StepReadings({ step }: { step: BringUpStep["id"] }) {
   const store = useLiveStore();
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const names = signalsOf(step);
   const period_s = useLive((live) => live.layout?.period_s ?? 0.001);
   const old_s = useSampleAge();
@@ -119,11 +119,11 @@ export function StepReadings({ step }: { step: BringUpStep["id"] }) {
                 <SignalName name={symbolOf(name)} />
               </dt>
               <dd>
-                <Shown value={store.window.newest(name)} why="the sensor gives no number">
+                <ValueOrReason value={store.window.newest(name)} why="the sensor gives no number">
                   {(value) =>
                     unit === "rad" ? angleText(value, USUAL, angles) : fixed(value, DECIMALS[unit] ?? USUAL)
                   }
-                </Shown>{" "}
+                </ValueOrReason>{" "}
                 <small>{readingOf(unit, angles).unit}</small>
               </dd>
               <dd className={bringUpStyles.movement}>
@@ -146,9 +146,9 @@ function symbolOf(name: string): string {
 
 /** One step of the bring-up: how it stands, what to do, its start, what is asked while it runs, what came of it. */
 
-type Standing = BringUpStep["state"] | "running";
+type StepStatus = BringUpStep["state"] | "running";
 
-const STANDING: Record<Standing, { word: string; Icon: IconType }> = {
+const STEP_STATUS: Record<StepStatus, { word: string; Icon: IconType }> = {
   never: { word: "to do", Icon: TbCircle },
   current: { word: "done", Icon: TbCircleCheck },
   out_of_date: { word: "out of date", Icon: TbAlertTriangle },
@@ -180,8 +180,8 @@ export function StepCard({ step, number, open }: StepCardProps) {
     NOTHING,
     isTyped,
   );
-  const standing: Standing = running === null ? state : "running";
-  const { word, Icon } = STANDING[standing];
+  const standing: StepStatus = running === null ? state : "running";
+  const { word, Icon } = STEP_STATUS[standing];
   return (
     <Card
       title={`${number}. ${title}`}
@@ -230,10 +230,10 @@ interface StartProps {
 function Start({ step, prominent, changed, onChange }: StartProps) {
   const { id, title, inputs, blocked, state } = step;
   const word = state === "current" ? "Repeat" : "Start";
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const command = useStepCommand();
   const values = Object.fromEntries(
-    inputs.map((input) => [input.name, changed[input.name] ?? offered(input.default, input, angles)]),
+    inputs.map((input) => [input.name, changed[input.name] ?? offeredDefault(input.default, input, angles)]),
   );
   const numbers = numbersIn(values);
   const reason = blocked !== "" ? capital(blocked) : numbers === null ? "A value is no number." : null;
@@ -337,7 +337,7 @@ function UnderWay({ running, title }: { running: BringUpRunning; title: string }
 }
 
 function Result({ result, outdated }: { result: BringUpResult; outdated: boolean }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { passed, text, figures, who, at } = result;
   return (
     <section className={bringUpStyles.result} aria-label="Result" data-outdated={outdated}>
@@ -348,9 +348,9 @@ function Result({ result, outdated }: { result: BringUpResult; outdated: boolean
             <div key={words} className={bringUpStyles.figure}>
               <dt>{words}</dt>
               <dd>
-                <Shown value={value} why={NOT_MEASURED}>
+                <ValueOrReason value={value} why={NOT_MEASURED}>
                   {(number) => figure(number, unit, angles)}
-                </Shown>
+                </ValueOrReason>
               </dd>
             </div>
           ))}
@@ -365,7 +365,7 @@ function Result({ result, outdated }: { result: BringUpResult; outdated: boolean
 
 const DIGITS = 4;
 
-function figure(value: number, unit: string, angles: Angles): string {
+function figure(value: number, unit: string, angles: AngleUnit): string {
   const { unit: read, factor } = readingOf(unit, angles);
   const number = significant(value * factor, DIGITS);
   return withUnit(number, read);

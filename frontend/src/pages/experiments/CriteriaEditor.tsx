@@ -2,7 +2,7 @@ import { ActionIcon, Button, NativeSelect, TextInput } from "@mantine/core";
 import { useState } from "react";
 import { TbPlus, TbX } from "react-icons/tb";
 import { boxText, inSI, labelWith } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { useRefusedInput, useRefusedWithin } from "../../service/forms/refusals";
 import type { Metric } from "../../wire/types";
 import page from "../Page.module.css";
@@ -18,16 +18,16 @@ interface ExpressionFieldProps {
   readonly whose: string;
   readonly value: Value | undefined;
   readonly place: string;
-  readonly saidAt: string;
+  readonly messageId: string;
   readonly optional?: boolean | undefined;
   onChange(value: number | string | undefined): void;
 }
 
 export function ExpressionField(props: ExpressionFieldProps) {
-  const { words, unit, whose, value, place, saidAt, optional, onChange } = props;
-  const angles = useAngles();
+  const { words, unit, whose, value, place, messageId, optional, onChange } = props;
+  const angles = useAngleUnit();
   const [typed, setTyped] = useState<string | null>(null);
-  const { ref, said } = useRefusedInput<HTMLInputElement>(place, saidAt);
+  const { ref, said } = useRefusedInput<HTMLInputElement>(place, messageId);
   const label = labelWith(words, unit, angles);
   const shown = typeof value === "number" ? boxText(value, unit, angles) : String(value ?? "");
   const expression = typeof value === "string" && value.trim() !== "";
@@ -104,10 +104,10 @@ interface RowProps {
 }
 
 function Row({ index, bound, metrics, onChange, onRemove }: RowProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const place = `criteria.${index}`;
-  const saidAt = `criterion-${index}-refused`;
-  const { ref, said } = useRefusedInput<HTMLSelectElement>(place, saidAt);
+  const messageId = `criterion-${index}-refused`;
+  const { ref, said } = useRefusedInput<HTMLSelectElement>(place, messageId);
   const within = useRefusedWithin(place);
   const whose = `of criterion ${index + 1}`;
   const { figure, name, title } = bound;
@@ -148,7 +148,7 @@ function Row({ index, bound, metrics, onChange, onRemove }: RowProps) {
           whose={whose}
           value={value}
           place={`${place}.${side}`}
-          saidAt={saidAt}
+          messageId={messageId}
           onChange={(next) => onChange({ ...rest, [side]: next ?? "" })}
         />
         <TextInput
@@ -171,7 +171,7 @@ function Row({ index, bound, metrics, onChange, onRemove }: RowProps) {
         </ActionIcon>
       </div>
       {(said ?? within) !== null && (
-        <div id={saidAt} role="alert" className={styles.refused}>
+        <div id={messageId} role="alert" className={styles.refused}>
           {said ?? within}
         </div>
       )}

@@ -18,7 +18,7 @@ export function DryRunProgress({ onCancel }: { onCancel: () => void }) {
         size="sm"
         style={{ flex: 1, minWidth: 80 }}
       />
-      <span className={page.dim}>{inWords(data)}</span>
+      <span className={page.dim}>{describeProgress(data)}</span>
       <Button size="compact-sm" variant="default" onClick={onCancel}>
         Cancel dry run
       </Button>
@@ -26,7 +26,7 @@ export function DryRunProgress({ onCancel }: { onCancel: () => void }) {
   );
 }
 
-function inWords(told: DryRunNews | undefined): string {
+function describeProgress(told: DryRunNews | undefined): string {
   if (!told?.under_way || told.doing === "starting") return "Waiting for the simulator";
   if (told.doing === "pretension") return "Winding up the tendons";
   if (told.doing === "evaluation") return "Evaluating";

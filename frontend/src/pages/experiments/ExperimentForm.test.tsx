@@ -5,9 +5,9 @@ import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import { useDryRun } from "../../service/api/experiments";
-import { close, current } from "../../service/glossary";
+import { closeExplanation, currentExplanation } from "../../service/glossary";
 import type { ExperimentKind, State } from "../../wire/types";
-import { changesInWords, ExperimentForm, hasChoice, tuningChanges } from "./ExperimentForm";
+import { describeChanges, ExperimentForm, hasChoice, tuningChanges } from "./ExperimentForm";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -173,7 +173,7 @@ it("says of each of its fields what it is for and what is accepted, without a fu
   const explained = controls.map((control) => {
     fireEvent.focus(control);
     control.focus();
-    return current()?.entries.map(({ name, more }) => [name, more?.[0]?.[1] ?? ""]);
+    return currentExplanation()?.entries.map(({ name, more }) => [name, more?.[0]?.[1] ?? ""]);
   });
   const accepted: Record<string, string> = {
     q_duration_s: "0 to 100 s",
@@ -186,7 +186,7 @@ it("says of each of its fields what it is for and what is accepted, without a fu
     u_plan: "2 to 9 V",
   };
   expect(explained).toEqual(KIND.settings.map(({ name }) => [[name, accepted[name] ?? "0 to 100"]]));
-  close();
+  closeExplanation();
   expect(document.querySelectorAll("form [tabindex='0']")).toHaveLength(1); // the words of the form, as before
 });
 
@@ -296,21 +296,21 @@ describe("order", () => {
       segments: SEGMENTS,
       lam_q: 2,
     };
-    const degrees = changesInWords({ ...changed, hold_s: 4 }, KIND, "deg");
+    const degrees = describeChanges({ ...changed, hold_s: 4 }, KIND, "deg");
     expect(degrees).toBe(
       "joint position held during the stiffness pulses: 11.4592°; number of pushes: 5; " +
         "control law: single-loop; no pause between: yes; 1 segment, 4 s",
     );
-    expect(changesInWords({ q_hold: 0.2 }, KIND, "rad")).toBe(
+    expect(describeChanges({ q_hold: 0.2 }, KIND, "rad")).toBe(
       "joint position held during the stiffness pulses: 0.2 rad",
     );
     expect(degrees).not.toMatch(/[a-z]+_[a-z]+/i);
-    expect(changesInWords({ q_hold: 0, hold_s: 4 }, KIND, "deg")).toBe("its own settings at their defaults");
+    expect(describeChanges({ q_hold: 0, hold_s: 4 }, KIND, "deg")).toBe("its own settings at their defaults");
   });
 
   it("adds the segments up", () => {
     const two = JSON.stringify([...JSON.parse(SEGMENTS), ...JSON.parse(SEGMENTS)]);
-    expect(changesInWords({ segments: two }, KIND, "deg")).toBe("2 segments, 8 s");
+    expect(describeChanges({ segments: two }, KIND, "deg")).toBe("2 segments, 8 s");
   });
 
   it("tells what of a tuning differs from the one in force, and that the plan is off", () => {

@@ -7,8 +7,8 @@ import { ChoiceField, SettingField, type SettingValue } from "../../components/f
 import { Refusal } from "../../components/Refusal";
 import { MotorMargins } from "../../components/TuningParts";
 import { useLive } from "../../live/react";
-import { capital, counted, notANumber } from "../../samples/format";
-import { type Angles, boxText, offered, told } from "../../samples/quantity";
+import { capital, notANumber, pluralized } from "../../samples/format";
+import { type AngleUnit, boxText, formatWithUnit, offeredDefault } from "../../samples/quantity";
 import { banksQuery } from "../../service/api/banks";
 import {
   experimentKindsQuery,
@@ -16,9 +16,9 @@ import {
   useQueueCommand,
   useStartExperiment,
 } from "../../service/api/experiments";
-import { useAngles } from "../../service/api/preferences";
-import { bankInWords, tuningInWords } from "../../service/api/tuning";
-import { useMayCommand, useNoControl } from "../../service/control/control";
+import { useAngleUnit } from "../../service/api/preferences";
+import { describeBank, describeTuning } from "../../service/api/tuning";
+import { useMayCommand, useWhyNoControl } from "../../service/control/control";
 import { isPlainRecord, useDraft } from "../../service/forms/drafts";
 import { lastRefusal, RefusedFields } from "../../service/forms/refusals";
 import { settingEntry } from "../../service/glossary";
@@ -63,15 +63,15 @@ export function shownSettings(
   kind: ExperimentKind,
   state: State | null,
   changed: Values,
-  angles: Angles,
+  angles: AngleUnit,
 ): Shown[] {
   const inForce = tuningOf(state);
   return kind.settings.map((setting) => {
     const standing = inForce[setting.name];
-    const start = standing ?? offered(setting.default ?? "", setting, angles);
+    const start = standing ?? offeredDefault(setting.default ?? "", setting, angles);
     const value = changed[setting.name] ?? start;
     const word = standing === undefined ? "default" : "in force";
-    const origin = value === start ? word : `${word}: ${inWords(setting, start, angles)}`;
+    const origin = value === start ? word : `${word}: ${describeValue(setting, start, angles)}`;
     return { setting: withRange(setting, state), value, origin };
   });
 }
@@ -94,10 +94,10 @@ export function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
 }
 
 /** What differs from a kind's defaults, the loop's settings aside: "joint position held: 11.5°"; segments by length. */
-export function changesInWords(
+export function describeChanges(
   settings: Readonly<Record<string, unknown>>,
   kind: ExperimentKind,
-  angles: Angles,
+  angles: AngleUnit,
 ): string {
   const parts = kind.settings
     .filter((setting) => !isOfTheLoop(setting))
@@ -105,16 +105,16 @@ export function changesInWords(
     .map((setting) => {
       const { name, unit, meaning } = setting;
       const value = settings[name];
-      if (name === "segments") return segmentsInWords(String(value));
+      if (name === "segments") return describeSegments(String(value));
       const [words] = meaning.split("; "); // what follows explains
-      return `${words}: ${typeof value === "number" ? told(value, unit, angles) : inWords(setting, value as Value, angles)}`;
+      return `${words}: ${typeof value === "number" ? formatWithUnit(value, unit, angles) : describeValue(setting, value as Value, angles)}`;
     });
   return parts.length === 0 ? "its own settings at their defaults" : parts.join("; ");
 }
 
 /** Whether a value is the default, or what a form offers as such. */
 function isUsual(setting: Setting, value: unknown): boolean {
-  return value === setting.default || value === offered(setting.default, setting, "deg");
+  return value === setting.default || value === offeredDefault(setting.default, setting, "deg");
 }
 
 /** What of an order's tuning differs from the one in force: "λ_q 0.8 s (in force 0.5 s)"; "" where nothing does. */
@@ -122,7 +122,7 @@ export function tuningChanges(
   settings: Readonly<Record<string, unknown>>,
   inForce: Values,
   kind: ExperimentKind,
-  angles: Angles,
+  angles: AngleUnit,
 ): string {
   return kind.settings
     .filter(({ name }) => settings[name] !== undefined && inForce[name] !== undefined)
@@ -132,8 +132,8 @@ export function tuningChanges(
       const { name, symbol, unit } = setting;
       const words = (value: Value) =>
         typeof value === "number" && name !== "bank"
-          ? told(value, unit, angles)
-          : inWords(setting, value, angles);
+          ? formatWithUnit(value, unit, angles)
+          : describeValue(setting, value, angles);
       return `${symbol} ${words(settings[name] as Value)} (in force ${words(inForce[name] as Value)})`;
     })
     .join(", ");
@@ -143,7 +143,7 @@ export function tuningChanges(
 export function bankChoices(banks: readonly Bank[]): { value: string; label: string }[] {
   return [0, ...banks.map(({ id }) => id)].map((id) => ({
     value: String(id),
-    label: bankInWords(id, banks),
+    label: describeBank(id, banks),
   }));
 }
 
@@ -164,17 +164,17 @@ function withRange(setting: Setting, state: State | null): Setting {
   return { ...setting, minimum: state.tuning[`${name}_min`], maximum: state.tuning[`${name}_max`] };
 }
 
-function inWords({ name, unit }: Setting, value: Value, angles: Angles): string {
-  if (name === "bank") return bankInWords(value, []);
+function describeValue({ name, unit }: Setting, value: Value, angles: AngleUnit): string {
+  if (name === "bank") return describeBank(value, []);
   if (typeof value === "boolean") return value ? "yes" : "no";
   return typeof value === "number" ? boxText(value, unit, angles) : value;
 }
 
-function segmentsInWords(json: string): string {
+function describeSegments(json: string): string {
   try {
     const list: unknown = JSON.parse(json);
     const total_s = (list as { duration_s: number }[]).reduce((sum, { duration_s }) => sum + duration_s, 0);
-    return `${counted((list as unknown[]).length, "segment")}, ${Number(total_s.toFixed(3))} s`;
+    return `${pluralized((list as unknown[]).length, "segment")}, ${Number(total_s.toFixed(3))} s`;
   } catch {
     return "segments of its own";
   }
@@ -203,8 +203,8 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
   const start = useStartExperiment();
   const queue = useQueueCommand();
   const may = useMayCommand();
-  const noControl = useNoControl();
-  const shown = shownSettings(kind, state, changed, useAngles());
+  const noControl = useWhyNoControl();
+  const shown = shownSettings(kind, state, changed, useAngleUnit());
   const values = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
   const asked = orderOf(kind, shown);
   const unknown = state === null ? "The tuning in force is not known yet." : null;
@@ -244,7 +244,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
         />
         {offered.filter(({ setting }) => !isOfTheLoop(setting)).map(field)}
         <details>
-          <summary>Settings of the loop: {tuningInWords(values, banks)}</summary>
+          <summary>Settings of the loop: {describeTuning(values, banks)}</summary>
           <div className={pageStyles.fields} style={{ paddingTop: 8 }}>
             {offered.filter(({ setting }) => isOfTheLoop(setting)).map(field)}
             {state !== null && typeof values.lam_motor === "number" && (
@@ -313,7 +313,7 @@ interface FieldProps {
 }
 
 function Field({ shown: { setting, value, origin }, choices, onChange }: FieldProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   if (setting.name === "segments") return <SegmentsEditor json={String(value)} onChange={onChange} />;
   if (choices === null) {
     return <SettingField setting={setting} value={value} origin={origin} onChange={onChange} />;
@@ -342,7 +342,7 @@ interface RunSummaryProps {
 }
 
 export function RunSummary({ name, settings, inForce }: RunSummaryProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: banks = [] } = useQuery(banksQuery);
   const kind = kinds.find((one) => one.name === name || one.name.startsWith(`${name}@`));
@@ -350,8 +350,8 @@ export function RunSummary({ name, settings, inForce }: RunSummaryProps) {
     kind === undefined || inForce === undefined ? "" : tuningChanges(settings, inForce, kind, angles);
   return (
     <span className={pageStyles.dim}>
-      {kind === undefined ? "" : `${changesInWords(settings, kind, angles)}; tuning: `}
-      {tuningInWords(settings, banks)}
+      {kind === undefined ? "" : `${describeChanges(settings, kind, angles)}; tuning: `}
+      {describeTuning(settings, banks)}
       {changes !== "" && `; differs from the tuning in force: ${changes}`}
     </span>
   );

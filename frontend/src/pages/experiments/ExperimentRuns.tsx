@@ -8,10 +8,16 @@ import { Outcome, RunState, unevaluated, Verdict } from "../../components/RunSta
 import { LocalizedText, Unit } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, duration, measured, NOT_MEASURED } from "../../samples/format";
-import { type Angles, inWords, readingNear, readingOf, told } from "../../samples/quantity";
+import {
+  type AngleUnit,
+  formatWithUnit,
+  localizeAngles,
+  readingNear,
+  readingOf,
+} from "../../samples/quantity";
 import { experimentQuery } from "../../service/api/experiments";
 import { isRunning } from "../../service/api/polling";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { figureEntry } from "../../service/glossary";
 import type { Criterion, Experiment, Metric, Run } from "../../wire/types";
 import pageStyles from "../Page.module.css";
@@ -78,7 +84,7 @@ interface FiguresProps {
 }
 
 export function Figures({ criteria, metrics, of }: FiguresProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const named = (name: string) => (of === undefined ? name : `${name} of the ${of}`);
   return (
     <div className={pageStyles.halves}>
@@ -100,7 +106,7 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
                 </Table.Td>
                 <Table.Td className={pageStyles.number}>{figure(criterion, 3, angles)}</Table.Td>
                 <Table.Td style={{ whiteSpace: "nowrap" }}>
-                  {criterion.relation} {told(criterion.bound, criterion.unit, angles)}
+                  {criterion.relation} {formatWithUnit(criterion.bound, criterion.unit, angles)}
                 </Table.Td>
                 <Table.Td>
                   <CriterionOutcome passed={criterion.passed} />
@@ -154,7 +160,7 @@ export function Figures({ criteria, metrics, of }: FiguresProps) {
 function figure(
   { value, unit }: { value: number | null; unit: string },
   digits: number,
-  angles: Angles,
+  angles: AngleUnit,
 ): string {
   return measured(value === null ? null : value * readingOf(unit, angles).factor, digits);
 }
@@ -180,12 +186,12 @@ export const SEEN: Record<string, string> = { "<": "at least this", ">": "at mos
 
 /** Why there is no figure, or why it is that of a part only; `seen` says what it is then. */
 export function Reason({ text, seen }: { text: string; seen?: string | undefined }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   if (text === "") return null;
   return (
     <div className={pageStyles.dim}>
       {seen === undefined ? "" : `${seen}: `}
-      {inWords(text, angles)}
+      {localizeAngles(text, angles)}
     </div>
   );
 }

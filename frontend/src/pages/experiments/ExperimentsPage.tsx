@@ -73,7 +73,7 @@ export default function ExperimentsPage() {
         asRun={asRun === undefined ? null : Number(asRun)}
         kinds={kinds.data ?? []}
         onRunOpened={() => go("/experiments", { replace: true })}
-        onKept={chosen.set}
+        onSaved={chosen.set}
       />
     </div>
   );

@@ -6,15 +6,15 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { DraftMark, useReplaceDraft } from "../../components/DraftMark";
 import { Refusal } from "../../components/Refusal";
 import { dateTime } from "../../samples/format";
-import type { Angles } from "../../samples/quantity";
+import type { AngleUnit } from "../../samples/quantity";
 import {
   experimentAsRunQuery,
   experimentTextQuery,
   experimentVersionsQuery,
   useCheckExperiment,
-  useKeepExperiment,
+  useSaveExperiment,
 } from "../../service/api/experiments";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { isText, useDraft } from "../../service/forms/drafts";
 import { lastRefusal, RefusedFields } from "../../service/forms/refusals";
 import { RequestError } from "../../wire/client";
@@ -32,8 +32,8 @@ import {
   SAMPLE,
   writeDocument,
 } from "./document";
-import { partInWords } from "./PartList";
-import { inWords, Preview, useComposedPreview } from "./Preview";
+import { describePart } from "./PartList";
+import { describeCheck, Preview, useComposedPreview } from "./Preview";
 import { SequenceEditor } from "./SequenceEditor";
 
 /** What differs between two experiments, in words: parts that came and went, values that changed. Pure. */
@@ -41,7 +41,7 @@ import { SequenceEditor } from "./SequenceEditor";
 const MOST_DIFFERENCES = 6;
 
 /** From one to the other; empty where nothing differs. */
-export function differences(from: Document, to: Document, angles: Angles): string[] {
+export function differences(from: Document, to: Document, angles: AngleUnit): string[] {
   const words = [
     ...(from.title === to.title ? [] : [`title “${from.title}” is “${to.title}”`]),
     ...ofLists(lines(from, angles), lines(to, angles)),
@@ -57,10 +57,10 @@ export function differences(from: Document, to: Document, angles: Angles): strin
 }
 
 /** Each part with the loops that it lies in. */
-function lines(document: Document, angles: Angles): string[] {
+function lines(document: Document, angles: AngleUnit): string[] {
   const of = (parts: readonly Part[], indent: string): string[] =>
     parts.flatMap((part) => [
-      indent + partInWords(part, angles),
+      indent + describePart(part, angles),
       ...innerOf(part).flatMap(([, inner]) => of(inner, `${indent}in a loop: `)),
     ]);
   return document.phases.flatMap((phase) => [`phase ${phase.title}`, ...of(phase.parts, "")]);
@@ -149,7 +149,7 @@ interface VersionsProps {
 const MOST_VERSIONS = 10;
 
 export function Versions({ name, document, onOpen }: VersionsProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { data = [] } = useQuery(experimentVersionsQuery(name));
   const listed = data.slice(0, MOST_VERSIONS);
   const texts = useQueries({
@@ -218,10 +218,10 @@ interface OwnExperimentsProps {
   /** The run of the address is being opened: a reload opens the draft, not the run again. */
   onRunOpened(): void;
   /** LocalizedText the name of what was kept: it can be run now. */
-  onKept(name: string): void;
+  onSaved(name: string): void;
 }
 
-export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperimentsProps) {
+export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperimentsProps) {
   const opened = useDraft("opened experiment", NOTHING_OPENED, isOpened);
   const draft = useDraft("experiment", opened.value.text, isText);
   const shownAs = useDraft<"sequence" | "text">("experiment shown as", "sequence", isShownAs);
@@ -231,7 +231,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperim
   const [problem, setProblem] = useState<string | null>(null);
   const texts = useQueryClient();
   const check = useCheckExperiment();
-  const keep = useKeepExperiment();
+  const keep = useSaveExperiment();
   const written = kinds.filter(({ name }) => name !== SEQUENCE);
   const named = /^\s*"?name"?:\s*"?([A-Za-z]\w*)/m.exec(text)?.[1] ?? "experiment";
 
@@ -311,7 +311,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperim
     guard(() => change(next));
   }
 
-  async function keepIt(isAsked: boolean): Promise<void> {
+  async function save(isAsked: boolean): Promise<void> {
     const before = isAsked ? [] : await versionsOf(named);
     const question = savedMeanwhile(opened.value, named, before);
     setMeanwhile(question);
@@ -320,7 +320,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperim
       onSuccess: (kept) => {
         opened.set({ ...NOTHING_OPENED, text, document, name: kept.name, newest: kept.version });
         draft.discard();
-        onKept(`${kept.name}@${kept.version}`);
+        onSaved(`${kept.name}@${kept.version}`);
       },
     });
   }
@@ -336,7 +336,8 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperim
     const line = failure instanceof RequestError ? failure.problem?.line : null;
     if (box.current !== null && line != null) markLine(box.current, line);
   }, [failure]);
-  const told = check.data && !keep.data ? inWords(check.data) : keep.data ? keptInWords(keep.data) : "";
+  const told =
+    check.data && !keep.data ? describeCheck(check.data) : keep.data ? describeSaved(keep.data) : "";
   return (
     <Card
       title="Own experiments"
@@ -465,7 +466,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onKept }: OwnExperim
                 size="sm"
                 disabled={text === ""}
                 loading={keep.isPending}
-                onClick={() => void keepIt(meanwhile !== null)}
+                onClick={() => void save(meanwhile !== null)}
               >
                 {meanwhile === null ? "Keep" : "Keep anyway"}
               </Button>
@@ -497,6 +498,6 @@ function isShownAs(value: unknown): value is "sequence" | "text" {
   return value === "sequence" || value === "text";
 }
 
-function keptInWords(kept: { readonly name: string; readonly version: number }): string {
+function describeSaved(kept: { readonly name: string; readonly version: number }): string {
   return `Kept as ${kept.name}@${kept.version}: it can be chosen as a new experiment now.`;
 }

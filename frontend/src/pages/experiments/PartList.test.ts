@@ -1,13 +1,13 @@
 import { expect, test } from "vitest";
 import { SAMPLE } from "./document";
 import { differences } from "./OwnExperiments";
-import { partInWords, playedInWords } from "./PartList";
+import { describePart, describePlayed } from "./PartList";
 
 const RAD = Math.PI / 180;
 
 test("a ramp says where it goes, and from where and how fast once it is laid out", () => {
   const ramp = { do: "ramp", q_ref: 60 * RAD, duration_s: 4 };
-  expect(partInWords(ramp, "deg")).toBe("ramps q to 60° in 4 s");
+  expect(describePart(ramp, "deg")).toBe("ramps q to 60° in 4 s");
   const played = {
     path: [],
     start_s: 6,
@@ -19,18 +19,18 @@ test("a ramp says where it goes, and from where and how fast once it is laid out
     q_to: 60 * RAD,
     S_to: 10,
   };
-  expect(playedInWords(ramp, played, "deg")).toBe("at 6 to 10 s, q from −60°, 30°/s");
+  expect(describePlayed(ramp, played, "deg")).toBe("at 6 to 10 s, q from −60°, 30°/s");
 });
 
 test("a sine says its turns and how fast it is at most, a·2π/T", () => {
   const sine = { do: "sine", q_amplitude: 0.5, period_s: 4, duration_s: 8 };
-  expect(partInWords(sine, "rad")).toBe(
+  expect(describePart(sine, "rad")).toBe(
     "swings q by ±0.5 rad with a period of 4 s, 2 turns, for 8 s, 0.785 rad/s at most",
   );
 });
 
 test("an expression stands as it is written", () => {
-  expect(partInWords({ do: "hold", duration_s: "2 * hold_s" }, "deg")).toBe(
+  expect(describePart({ do: "hold", duration_s: "2 * hold_s" }, "deg")).toBe(
     "holds the references for 2 * hold_s",
   );
 });

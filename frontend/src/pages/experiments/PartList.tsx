@@ -1,9 +1,9 @@
 import { ActionIcon, Button, NativeSelect } from "@mantine/core";
 import type { DragEvent } from "react";
 import { TbArrowDown, TbArrowUp, TbCopy, TbGripVertical, TbPlus, TbRepeat, TbX } from "react-icons/tb";
-import { counted, short } from "../../samples/format";
-import { type Angles, told } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { pluralized, short } from "../../samples/format";
+import { type AngleUnit, formatWithUnit } from "../../samples/quantity";
+import { useAngleUnit } from "../../service/api/preferences";
 import { useRefusedInput, useRefusedWithin } from "../../service/forms/refusals";
 import type { PartPlayed } from "../../wire/types";
 import { ExpressionField } from "./CriteriaEditor";
@@ -166,13 +166,13 @@ export function stripped(part: Part): Part {
 /** What a part will do, in words: from what is written, and from what the service has laid out of it. Pure. */
 
 /** A number with its unit as it is read; an expression as it is written; null for what is left out. */
-function said(part: Part, name: string, unit: string, angles: Angles): string | null {
+function said(part: Part, name: string, unit: string, angles: AngleUnit): string | null {
   const value = part[name];
-  if (typeof value === "number") return told(value, unit, angles);
+  if (typeof value === "number") return formatWithUnit(value, unit, angles);
   return typeof value === "string" ? value : null;
 }
 
-function aim(part: Part, angles: Angles): string {
+function aim(part: Part, angles: AngleUnit): string {
   const q = said(part, "q_ref", "rad", angles);
   const S = said(part, "S_ref", "N·m/rad", angles);
   const named = [q === null ? null : `q to ${q}`, S === null ? null : `S to ${S}`].filter(
@@ -181,7 +181,7 @@ function aim(part: Part, angles: Angles): string {
   return named.length === 0 ? "nothing" : named.join(" and ");
 }
 
-function swing(part: Part, angles: Angles): string {
+function swing(part: Part, angles: AngleUnit): string {
   const q = part.q_amplitude === 0 ? null : said(part, "q_amplitude", "rad", angles);
   const S = part.S_amplitude === 0 ? null : said(part, "S_amplitude", "N·m/rad", angles);
   const named = [q === null ? null : `q by ±${q}`, S === null ? null : `S by ±${S}`].filter(
@@ -191,7 +191,7 @@ function swing(part: Part, angles: Angles): string {
 }
 
 /** What is written. */
-export function partInWords(part: Part, angles: Angles): string {
+export function describePart(part: Part, angles: AngleUnit): string {
   const time = said(part, "duration_s", "s", angles) ?? "";
   const of = (name: string, unit: string) => said(part, name, unit, angles) ?? "…";
   switch (part.do) {
@@ -239,17 +239,17 @@ export function partInWords(part: Part, angles: Angles): string {
 function turns({ duration_s, period_s }: Part): string {
   if (typeof duration_s !== "number" || typeof period_s !== "number" || period_s <= 0) return "";
   const count = Number((duration_s / period_s).toPrecision(3));
-  return `, ${Number.isInteger(count) ? counted(count, "turn") : `${short(count)} turns`},`;
+  return `, ${Number.isInteger(count) ? pluralized(count, "turn") : `${short(count)} turns`},`;
 }
 
 /** The largest rate of a sine of q, a·2π/T. */
-function fastest({ q_amplitude, period_s }: Part, angles: Angles): string {
+function fastest({ q_amplitude, period_s }: Part, angles: AngleUnit): string {
   if (typeof q_amplitude !== "number" || typeof period_s !== "number" || period_s <= 0 || q_amplitude === 0)
     return "";
   return `, ${rate((Math.abs(q_amplitude) * 2 * Math.PI) / period_s, "rad/s", angles)} at most`;
 }
 
-function tuning(part: Part, angles: Angles): string {
+function tuning(part: Part, angles: AngleUnit): string {
   const named = Object.entries(part).filter(([name]) => name !== "do");
   const words: Record<string, string> = {
     lam_q: "λ_q",
@@ -267,8 +267,8 @@ function tuning(part: Part, angles: Angles): string {
 }
 
 /** What the service has laid out of it: when, and how fast a ramp is. */
-export function playedInWords(part: Part, played: PartPlayed, angles: Angles): string {
-  const words = [`at ${short(played.start_s)} to ${told(played.end_s, "s", angles)}`];
+export function describePlayed(part: Part, played: PartPlayed, angles: AngleUnit): string {
+  const words = [`at ${short(played.start_s)} to ${formatWithUnit(played.end_s, "s", angles)}`];
   if (part.do === "ramp" && played.piece_s > 0) {
     for (const [name, from, to, unit] of [
       ["q", played.q_from, played.q_to, "rad"],
@@ -276,14 +276,14 @@ export function playedInWords(part: Part, played: PartPlayed, angles: Angles): s
     ] as const) {
       if (from === null || from === to) continue;
       const speed = rate((to - from) / played.piece_s, unit === "rad" ? "rad/s" : "N·m/rad/s", angles);
-      words.push(`${name} from ${told(from, unit, angles)}, ${speed}`);
+      words.push(`${name} from ${formatWithUnit(from, unit, angles)}, ${speed}`);
     }
   }
   return words.join(", ");
 }
 
-function rate(value: number, unit: string, angles: Angles): string {
-  return told(Number(value.toPrecision(3)), unit, angles).replace(
+function rate(value: number, unit: string, angles: AngleUnit): string {
+  return formatWithUnit(Number(value.toPrecision(3)), unit, angles).replace(
     /^(−?)(\d+\.?\d*)/,
     (_, sign, number) => `${sign}${short(Number(number), 3)}`,
   );
@@ -360,14 +360,14 @@ interface PartRowProps {
 }
 
 function PartRow({ part, place, alone, composing }: PartRowProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const key = place.join(".");
   const number = numberOf(place);
   const whose = `of part ${number}`;
-  const saidAt = `refused-${key.replaceAll(".", "-")}`;
+  const messageId = `refused-${key.replaceAll(".", "-")}`;
   const form = PART_FORMS[part.do];
   const kinds = Object.entries(PART_FORMS).map(([value, { words }]) => ({ value, label: words }));
-  const { ref, said } = useRefusedInput<HTMLSelectElement>(key, saidAt);
+  const { ref, said } = useRefusedInput<HTMLSelectElement>(key, messageId);
   const set = (name: string, value: unknown) =>
     composing.replace(place, stripped({ ...part, [name]: value } as Part));
   const played = composing.played.get(key);
@@ -407,8 +407,8 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
           onChange={(event) => composing.replace(place, partOf(event.currentTarget.value, part))}
         />
         <span className={styles.words}>
-          {partInWords(part, angles)}
-          {played && <span className={styles.played}> {playedInWords(part, played, angles)}</span>}
+          {describePart(part, angles)}
+          {played && <span className={styles.played}> {describePlayed(part, played, angles)}</span>}
         </span>
         <span className={styles.buttons}>
           <RowButton
@@ -459,7 +459,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
                 optional={optional}
                 value={part[name] as number | string | undefined}
                 place={`${key}.${name}`}
-                saidAt={saidAt}
+                messageId={messageId}
                 onChange={(value) => set(name, value)}
               />
             ) : (
@@ -479,7 +479,7 @@ function PartRow({ part, place, alone, composing }: PartRowProps) {
       <RowRefusal
         at={key}
         inner={innerOf(part).map(([inner]) => `${key}.${inner.join(".")}`)}
-        id={saidAt}
+        id={messageId}
         said={said}
       />
       {innerOf(part).map(([inner, parts]) => (

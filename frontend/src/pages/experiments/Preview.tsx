@@ -3,8 +3,8 @@ import { useEffect, useState } from "react";
 import { Outcome } from "../../components/RunState";
 import { LocalizedText } from "../../components/values";
 import { useLive } from "../../live/react";
-import { counted, duration } from "../../samples/format";
-import { composedPreviewQuery, lookedOverQuery } from "../../service/api/experiments";
+import { duration, pluralized } from "../../samples/format";
+import { checkedExperimentQuery, composedPreviewQuery } from "../../service/api/experiments";
 import type { CheckedExperiment } from "../../wire/types";
 import page from "../Page.module.css";
 import { DryRunCurves } from "./DryRun";
@@ -28,7 +28,7 @@ export function Preview({ checked, current, problem }: PreviewProps) {
       </output>
       {checked !== null && (
         <div className={current ? page.fields : `${page.fields} ${styles.stale}`}>
-          <span>{inWords(checked)}</span>
+          <span>{describeCheck(checked)}</span>
           {checked.dry_run && (
             <>
               <LocalizedText text={checked.dry_run.message} />
@@ -59,15 +59,15 @@ function stateOf(checked: CheckedExperiment | null, current: boolean, problem: s
 }
 
 /** What a check came to, in a sentence or two. */
-export function inWords(checked: CheckedExperiment): string {
-  const parts = [duration(checked.duration_s), counted(checked.parts.length, "part")];
+export function describeCheck(checked: CheckedExperiment): string {
+  const parts = [duration(checked.duration_s), pluralized(checked.parts.length, "part")];
   if (checked.changes_of_tuning > 0)
-    parts.push(`${counted(checked.changes_of_tuning, "change")} of the tuning`);
+    parts.push(`${pluralized(checked.changes_of_tuning, "change")} of the tuning`);
   parts.push(checked.criteria === 1 ? "1 criterion" : `${checked.criteria} criteria`);
-  return `${checked.title} can be run: ${parts.join(", ")}. ${peaksInWords(checked)}`;
+  return `${checked.title} can be run: ${parts.join(", ")}. ${describePeaks(checked)}`;
 }
 
-function peaksInWords(checked: CheckedExperiment): string {
+function describePeaks(checked: CheckedExperiment): string {
   const { peak_voltage_V: volts, min_tension_N: least, max_tension_N: most } = checked;
   if (volts === null || least === null || most === null) {
     return `Its peaks are not known: ${checked.not_predicted || "a dry run did not complete"}.`;
@@ -113,7 +113,7 @@ export function useComposedPreview(text: string): ComposedPreview {
     const timer = setTimeout(() => rest(text), LOOK_MS);
     return () => clearTimeout(timer);
   }, [text]);
-  const looked = useQuery({ ...lookedOverQuery(rested), enabled: rested !== "" });
+  const looked = useQuery({ ...checkedExperimentQuery(rested), enabled: rested !== "" });
   const refused = rested === text ? looked.error : null;
   const standing = asked.text === text && asked.tuning === tuning;
   useEffect(() => {

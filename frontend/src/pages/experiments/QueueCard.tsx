@@ -8,7 +8,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
 import { queueQuery, useQueueCommand } from "../../service/api/experiments";
-import { useNoControl } from "../../service/control/control";
+import { useWhyNoControl } from "../../service/control/control";
 import type { ExperimentKind } from "../../wire/types";
 import { NextMode } from "../operate/ModeCard";
 import { whyNoStart } from "../operate/ReferencesCard";
@@ -18,7 +18,7 @@ import { RunSummary, tuningOf } from "./ExperimentForm";
 export function QueueCard({ kinds }: { kinds: readonly ExperimentKind[] }) {
   const { data: queue } = useQuery(queueQuery);
   const command = useQueueCommand();
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const state = useLive((live) => live.state);
   const items = queue?.items ?? [];
   const reason = whyNoStart(state, "experiment", noControl);

@@ -4,7 +4,7 @@ import { TbPlus, TbX } from "react-icons/tb";
 import { ChoiceField, NumberField } from "../../components/fields";
 import { duration, notANumber } from "../../samples/format";
 import { labelWith } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { useRefusedInput, useRefusedWithin } from "../../service/forms/refusals";
 import { symbolEntry } from "../../service/glossary";
 import type { PartPlayed } from "../../wire/types";
@@ -237,7 +237,7 @@ interface SegmentsEditorProps {
 }
 
 export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const segments = parseSegments(json) ?? [];
   const send = (rows: readonly Segment[]) => onChange(writeSegments(rows));
   const total_s = totalOf(segments);
@@ -260,7 +260,7 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
               data={[...SHAPES]}
               value={segment.shape}
               place={`segments.${index}.shape`}
-              saidAt={`segment-${index}-refused`}
+              messageId={`segment-${index}-refused`}
               onChange={(shape) =>
                 send(segments.with(index, { ...segment, shape: shape as Segment["shape"] }))
               }
@@ -272,7 +272,7 @@ export function SegmentsEditor({ json, onChange }: SegmentsEditorProps) {
                 unit={unit}
                 entry={symbolEntry(name)}
                 place={`segments.${index}.${name}`}
-                saidAt={`segment-${index}-refused`}
+                messageId={`segment-${index}-refused`}
                 disabled={name === "period_s" && segment.shape !== "sine"}
                 value={segment[name]}
                 onChange={(value) => send(segments.with(index, { ...segment, [name]: value }))}

@@ -8,7 +8,7 @@ import {
   candidateOf,
   change,
   comparable,
-  recordInWords,
+  describeRecord,
   residualOutcome,
   sessionOf,
 } from "./ActuatorResult";
@@ -142,10 +142,10 @@ describe("candidates", () => {
   });
 
   test("where the predicted samples come from is said for each kind", () => {
-    expect(recordInWords("actuator", 7, true)).toBe(
+    expect(describeRecord("actuator", 7, true)).toBe(
       "The last third of run 7, by a model fitted to its first two thirds.",
     );
-    expect(recordInWords("motor", 7, false)).toBe(
+    expect(describeRecord("motor", 7, false)).toBe(
       "Each step of run 7, by a model that has not seen that run.",
     );
   });

@@ -3,13 +3,13 @@ import { useQuery } from "@tanstack/react-query";
 import { CurvePlot } from "../../charts/CurvePlot";
 import { Explained } from "../../components/Explained";
 import { Verdict } from "../../components/RunState";
-import { Shown, SignalName } from "../../components/values";
+import { SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
-import { capital, fixed, inWordsOf, percent, significant, structureInWords } from "../../samples/format";
-import { labelWith, readingOf, told } from "../../samples/quantity";
+import { capital, describeStructure, fixed, percent, significant, spacedName } from "../../samples/format";
+import { formatWithUnit, labelWith, readingOf } from "../../samples/quantity";
 import { differenceInUseQuery } from "../../service/api/banks";
 import { curvesQuery } from "../../service/api/identifications";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { tuningKey } from "../../service/api/tuning";
 import { symbolEntry } from "../../service/glossary";
 import { HUES } from "../../theme/signals";
@@ -92,7 +92,7 @@ export function change(value: number, from: number): string | null {
 }
 
 /** Where the predicted samples came from, in a sentence. */
-export function recordInWords(kind: string, of: number, own: boolean): string {
+export function describeRecord(kind: string, of: number, own: boolean): string {
   if (kind === "motor") {
     return own
       ? `Each step of run ${of}, by a model fitted to its other steps.`
@@ -163,9 +163,9 @@ export function ModelView({
             <Explained of="quantity:fit_percent">Fit</Explained> [%]
           </dt>
           <dd>
-            <Shown value={model.fit_percent} why="not measured: no data was left aside">
+            <ValueOrReason value={model.fit_percent} why="not measured: no data was left aside">
               {(fit) => percent(fit, 1)}
-            </Shown>
+            </ValueOrReason>
           </dd>
           <dd className={identifyStyles.beside}>on data not used</dd>
         </div>
@@ -173,7 +173,7 @@ export function ModelView({
       <Table withRowBorders={false} verticalSpacing={2} aria-label={`Parameters of ${name}`}>
         <Table.Thead>
           <Table.Tr>
-            <Table.Th>{structureInWords(model.structure)}</Table.Th>
+            <Table.Th>{describeStructure(model.structure)}</Table.Th>
             <Table.Th className={pageStyles.number}>Value</Table.Th>
             <Table.Th className={pageStyles.number}>Standard error</Table.Th>
           </Table.Tr>
@@ -186,15 +186,15 @@ export function ModelView({
               </Table.Td>
               <Table.Td className={pageStyles.number}>{significant(value, 4)}</Table.Td>
               <Table.Td className={pageStyles.number}>
-                <Shown value={model.std_errors[parameter]} why="not determined by this record">
+                <ValueOrReason value={model.std_errors[parameter]} why="not determined by this record">
                   {(error) => significant(error, 2)}
-                </Shown>
+                </ValueOrReason>
               </Table.Td>
             </Table.Tr>
           ))}
         </Table.Tbody>
       </Table>
-      <span className={pageStyles.dim}>Estimated by {inWordsOf(model.method)}.</span>
+      <span className={pageStyles.dim}>Estimated by {spacedName(model.method)}.</span>
       <Verdict good={model.grade === "usable"} of={`grade:${model.grade}`}>
         {isExplained ? capital(model.grade) : model.verdict}
       </Verdict>
@@ -254,7 +254,7 @@ function isWorst(model: Model, other: Model | null): boolean {
 
 function Channel({ channel }: { channel: ChannelCurves }) {
   const { hue, unit, output, outputUnit } = CHANNELS[channel.name] ?? UNKNOWN;
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const read = (value: number) => value * readingOf(outputUnit, angles).factor;
   const stepped = (value: number) => read(STEP[angles] * value);
   const { model, first_order, measured } = channel;
@@ -307,7 +307,7 @@ function Channel({ channel }: { channel: ChannelCurves }) {
         />
       )}
       <CurvePlot
-        title={`Step of θ_A by ${told(STEP[angles], "rad", angles)}`}
+        title={`Step of θ_A by ${formatWithUnit(STEP[angles], "rad", angles)}`}
         xLabel="t [s]"
         yLabel={labelWith(output, outputUnit, angles)}
         height={150}
@@ -385,7 +385,7 @@ function Candidates({ channel }: { channel: ChannelCurves }) {
         <Table.Tbody>
           {channel.candidates.map((candidate) => (
             <Table.Tr key={candidate.structure}>
-              <Table.Td>{structureInWords(candidate.structure)}</Table.Td>
+              <Table.Td>{describeStructure(candidate.structure)}</Table.Td>
               <Tried value={candidate.K} problem={candidate.problem} told={(K) => significant(K, 4)} />
               <Tried value={candidate.T} problem={candidate.problem} told={(T) => significant(T, 3)} />
               <Tried
@@ -421,9 +421,9 @@ interface TriedProps {
 function Tried({ value, problem, told }: TriedProps) {
   return (
     <Table.Td className={pageStyles.number}>
-      <Shown value={value} why={problem === "" ? "not determined by this record" : problem}>
+      <ValueOrReason value={value} why={problem === "" ? "not determined by this record" : problem}>
         {told}
-      </Shown>
+      </ValueOrReason>
     </Table.Td>
   );
 }

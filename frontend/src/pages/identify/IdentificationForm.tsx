@@ -8,16 +8,16 @@ import { DraftMark } from "../../components/DraftMark";
 import { ChoiceField, NumberField, TextField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
-import { Shown } from "../../components/values";
+import { ValueOrReason } from "../../components/values";
 import { useLive, useLiveStore } from "../../live/react";
 import { duration, fixed, notANumber, numberIn, significant } from "../../samples/format";
 import {
-  type Angles,
+  type AngleUnit,
   angleText,
   boxText,
-  inWords,
   labelWith,
-  offered,
+  localizeAngles,
+  offeredDefault,
   rangeText,
   readingOf,
 } from "../../samples/quantity";
@@ -27,9 +27,9 @@ import {
   predictionQuery,
   useStartIdentification,
 } from "../../service/api/identifications";
-import { useAngles } from "../../service/api/preferences";
-import { tuningInWords } from "../../service/api/tuning";
-import { useNoControl } from "../../service/control/control";
+import { useAngleUnit } from "../../service/api/preferences";
+import { describeTuning } from "../../service/api/tuning";
+import { useWhyNoControl } from "../../service/control/control";
 import { isPlainRecord, useDraft } from "../../service/forms/drafts";
 import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry, settingEntry } from "../../service/glossary";
@@ -84,7 +84,7 @@ export function labelOf({ name, meaning }: Setting): string {
 }
 
 /** Every setting: what a person changed, else its default. All of it is shown, and sent. */
-export function valuesOf(kind: IdentificationKind, changed: Values, angles: Angles): Values {
+export function valuesOf(kind: IdentificationKind, changed: Values, angles: AngleUnit): Values {
   const values = kind.settings.map((setting) => [
     setting.name,
     changed[setting.name] ?? usualOf(setting, angles),
@@ -93,14 +93,14 @@ export function valuesOf(kind: IdentificationKind, changed: Values, angles: Angl
 }
 
 /** Where the value of a setting comes from. */
-export function originOf(setting: Setting, changed: Values, angles: Angles): string {
+export function originOf(setting: Setting, changed: Values, angles: AngleUnit): string {
   const [value, usual] = [changed[setting.name], usualOf(setting, angles)];
   if (value === undefined || value === usual) return "default";
   return `default: ${typeof usual === "number" ? boxText(usual, setting.unit, angles) : usual}`;
 }
 
-function usualOf(setting: Setting, angles: Angles): number | string {
-  return setting.choices ? String(setting.default) : offered(Number(setting.default), setting, angles);
+function usualOf(setting: Setting, angles: AngleUnit): number | string {
+  return setting.choices ? String(setting.default) : offeredDefault(Number(setting.default), setting, angles);
 }
 
 /** `tensions` lists several, separated by commas; empty for the one among the values. */
@@ -179,14 +179,14 @@ interface KindFormProps extends Pick<FormProps, "onStarted" | "onForecast"> {
 }
 
 function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const draft = useDraft(`identification of ${kind.kind}`, NO_CHANGES, isChanges);
   const { changed, tensions } = draft.value;
   const state = useLive((live) => live.state);
   const { data: banks = [] } = useQuery(banksQuery);
   const tuning = tuningOf(state);
   const start = useStartIdentification();
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const values = useMemo(() => valuesOf(kind, changed, angles), [kind, changed, angles]);
   const asked = useMemo(
     () => requestOf(kind, values, kind.kind === "actuator" ? tensions : ""),
@@ -265,7 +265,7 @@ function KindForm({ kind, onStarted, onForecast }: KindFormProps) {
             )}
         </div>
         {state !== null && (
-          <span className={pageStyles.dim}>Runs with what is in force: {tuningInWords(tuning, banks)}.</span>
+          <span className={pageStyles.dim}>Runs with what is in force: {describeTuning(tuning, banks)}.</span>
         )}
         <div className={pageStyles.decide}>
           <Button
@@ -296,7 +296,7 @@ function isChanges(value: unknown): value is Changes {
 }
 
 /** What a setting means, its range and where its value comes from, below its box. */
-function describe({ meaning, minimum, maximum, unit }: Setting, origin: string, angles: Angles): string {
+function describe({ meaning, minimum, maximum, unit }: Setting, origin: string, angles: AngleUnit): string {
   const range = minimum == null || maximum == null ? "" : rangeText(minimum, maximum, unit, angles);
   return [meaning, range.replaceAll(" ", "\u00a0"), origin].filter((part) => part !== "").join("; ");
 }
@@ -323,7 +323,7 @@ interface TensionProps {
 
 /** One tension, or several, one run after the other. */
 function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: TensionProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const inTurn = tensions.trim() !== "";
   return (
     <>
@@ -383,7 +383,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
 export function ForecastMap({ prediction }: { prediction: Prediction }) {
   const store = useLiveStore();
   const entries = useBankEntries();
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const drawing = useMemo(() => {
     const newest = (name: string) => store.window.newest(name).toFixed(2);
     return {
@@ -418,7 +418,7 @@ export interface LocalizedText {
 }
 
 export function PredictionView({ prediction, problem }: LocalizedText) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const isRunning = useLive((live) => live.state?.task != null);
   if (isRunning) {
     return (
@@ -466,7 +466,7 @@ export function PredictionView({ prediction, problem }: LocalizedText) {
                 <dd>{duration(prediction.duration_s)}</dd>
               </dl>
             </div>
-            <Verdict good={prediction.enough_motion}>{inWords(prediction.message, angles)}</Verdict>
+            <Verdict good={prediction.enough_motion}>{localizeAngles(prediction.message, angles)}</Verdict>
           </>
         )}
       </output>
@@ -475,16 +475,16 @@ export function PredictionView({ prediction, problem }: LocalizedText) {
 }
 
 function Figure({ label, value, unit }: Prediction["figures"][number]) {
-  const { unit: read, factor } = readingOf(unit, useAngles());
+  const { unit: read, factor } = readingOf(unit, useAngleUnit());
   const counts = unit === "encoder counts";
   return (
     <>
       <dt>{label}</dt>
       <dd>
         <strong>
-          <Shown value={value} why="cannot be foreseen">
+          <ValueOrReason value={value} why="cannot be foreseen">
             {(some) => (counts ? fixed(some, 0) : significant(some * factor, 3))}
-          </Shown>
+          </ValueOrReason>
         </strong>{" "}
         {read}
       </dd>

@@ -7,13 +7,13 @@ import { SeriesReports } from "../../components/Downloads";
 import { TextField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { RunState, Verdict } from "../../components/RunState";
-import { Absent, Shown, SignalName } from "../../components/values";
+import { Absent, SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, heading, significant } from "../../samples/format";
 import { useActivateBank, useBuildBank } from "../../service/api/banks";
 import { identificationQuery } from "../../service/api/identifications";
 import { isRunning } from "../../service/api/polling";
-import { useMayCommand, useNoRetuning } from "../../service/control/control";
+import { useMayCommand, useWhyNoRetuning } from "../../service/control/control";
 import { RefusedFields } from "../../service/forms/refusals";
 import type { Bank, Identification } from "../../wire/types";
 import { nameOf } from "../banks/BankTable";
@@ -100,9 +100,9 @@ export function IdentificationList(props: IdentificationListProps) {
                   <Table.Td>{heading(row.kind)}</Table.Td>
                   <Table.Td style={{ whiteSpace: "nowrap" }}>{dateTime(row.created)}</Table.Td>
                   <Table.Td className={pageStyles.number}>
-                    <Shown value={row.tension_N} why="not at one tension">
+                    <ValueOrReason value={row.tension_N} why="not at one tension">
                       {(tension_N) => fixed(tension_N, 0)}
-                    </Shown>
+                    </ValueOrReason>
                   </Table.Td>
                   <Table.Td className={pageStyles.number}>
                     {row.S_nominal === null ? noModel(row) : fixed(row.S_nominal, 2)}
@@ -184,7 +184,7 @@ export function BankBuilder({ chosen, onBuilt }: { chosen: ReadonlySet<number>; 
 function Built({ bank }: { bank: Bank }) {
   const activate = useActivateBank();
   const active = useLive((live) => live.state?.tuning.bank?.id === bank.id);
-  const locked = useNoRetuning();
+  const locked = useWhyNoRetuning();
   const name = nameOf(bank);
   return (
     <div className={identifyStyles.built}>

@@ -9,7 +9,7 @@ import { Absent, SignalName } from "../../components/values";
 import { capital, fixed, significant } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { curvesQuery } from "../../service/api/identifications";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { HUES } from "../../theme/signals";
 import type { Identification, Motor, MotorCurves } from "../../wire/types";
 import page from "../Page.module.css";
@@ -117,7 +117,7 @@ function Line({ title, K, T, u }: { title: string; K: string; T: string; u: Reac
 }
 
 function Steps({ curves }: { curves: MotorCurves | undefined }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   if (curves === undefined) return null;
   const [turn, apart] = [readingOf("rad", angles), readingOf("mrad", angles)];
   const read = (value: number) => value * turn.factor;

@@ -4,11 +4,11 @@ import { useId } from "react";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Refusal } from "../../components/Refusal";
-import { Shown, SignalName } from "../../components/values";
+import { SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, fixed, significant } from "../../samples/format";
 import { parametersQuery, useApplyParameters, useUndoParameters } from "../../service/api/identifications";
-import { useMayCommand, useNoControl } from "../../service/control/control";
+import { useMayCommand, useWhyNoControl } from "../../service/control/control";
 import type { ParameterChange, Parameters } from "../../wire/types";
 import { NextMode } from "../operate/ModeCard";
 import pageStyles from "../Page.module.css";
@@ -29,7 +29,7 @@ export function ChangeButton({ children, error, pending, about, onPress }: Chang
   const may = useMayCommand();
   const mode = useLive((live) => live.state?.mode);
   const id = useId();
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const reason =
     may === false
       ? "Operators change the parameters."
@@ -123,20 +123,20 @@ export function ChangeTable({ label, changes }: ChangeTableProps) {
                 <Named name={one.name} /> {one.name.startsWith("k") ? "of spring" : "of motor"} {one.side}
               </Table.Td>
               <Table.Td className={pageStyles.number}>
-                <Shown value={one.before} why="it had none">
+                <ValueOrReason value={one.before} why="it had none">
                   {(value) => significant(value, 5)}
-                </Shown>
+                </ValueOrReason>
               </Table.Td>
               <Table.Td className={pageStyles.number}>
-                <Shown value={one.after} why="it has none any more">
+                <ValueOrReason value={one.after} why="it has none any more">
                   {(value) => significant(value, 5)}
-                </Shown>
+                </ValueOrReason>
               </Table.Td>
               <Table.Td>{one.unit}</Table.Td>
               <Table.Td className={pageStyles.number}>
-                <Shown value={one.percent} why="there is nothing to compare with">
+                <ValueOrReason value={one.percent} why="there is nothing to compare with">
                   {(percent) => `${percent > 0 ? "+" : ""}${fixed(percent, 2)}`}
-                </Shown>
+                </ValueOrReason>
               </Table.Td>
             </Table.Tr>
           ))}

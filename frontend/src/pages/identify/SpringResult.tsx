@@ -6,7 +6,7 @@ import { Card } from "../../components/Card";
 import { ChoiceField, TextField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
-import { Shown } from "../../components/values";
+import { ValueOrReason } from "../../components/values";
 import { dateTime, fixed, withError } from "../../samples/format";
 import { curvesQuery, springTableCurvesQuery, useAddSpringTable } from "../../service/api/identifications";
 import { RefusedFields, useRefusedInput } from "../../service/forms/refusals";
@@ -135,9 +135,9 @@ function Coefficients({ title, spring }: { title: string; spring: Spring }) {
             </Table.Td>
             {spring.fits.map((fit) => (
               <Table.Td key={fit.order} className={pageStyles.number} style={{ whiteSpace: "nowrap" }}>
-                <Shown value={fit.k[power]} why={`order ${fit.order} has none`}>
+                <ValueOrReason value={fit.k[power]} why={`order ${fit.order} has none`}>
                   {(k) => withError(k, fit.std_errors[power] ?? Number.NaN)}
-                </Shown>
+                </ValueOrReason>
               </Table.Td>
             ))}
           </Table.Tr>

@@ -7,15 +7,15 @@ import { Link } from "wouter";
 import { type Curve, CurvePlot } from "../../charts/CurvePlot";
 import { Card } from "../../components/Card";
 import { Explained } from "../../components/Explained";
-import { Absent, Shown, SignalName } from "../../components/values";
+import { Absent, SignalName, ValueOrReason } from "../../components/values";
 import { percent, significant, withError } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
 import { unseenQuery } from "../../service/api/identifications";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { HUES } from "../../theme/signals";
 import type { Identification, Unseen, UnseenOutput } from "../../wire/types";
 import page from "../Page.module.css";
-import { candidateOf, change, comparable, outputTitle, recordInWords } from "./ActuatorResult";
+import { candidateOf, change, comparable, describeRecord, outputTitle } from "./ActuatorResult";
 import styles from "./Identify.module.css";
 
 const MOST_CANDIDATES = 4;
@@ -79,7 +79,7 @@ export function UnseenCard({ identification, all }: UnseenCardProps) {
               view && (
                 <p key={run} className={page.lead}>
                   <Link href={`/identify/${run}`}>Run {run}</Link>:{" "}
-                  {recordInWords(view.kind, view.of, view.own)}
+                  {describeRecord(view.kind, view.of, view.own)}
                 </p>
               )
             );
@@ -100,7 +100,7 @@ interface OutputProps {
 }
 
 function Output({ name, shown, views }: OutputProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const outputs = views.map((view) => view?.outputs.find((output) => output.name === name));
   const first = outputs[0];
   if (first === undefined) return null;
@@ -126,7 +126,7 @@ function Output({ name, shown, views }: OutputProps) {
           title={`${title}: measured and predicted`}
           xLabel={first.name.startsWith("G_") ? "t in the run [s]" : "t from the step [s]"}
           yLabel={reading.unit}
-          summary={outputs.map((one, index) => inWords(shown[index]?.run, one)).join(" ")}
+          summary={outputs.map((one, index) => describeFit(shown[index]?.run, one)).join(" ")}
           curves={[
             ...measuredCurves(first, read),
             ...outputs.flatMap((one, index) => predicted(shown[index]?.run, one, index, read)),
@@ -144,7 +144,7 @@ function Output({ name, shown, views }: OutputProps) {
   );
 }
 
-function inWords(run: number | undefined, output: UnseenOutput | undefined): string {
+function describeFit(run: number | undefined, output: UnseenOutput | undefined): string {
   if (output?.fit_percent === null || output === undefined) return `Run ${run}: nothing to compare.`;
   return `Run ${run}: fit ${percent(output.fit_percent, 1)} %.`;
 }
@@ -249,14 +249,14 @@ function Side({ name, title, shown, outputs, unit, factor }: SideProps) {
                   </Table.Td>
                 ))}
                 <Table.Td className={page.number}>
-                  <Shown value={output?.fit_percent} why={output?.problem || "being computed"}>
+                  <ValueOrReason value={output?.fit_percent} why={output?.problem || "being computed"}>
                     {(fit) => percent(fit, 2)}
-                  </Shown>
+                  </ValueOrReason>
                 </Table.Td>
                 <Table.Td className={page.number}>
-                  <Shown value={output?.rms} why={output?.problem || "being computed"}>
+                  <ValueOrReason value={output?.rms} why={output?.problem || "being computed"}>
                     {(rms) => significant(rms * factor, 3)}
-                  </Shown>
+                  </ValueOrReason>
                 </Table.Td>
                 <Table.Td>
                   <Explained of={`grade:${candidate.grade}`} quiet>

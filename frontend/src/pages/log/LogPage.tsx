@@ -7,7 +7,7 @@ import { useMemo, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { Card } from "../../components/Card";
 import { type LogAsked, logQuery } from "../../service/api/log";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import page from "../Page.module.css";
 import styles from "./Log.module.css";
 import { CHOICES, kindsOf, LogRows, midnight } from "./LogRows";
@@ -24,7 +24,7 @@ const NONE: Filters = { words: "", choice: "", from: "", to: "" };
 export default function LogPage() {
   const [filters, setFilters] = useState<Filters>(NONE);
   const [asked] = useDebouncedValue(filters, 250);
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const log = useInfiniteQuery(
     logQuery(
       useMemo<LogAsked>(

@@ -6,9 +6,9 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { LocalizedText } from "../../components/values";
 import { fixed, instant } from "../../samples/format";
-import { inWords } from "../../samples/quantity";
+import { localizeAngles } from "../../samples/quantity";
 import { type LogKind, useRemark } from "../../service/api/log";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { isPlainRecord, isText, useDraft } from "../../service/forms/drafts";
 import type { LogEntry } from "../../wire/types";
 import page from "../Page.module.css";
@@ -164,7 +164,9 @@ const Row = memo(({ entry }: { entry: LogEntry }) => {
       <Table.Td className={styles.when ?? ""}>
         <Recording entry={entry} />
       </Table.Td>
-      <Table.Td className={styles.remark ?? ""}>{entry.event !== null && <Said entry={entry} />}</Table.Td>
+      <Table.Td className={styles.remark ?? ""}>
+        {entry.event !== null && <RemarkLine entry={entry} />}
+      </Table.Td>
     </Table.Tr>
   );
 }, alike);
@@ -197,9 +199,9 @@ function Recording({ entry: { run, t, flight, event, kind } }: { entry: LogEntry
   );
 }
 
-function Said({ entry }: { entry: LogEntry }) {
+function RemarkLine({ entry }: { entry: LogEntry }) {
   const [writing, setWriting] = useState(false);
-  const angles = useAngles();
+  const angles = useAngleUnit();
   if (writing) return <RemarkForm entry={entry} onDone={() => setWriting(false)} />;
   return (
     <span className={styles.said}>
@@ -215,7 +217,7 @@ function Said({ entry }: { entry: LogEntry }) {
           size={20}
           variant="subtle"
           color="gray"
-          aria-label={`Say something of: ${inWords(entry.text, angles)}`}
+          aria-label={`Say something of: ${localizeAngles(entry.text, angles)}`}
           onClick={() => setWriting(true)}
         >
           <TbPencil size={13} />

@@ -2,8 +2,8 @@ import { useMemo } from "react";
 import { type Surface, useCanvas } from "../../charts/canvas";
 import { useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
-import { type Angles, angleWithUnit } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { type AngleUnit, angleWithUnit } from "../../samples/quantity";
+import { useAngleUnit } from "../../service/api/preferences";
 import { DEGREES, HUES } from "../../theme/signals";
 import styles from "./ActuatorDrawing.module.css";
 
@@ -107,7 +107,12 @@ const LEAST_LETTERS_PX = 11;
 
 type Pen = CanvasRenderingContext2D;
 
-export function paintActuator(surface: Surface, signals: Signals, pose: ActuatorPose, angles: Angles): void {
+export function paintActuator(
+  surface: Surface,
+  signals: Signals,
+  pose: ActuatorPose,
+  angles: AngleUnit,
+): void {
   const { context: pen, width, height, colours } = surface;
   const scale = Math.min(width / WIDTH, height / HEIGHT, 1.5);
   pen.save();
@@ -239,7 +244,7 @@ const NAMES = ["q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B"] as const;
 /** `read` gives a signal at present; the same function as long as it is the same recording. */
 export function ActuatorDrawing({ read }: { read?: (name: string) => number }) {
   const store = useLiveStore();
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const drawing = useMemo(() => {
     const value = read ?? ((name: string) => store.window.newest(name));
     const signals = () => Object.fromEntries(NAMES.map((name) => [name, value(name)])) as unknown as Signals;

@@ -8,9 +8,9 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { rangeOf } from "../../samples/quantity";
-import { useTouch } from "../../service/api/actuator";
-import { useAngles } from "../../service/api/preferences";
-import { useNoControl } from "../../service/control/control";
+import { useConfigureContact } from "../../service/api/actuator";
+import { useAngleUnit } from "../../service/api/preferences";
+import { useWhyNoControl } from "../../service/control/control";
 import { useDraft } from "../../service/forms/drafts";
 import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
@@ -32,9 +32,9 @@ export function ContactCard() {
 }
 
 function TouchControls({ touch, limits }: { touch: TouchView; limits: State["limits"] }) {
-  const order = useTouch();
-  const noControl = useNoControl();
-  const angles = useAngles();
+  const order = useConfigureContact();
+  const noControl = useWhyNoControl();
+  const angles = useAngleUnit();
   const running = useLive((live) => live.state?.mode === "run");
   const rejects = useLive((live) => (live.state?.tuning.k_ext ?? 0) > 0);
   const armed = touch.contact_N > 0;
@@ -58,7 +58,7 @@ function TouchControls({ touch, limits }: { touch: TouchView; limits: State["lim
             decimals={1}
             step={0.5}
             width={86}
-            saidAt="refusal-of-touch"
+            messageId="refusal-of-touch"
             place="contact_N"
             entry={fieldEntry("touch.contact_N", angles, {
               minimum: limits.F_contact_min,

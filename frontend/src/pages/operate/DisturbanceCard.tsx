@@ -9,8 +9,8 @@ import { useLive, useLiveStore } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { rangeOf } from "../../samples/quantity";
 import { usePush } from "../../service/api/actuator";
-import { useAngles } from "../../service/api/preferences";
-import { useNoControl } from "../../service/control/control";
+import { useAngleUnit } from "../../service/api/preferences";
+import { useWhyNoControl } from "../../service/control/control";
 import { isPlainRecord, useDraft } from "../../service/forms/drafts";
 import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
@@ -32,14 +32,14 @@ export function DisturbanceCard() {
 
 function PushControls({ F_push_max }: { F_push_max: number }) {
   const mode = useLive((live) => live.state?.mode);
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const force = { minimum: -F_push_max, maximum: F_push_max };
   const felt = useFelt();
   const push = usePush();
   const draft = useDraft("push", PUSH, isPush);
   const { F_push, duration_s } = draft.value;
   const [problems, setProblems] = useState<readonly (string | null)[]>([null, null]);
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const reason = noControl ?? whyNoPush(mode);
   const problem = problems.find((one) => one !== null) ?? null;
   const refusal = problem === null && reason === null ? push.error : null;
@@ -57,7 +57,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
             decimals={1}
             step={1}
             width={86}
-            saidAt="refusal-of-push"
+            messageId="refusal-of-push"
             place="F_push"
             entry={fieldEntry("push.F_push", angles, force)}
             onCommit={(force_N) => draft.set((before) => ({ ...before, F_push: force_N }))}
@@ -71,7 +71,7 @@ function PushControls({ F_push_max }: { F_push_max: number }) {
             decimals={1}
             step={0.5}
             width={72}
-            saidAt="refusal-of-push"
+            messageId="refusal-of-push"
             place="duration_s"
             entry={fieldEntry("push.duration_s", angles, { minimum: 0, maximum: LONGEST_S })}
             onCommit={(time_s) => draft.set((before) => ({ ...before, duration_s: time_s }))}

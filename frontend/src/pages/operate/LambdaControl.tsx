@@ -4,11 +4,11 @@ import { TbMinus, TbPlus, TbRestore } from "react-icons/tb";
 import { Refusal } from "../../components/Refusal";
 import { TargetKeys, TouchLock } from "../../components/sliders";
 import { ValueBox } from "../../components/ValueBox";
-import { Shown, SignalName } from "../../components/values";
+import { SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { angleWithUnit } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { type Previewed, whyNoEstimate } from "../../service/api/tuning";
 import { useSentValue } from "../../service/forms/drafts";
 import { useErrorLifetime } from "../../service/forms/refusals";
@@ -64,7 +64,7 @@ export function LambdaControl(props: LambdaControlProps) {
   // biome-ignore lint/correctness/useExhaustiveDependencies: only a new draft is news to the preview
   useEffect(() => onDraft(drafted), [drafted]);
 
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const nudge = (by: number) => sent.commit(rounded(sent.value + by));
   const unsafe = (100 * Math.log(min / SCALE_FROM_S)) / Math.log(max / SCALE_FROM_S);
   const fromSlider = (position: number) => Math.min(Math.max(rounded(Math.exp(position)), min), max);
@@ -89,7 +89,7 @@ export function LambdaControl(props: LambdaControlProps) {
           disabled={disabled}
           onCommit={sent.commit}
           onProblem={setProblem}
-          saidAt={`refusal-of-${name}`}
+          messageId={`refusal-of-${name}`}
           entry={fieldEntry(`tuning.${name}`, angles, { minimum: min, maximum: max })}
           refused={refused}
         />
@@ -224,7 +224,7 @@ export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardContr
   const refusal = problem === null ? sent.refusal : null;
   const refused = useErrorLifetime(refusal, k_ext) !== null;
   const rejects = sent.value > 0;
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const [typed, setTyped] = useState<number>();
   const drafted = typed ?? (sent.value === k_ext ? undefined : sent.value);
 
@@ -257,7 +257,7 @@ export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardContr
             onDraft={setTyped}
             onCommit={sent.commit}
             onProblem={setProblem}
-            saidAt="refusal-of-k_ext"
+            messageId="refusal-of-k_ext"
             entry={fieldEntry("tuning.k_ext", angles, { minimum: 0, maximum: 1 })}
             refused={refused}
           />
@@ -274,16 +274,16 @@ export function DisturbanceFeedforwardControl(props: DisturbanceFeedforwardContr
  * The stiffness S of the springs is what it was: what one feels is force over deviation.
  */
 function PushForecast({ previewed }: Pick<DisturbanceFeedforwardControlProps, "previewed">) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { preview, stale, missing } = previewed;
   const forecast = preview?.pushed;
   const { without, rejected } = forecast ?? {};
   const both = (word: (push: Pushed["without"]) => string) =>
     without && (rejected ? `${word(without)} → ${word(rejected)}` : word(without));
   const figure = (word: (push: Pushed["without"]) => string) => (
-    <Shown value={both(word)} why={missing}>
+    <ValueOrReason value={both(word)} why={missing}>
       {String}
-    </Shown>
+    </ValueOrReason>
   );
   return (
     <output
@@ -293,9 +293,9 @@ function PushForecast({ previewed }: Pick<DisturbanceFeedforwardControlProps, "p
       data-stale={stale}
     >
       {fixed(forecast?.F ?? PUSH_N, 0)} N held: gives way{" "}
-      <Shown value={without?.give} why={missing}>
+      <ValueOrReason value={without?.give} why={missing}>
         {(give) => angleWithUnit(give, 1, angles)}
-      </Shown>
+      </ValueOrReason>
       , back within {forecast ? angleWithUnit(forecast.near, 1, angles) : "its band"} after{" "}
       {figure(({ back_s }) => (back_s === null ? "never" : `${fixed(back_s, 2)} s`))}; feels like{" "}
       {figure(({ felt_slow }) => fixed(felt_slow, 1))} N·m/rad at 0.1 Hz,{" "}

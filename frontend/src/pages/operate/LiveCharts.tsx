@@ -10,8 +10,8 @@ import { following, held, LIVE, SPANS_S, useViewport, withSpan } from "../../cha
 import { plantWord } from "../../components/Header";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed, short } from "../../samples/format";
-import { type Angles, inWords, readingOf } from "../../samples/quantity";
-import { useAngles, usePreferences } from "../../service/api/preferences";
+import { type AngleUnit, localizeAngles, readingOf } from "../../samples/quantity";
+import { useAngleUnit, usePreferences } from "../../service/api/preferences";
 import { usePanels } from "../../theme/useLayouts";
 import { PERIOD_S } from "../../wire/sample.gen";
 import type { Limits, Mark } from "../../wire/types";
@@ -22,7 +22,7 @@ const FORCES = ["F_A", "F_B"];
 const VOLTAGES = ["u_A", "u_B"];
 
 /** Each with the signals that it limits; none while the limits are not known. */
-export function limitLines(limits: Limits | undefined, angles: Angles): readonly LimitLine[] {
+export function limitLines(limits: Limits | undefined, angles: AngleUnit): readonly LimitLine[] {
   if (limits === undefined) return [];
   const { q_min, q_max, S_min, S_max, F_min, F_max, u_max } = limits;
   const { factor } = readingOf("rad", angles);
@@ -52,7 +52,7 @@ export function LiveCharts() {
   const epoch_s = useCallback(() => source.epoch_s(), [source]);
   const control = useViewport();
   const panels = usePanels();
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { preferences, known, change: remember } = usePreferences();
   const limits = useLive((live) => live.state?.limits);
   const origin = useOrigin();
@@ -151,10 +151,10 @@ function spanChoices(span_s: number): { value: string; label: string }[] {
   return spans.includes(span_s) ? choices : [free, ...choices];
 }
 
-function placed(mark: Mark, angles: Angles): PlacedMark {
+function placed(mark: Mark, angles: AngleUnit): PlacedMark {
   return {
     time_s: mark.tick * PERIOD_S,
-    text: inWords(mark.text, angles),
+    text: localizeAngles(mark.text, angles),
     fault: mark.kind === "fault" || mark.kind === "trip",
     mode: mark.kind === "mode",
   };

@@ -9,8 +9,8 @@ import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed } from "../../samples/format";
 import { angleWithUnit, FINER, labelWith, readingOf, toSI } from "../../samples/quantity";
 import { useReferenceOrders } from "../../service/api/actuator";
-import { useAngles } from "../../service/api/preferences";
-import { useMayCommand, useNoControl } from "../../service/control/control";
+import { useAngleUnit } from "../../service/api/preferences";
+import { useMayCommand, useWhyNoControl } from "../../service/control/control";
 import type { References } from "../../wire/types";
 import styles from "./MapCard.module.css";
 import { type PlaneEntry, paintPlane, planeOver, pointAt } from "./operatingMap";
@@ -20,7 +20,7 @@ import { useBankEntries } from "./TuningCard";
 export function MapCard() {
   const store = useLiveStore();
   const send = useReferenceOrders();
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const [target, setTarget] = useState<References | null>(null);
   const references = useLive((live) => live.state?.references);
   const entries = useBankEntries();
@@ -44,7 +44,7 @@ export function MapCard() {
   const old_s = useSampleAge();
   const plays = useLive((live) => Boolean(live.state?.player));
   const aims = useMayCommand() !== false && !plays;
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const locked = useLive((live) => whyNoReferences(live.state, noControl));
 
   function aim(event: MouseEvent<HTMLCanvasElement>): void {
@@ -89,7 +89,7 @@ export function MapCard() {
         <Refusal
           error={send.error}
           about={references}
-          hint={`${aims ? "A click aims at q_ref and S_ref together." : ""}${entriesInWords(entries)}`}
+          hint={`${aims ? "A click aims at q_ref and S_ref together." : ""}${describeEntries(entries)}`}
         />
       ) : (
         // biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form
@@ -109,7 +109,7 @@ export function MapCard() {
   );
 }
 
-function entriesInWords(entries: readonly PlaneEntry[]): string {
+function describeEntries(entries: readonly PlaneEntry[]): string {
   const known = entries.some(({ q }) => q !== null)
     ? " ◆ entries of the bank, where they were identified."
     : "";

@@ -7,9 +7,9 @@ import { useLive } from "../../live/react";
 import { capital, fixed, heading } from "../../samples/format";
 import { angleWithUnit } from "../../samples/quantity";
 import { useSetMode } from "../../service/api/actuator";
-import { useAngles } from "../../service/api/preferences";
-import { motionInWords } from "../../service/api/tuning";
-import { useMayCommand, useNoControl } from "../../service/control/control";
+import { useAngleUnit } from "../../service/api/preferences";
+import { describeMotion } from "../../service/api/tuning";
+import { useMayCommand, useWhyNoControl } from "../../service/control/control";
 import type { Mode, State } from "../../wire/types";
 import pageStyles from "../Page.module.css";
 import operateStyles from "./Operate.module.css";
@@ -41,7 +41,7 @@ const BESIDE_CARD_PX = 24;
 export function ModeCard() {
   const state = useLive((live) => live.state);
   const setMode = useSetMode();
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   return (
     <Card title="Mode">
       {/* biome-ignore lint/a11y/useSemanticElements: buttons that act at once are no form */}
@@ -123,7 +123,7 @@ const NAMES = { pretension: "Pretension", stopping: "Soft stop" } as const;
 
 export function NextMode({ need }: { need: Need }) {
   const mode = useLive((live) => nextMode(live.state, need));
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const may = useMayCommand();
   const set = useSetMode();
   if (mode === null || noControl !== null || may === false) return null;
@@ -154,7 +154,7 @@ export function nextMode(state: State | null, need: Need): keyof typeof NAMES | 
 /** In place of the controls, for those who look on: what is in force, as numbers that cannot be changed. */
 
 export function ViewOnly() {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const state = useLive((live) => live.state);
   if (state === null) return null;
   const { references, tuning } = state;
@@ -170,7 +170,7 @@ export function ViewOnly() {
           {fixed(tuning.lam_q, 3)}, {fixed(tuning.lam_S, 3)}, {fixed(tuning.lam_motor, 4)} s
         </dd>
         <dt>Motion</dt>
-        <dd>{motionInWords(tuning.motion, tuning.u_plan)}</dd>
+        <dd>{describeMotion(tuning.motion, tuning.u_plan)}</dd>
         <dt>Pushes</dt>
         <dd>{tuning.k_ext > 0 ? `rejected by ${fixed(tuning.k_ext, 2)}` : "left to the position loop"}</dd>
         <dt>Gains</dt>

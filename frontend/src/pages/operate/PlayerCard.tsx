@@ -9,10 +9,10 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive, useNow } from "../../live/react";
 import { clockTime } from "../../samples/format";
-import { inWords } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
-import { playedQuery, usePlayer } from "../../service/api/recordings";
-import { useMayCommand, useNoControl } from "../../service/control/control";
+import { localizeAngles } from "../../samples/quantity";
+import { useAngleUnit } from "../../service/api/preferences";
+import { playedQuery, usePlayerCommand } from "../../service/api/recordings";
+import { useMayCommand, useWhyNoControl } from "../../service/control/control";
 import { RefusedFields } from "../../service/forms/refusals";
 import type { PlayerPosition } from "../../wire/types";
 import page from "../Page.module.css";
@@ -29,9 +29,9 @@ export function PlayerCard() {
 }
 
 function Player({ player }: { player: PlayerPosition }) {
-  const order = usePlayer();
+  const order = usePlayerCommand();
   const looksOn = useMayCommand() === false;
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const locked = looksOn || noControl !== null;
   const t = useTime(player);
   const [dragged, setDragged] = useState<number | null>(null);
@@ -91,7 +91,7 @@ function Player({ player }: { player: PlayerPosition }) {
               decimals={3}
               step={1}
               width={110}
-              saidAt="refusal-of-player"
+              messageId="refusal-of-player"
               place="t"
               isInForm
               onCommit={setWanted}
@@ -130,7 +130,7 @@ interface MarksProps {
 
 /** What happened in the recording; the newest mark that was passed is told apart. */
 function Marks({ at_s, locked, onGo }: MarksProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { data } = useQuery(playedQuery);
   if (data === undefined) return null;
   if (data.marks.length === 0) return <p className={page.dim}>Nothing is marked in this recording.</p>;
@@ -141,7 +141,7 @@ function Marks({ at_s, locked, onGo }: MarksProps) {
         // biome-ignore lint/suspicious/noArrayIndexKey: two marks may say the same at one time, and none is moved
         <li key={place} aria-current={place === passed ? "true" : undefined}>
           <button type="button" disabled={locked} onClick={() => onGo(Math.max(0, mark.t))}>
-            <span>{clockTime(mark.t, 0.1)}</span> {inWords(mark.text, angles)}
+            <span>{clockTime(mark.t, 0.1)}</span> {localizeAngles(mark.text, angles)}
           </button>
         </li>
       ))}

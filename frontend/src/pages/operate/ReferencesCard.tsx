@@ -10,9 +10,9 @@ import { useLive } from "../../live/react";
 import { fixed } from "../../samples/format";
 import { FINER, rangeOf, readingOf, toSI, withUnit } from "../../samples/quantity";
 import { useReferenceOrders } from "../../service/api/actuator";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { ON_TRIAL, useSetTuning } from "../../service/api/tuning";
-import { useNoControl, useNoRetuning } from "../../service/control/control";
+import { useWhyNoControl, useWhyNoRetuning } from "../../service/control/control";
 import { useSentValue } from "../../service/forms/drafts";
 import { useErrorLifetime } from "../../service/forms/refusals";
 import { type Entry, fieldEntry } from "../../service/glossary";
@@ -45,7 +45,7 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
   const [problem, setProblem] = useState<string | null>(null);
   const refusal = problem === null ? (choose.error ?? limit.refusal) : null;
   const refused = useErrorLifetime(limit.refusal, tuning.u_plan) !== null;
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { u_plan_min, u_plan_max } = tuning;
   return (
     <div className={operateStyles.control}>
@@ -77,7 +77,7 @@ export function MotionControl({ tuning, disabled }: MotionControlProps) {
             disabled={disabled}
             onCommit={limit.commit}
             onProblem={setProblem}
-            saidAt="refusal-of-u_plan"
+            messageId="refusal-of-u_plan"
             entry={fieldEntry("tuning.u_plan", angles, { minimum: u_plan_min, maximum: u_plan_max })}
             refused={refused}
           />
@@ -123,10 +123,10 @@ export function ReferencesCard() {
   const references = useLive((live) => live.state?.references);
   const limits = useLive((live) => live.state?.limits);
   const open = useLive((live) => live.state?.mode === "compliance");
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const locked = useLive((live) => whyNoReferences(live.state, noControl));
   const tuning = useLive((live) => live.state?.tuning);
-  const fixedTuning = useNoRetuning();
+  const fixedTuning = useWhyNoRetuning();
   return (
     <Card title="References">
       {references && limits ? (
@@ -150,7 +150,7 @@ interface ControlsProps {
 
 function ReferenceControls({ references, limits, open, locked }: ControlsProps) {
   const { mutateAsync: send } = useReferenceOrders();
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { unit, factor } = readingOf("rad", angles);
   const { q_ref, S_ref, in_force } = references;
   const measured = in_force ? null : "measured, no reference";
@@ -276,7 +276,7 @@ function ReferenceControl(props: ReferenceControlProps) {
           disabled={disabled}
           onCommit={sent.commit}
           onProblem={setProblem}
-          saidAt={`refusal-of-${name}`}
+          messageId={`refusal-of-${name}`}
           entry={entry}
           refused={refused}
         />

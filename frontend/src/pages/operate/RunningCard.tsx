@@ -7,10 +7,10 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { partOf, taskProgress, taskTitle, timeLeft } from "../../components/StatusStrip";
 import { useLive } from "../../live/react";
-import { counted } from "../../samples/format";
+import { pluralized } from "../../samples/format";
 import { useSetMode } from "../../service/api/actuator";
 import { usePauseOrder } from "../../service/api/identifications";
-import { useNoControl } from "../../service/control/control";
+import { useWhyNoControl } from "../../service/control/control";
 import { lastRefusal } from "../../service/forms/refusals";
 import type { Task } from "../../wire/types";
 import page from "../Page.module.css";
@@ -33,7 +33,7 @@ export function RunningCard({ place }: PlaceProps) {
 function Running({ task }: { task: Task }) {
   const setMode = useSetMode();
   const pause = usePauseOrder();
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   return (
     <Card title="Running now" aside={<output aria-label="Time left">{timeLeft(task)}</output>}>
       <div className={page.fields}>
@@ -67,7 +67,7 @@ interface AbortProps {
 }
 
 function AbortButton({ task, setMode }: AbortProps) {
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const illegal = useLive((live) => whyNot(live.state, "stopping"));
   const reason = noControl ?? illegal;
   return (
@@ -75,7 +75,7 @@ function AbortButton({ task, setMode }: AbortProps) {
       variant="default"
       aria-disabled={reason !== null}
       data-disabled={reason !== null ? true : undefined}
-      title={reason ?? `Soft stop: bring the joint to rest under tension. ${whatIsKept(task)}`}
+      title={reason ?? `Soft stop: bring the joint to rest under tension. ${describeAbort(task)}`}
       loading={setMode.isPending}
       onClick={() => reason === null && setMode.mutate("stopping")}
     >
@@ -85,9 +85,9 @@ function AbortButton({ task, setMode }: AbortProps) {
 }
 
 /** What becomes of the run, and of those that follow it, when it is aborted now. */
-export function whatIsKept({ phase, run, following }: Pick<Task, "phase" | "run" | "following">): string {
+export function describeAbort({ phase, run, following }: Pick<Task, "phase" | "run" | "following">): string {
   return phase === "paused"
-    ? `Run ${run} is complete and stays so; ${counted(following, "run")} of its order will not be begun.`
+    ? `Run ${run} is complete and stays so; ${pluralized(following, "run")} of its order will not be begun.`
     : "The run is kept as stopped.";
 }
 
@@ -99,7 +99,7 @@ interface PauseProps {
 /** Between two runs of an order: within one the loop plays its program whole. */
 function PauseButton({ task, pause }: PauseProps) {
   const { pause_wanted, phase } = task;
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const waits = phase === "paused" ? "" : " It waits once this run is over.";
   return (
     <Button

@@ -1,10 +1,10 @@
 import { useQuery } from "@tanstack/react-query";
 import type { ReactNode } from "react";
 import { Explained } from "../../components/Explained";
-import { Shown, SignalName } from "../../components/values";
+import { SignalName, ValueOrReason } from "../../components/values";
 import { fixed, short } from "../../samples/format";
 import { readingOf, withUnit } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { plannedQuery } from "../../service/api/runs";
 import { paintOf, traceFor } from "../../theme/signals";
 import type { Planned, TuningPreview } from "../../wire/types";
@@ -126,9 +126,9 @@ export function StepPreview(props: StepPreviewProps) {
   const margin = (value: number | null | undefined, told: (value: number) => string) => {
     if (figures?.stable && value === null) return "any";
     return (
-      <Shown value={value} why={none}>
+      <ValueOrReason value={value} why={none}>
         {told}
-      </Shown>
+      </ValueOrReason>
     );
   };
   const fragile = figures !== undefined && (M_s == null || figures.lam < figures.lam_min);
@@ -155,9 +155,9 @@ export function StepPreview(props: StepPreviewProps) {
           label={<SignalName name="M_s" />}
           name="maximum of the sensitivity"
           value={
-            <Shown value={M_s} why={none}>
+            <ValueOrReason value={M_s} why={none}>
               {(peak) => fixed(peak, 2)}
-            </Shown>
+            </ValueOrReason>
           }
           warn={fragile}
         />
@@ -168,12 +168,12 @@ export function StepPreview(props: StepPreviewProps) {
               motion?.kind === "push" ? "time until the joint is back under a push" : "time to 90 % of a step"
             }
             value={
-              <Shown
+              <ValueOrReason
                 value={motion?.time_s}
                 why={preview === undefined ? none : "not within the time that is simulated"}
               >
                 {(time_s) => fixed(time_s, 2)}
-              </Shown>
+              </ValueOrReason>
             }
             unit="s"
           />
@@ -362,7 +362,7 @@ interface RowProps {
 }
 
 function Row({ planned, line: { name, unit: inSI, values }, at_s }: RowProps) {
-  const { unit, factor } = readingOf(inSI, useAngles());
+  const { unit, factor } = readingOf(inSI, useAngleUnit());
   const { pieces, lowest, highest } = lineOf(
     planned.t,
     values.map((value) => (value === null ? null : value * factor)),

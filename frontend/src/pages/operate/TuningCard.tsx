@@ -6,12 +6,12 @@ import { Explained } from "../../components/Explained";
 import { NumberField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { MotorMargins, UndoTuning } from "../../components/TuningParts";
-import { Shown, SignalName } from "../../components/values";
+import { SignalName, ValueOrReason } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, notANumber } from "../../samples/format";
-import { type Angles, told } from "../../samples/quantity";
+import { type AngleUnit, formatWithUnit } from "../../samples/quantity";
 import { banksQuery } from "../../service/api/banks";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import {
   type LambdaName,
   ON_TRIAL,
@@ -28,7 +28,7 @@ import {
   useTuningStep,
   whyNoRejection,
 } from "../../service/api/tuning";
-import { useNoControl, useNoRetuning } from "../../service/control/control";
+import { useWhyNoControl, useWhyNoRetuning } from "../../service/control/control";
 import { isNumberOrText, useDraft } from "../../service/forms/drafts";
 import { lastRefusal, RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
@@ -64,7 +64,7 @@ interface TuningChangesProps {
 }
 
 export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const trial = useLive((live) => live.state?.trial ?? null);
   const { data: saved, error: unread } = useQuery(savedTuningQuery(tuning.bank?.id ?? null));
   const set = useSetTuning();
@@ -73,7 +73,7 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
   const end = useEndTrial();
   const undo = useTuningStep("undo");
   const redo = useTuningStep("redo");
-  const noControl = useNoControl();
+  const noControl = useWhyNoControl();
   const length = useDraft<number | string>("length of a trial", TRIAL_S, isNumberOrText);
   const seconds = length.value;
   const unlearned = useLive((live) => whyNoRejection(live.state, saved?.k_ext));
@@ -104,20 +104,20 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
                 <SignalName name={symbol} />
               </th>
               <td>
-                <Shown value={saved?.[name]} why={unread?.message ?? "not read yet"}>
+                <ValueOrReason value={saved?.[name]} why={unread?.message ?? "not read yet"}>
                   {(value) => inWords(name, value)}
-                </Shown>
+                </ValueOrReason>
               </td>
               <td data-differs={saved !== undefined && saved[name] !== tuning[name]}>
                 {inWords(name, tuning[name])}
               </td>
               <td data-differs={isStaged(name) && staged.values[name] !== undefined}>
-                <Shown
+                <ValueOrReason
                   value={isStaged(name) ? staged.values[name] : undefined}
                   why={isStaged(name) ? "nothing is staged" : "cannot be staged"}
                 >
                   {(value) => inWords(name, value)}
-                </Shown>
+                </ValueOrReason>
               </td>
             </tr>
           ))}
@@ -187,7 +187,7 @@ export function TuningChanges({ tuning, staged, locked }: TuningChangesProps) {
                 aria-label="Length of the trial [s]"
                 entry={fieldEntry("tuning.duration_s", angles)}
                 place="duration_s"
-                saidAt="refusal-of-tuning"
+                messageId="refusal-of-tuning"
                 size="xs"
                 w={54}
                 value={seconds}
@@ -281,7 +281,7 @@ export function TuningCard() {
 
 function Lambdas({ tuning, u_max }: { tuning: Tuning; u_max: number }) {
   const setTuning = useSetTuning();
-  const locked = useNoRetuning();
+  const locked = useWhyNoRetuning();
   const staged = useStagedTuning();
   const [compare, setCompare] = useState(false);
   const [drafts, setDrafts] = useState<{ [Name in LambdaName]?: number | undefined }>({});
@@ -360,7 +360,7 @@ interface StepForecastProps {
 
 /** What a step of one reference takes, and what it asks of motors and tendons. */
 function StepForecast({ of, previewed, u_max }: StepForecastProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { preview, stale, missing } = previewed;
   const step = of === "q" ? preview?.step_q : preview?.step_S;
   const saturates = step !== undefined && step.u_peak_V >= u_max;
@@ -374,34 +374,35 @@ function StepForecast({ of, previewed, u_max }: StepForecastProps) {
     >
       {preview && step ? heading(of, preview, step, angles) : `Step of ${of}`}
       {preview?.motion === "time-optimal" ? " on its trajectory" : ""}: 90 % after{" "}
-      <Shown value={step?.rise_s} why={step ? "it does not get there" : missing}>
+      <ValueOrReason value={step?.rise_s} why={step ? "it does not get there" : missing}>
         {(rise) => fixed(rise, 2)}
-      </Shown>{" "}
+      </ValueOrReason>{" "}
       s, within 2 % after{" "}
-      <Shown value={step?.settling_s} why={step ? "it does not stay there" : missing}>
+      <ValueOrReason value={step?.settling_s} why={step ? "it does not stay there" : missing}>
         {(settling) => fixed(settling, 2)}
-      </Shown>{" "}
+      </ValueOrReason>{" "}
       s, overshoot{" "}
-      <Shown value={step?.overshoot_percent} why={missing}>
+      <ValueOrReason value={step?.overshoot_percent} why={missing}>
         {(overshoot) => fixed(overshoot, 1)}
-      </Shown>{" "}
+      </ValueOrReason>{" "}
       %, <Explained of="quantity:u_peak_V">peak</Explained>{" "}
-      <Shown value={step?.u_peak_V} why={missing}>
+      <ValueOrReason value={step?.u_peak_V} why={missing}>
         {(u_peak) => fixed(u_peak, 1)}
-      </Shown>{" "}
+      </ValueOrReason>{" "}
       of {fixed(u_max, 0)} V, <Explained of="quantity:F_min_N">tension</Explained> ≥{" "}
-      <Shown value={step?.F_min_N} why={missing}>
+      <ValueOrReason value={step?.F_min_N} why={missing}>
         {(F_min) => fixed(F_min, 1)}
-      </Shown>{" "}
+      </ValueOrReason>{" "}
       N
     </output>
   );
 }
 
-function heading(of: "q" | "S", preview: TuningPreview, step: PreviewedStep, angles: Angles): string {
+function heading(of: "q" | "S", preview: TuningPreview, step: PreviewedStep, angles: AngleUnit): string {
   if (of === "S") return `S from ${fixed(step.start, 1)} to ${fixed(step.end, 1)} N·m/rad`;
   const size = step.end - step.start;
-  const size_told = angles === "deg" ? `${fixed((180 * size) / Math.PI, 0)}°` : told(size, "rad", angles);
+  const size_told =
+    angles === "deg" ? `${fixed((180 * size) / Math.PI, 0)}°` : formatWithUnit(size, "rad", angles);
   return `${size_told} step at S ${fixed(preview.S, 1)} N·m/rad`;
 }
 

@@ -8,8 +8,8 @@ import { ValueBox } from "../../components/ValueBox";
 import { useLive } from "../../live/react";
 import { angleWithUnit, FINER, rangeOf, readingOf, toSI } from "../../samples/quantity";
 import { useSetWall } from "../../service/api/actuator";
-import { useAngles } from "../../service/api/preferences";
-import { useNoControl } from "../../service/control/control";
+import { useAngleUnit } from "../../service/api/preferences";
+import { useWhyNoControl } from "../../service/control/control";
 import { isPlainRecord, useDraft } from "../../service/forms/drafts";
 import { RefusedFields } from "../../service/forms/refusals";
 import { fieldEntry } from "../../service/glossary";
@@ -29,7 +29,7 @@ function isWall(value: unknown): value is Wall {
 
 export function WallCard() {
   const simulated = useLive((live) => live.state?.plant.simulated ?? false);
-  const { unit } = readingOf("rad", useAngles());
+  const { unit } = readingOf("rad", useAngleUnit());
   const limits = useLive((live) => live.state?.limits);
   return simulated && limits ? <WallControls key={unit} limits={limits} /> : null;
 }
@@ -37,8 +37,8 @@ export function WallCard() {
 function WallControls({ limits }: { limits: Limits }) {
   const stands = useLive((live) => live.state?.wall ?? null);
   const order = useSetWall();
-  const noControl = useNoControl();
-  const angles = useAngles();
+  const noControl = useWhyNoControl();
+  const angles = useAngleUnit();
   const stiffness = { minimum: limits.k_wall_min, maximum: limits.k_wall_max };
   const damping = { minimum: 0, maximum: limits.c_wall_max };
   const { unit, factor } = readingOf("rad", angles);
@@ -81,7 +81,7 @@ function WallControls({ limits }: { limits: Limits }) {
             decimals={decimals}
             step={angles === "deg" ? 1 : 0.02}
             width={92}
-            saidAt="refusal-of-wall"
+            messageId="refusal-of-wall"
             place="wall.q_wall"
             entry={fieldEntry("wall.q_wall", angles)}
             onCommit={(angle) => set({ q_wall: toSI(angle, "rad", angles) })}
@@ -96,7 +96,7 @@ function WallControls({ limits }: { limits: Limits }) {
             decimals={0}
             step={1000}
             width={104}
-            saidAt="refusal-of-wall"
+            messageId="refusal-of-wall"
             place="wall.k_wall"
             entry={fieldEntry("wall.k_wall", angles, stiffness)}
             onCommit={(k) => set({ k_wall: k })}
@@ -110,7 +110,7 @@ function WallControls({ limits }: { limits: Limits }) {
             decimals={2}
             step={0.5}
             width={92}
-            saidAt="refusal-of-wall"
+            messageId="refusal-of-wall"
             place="wall.c_wall"
             entry={fieldEntry("wall.c_wall", angles, damping)}
             onCommit={(c) => set({ c_wall: c })}

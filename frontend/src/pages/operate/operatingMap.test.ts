@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import type { Surface } from "../../charts/canvas";
 import { SampleWindow } from "../../samples/window";
 import type { Limits } from "../../wire/types";
-import { type PlaneEntry, type PlannedWay, paintPlane, planeOver, pointAt, xOf, yOf } from "./operatingMap";
+import { type PlaneEntry, type PlannedPath, paintPlane, planeOver, pointAt, xOf, yOf } from "./operatingMap";
 
 describe("plane scale", () => {
   const LIMITS = {
@@ -48,7 +48,7 @@ describe("paint plane", () => {
   } as unknown as Limits;
   const SIZE = { width: 300, height: 190 };
   const PLANE = planeOver(LIMITS, SIZE.width, SIZE.height);
-  const WAY: PlannedWay = {
+  const WAY: PlannedPath = {
     q_low: -0.02,
     q_high: 0.57,
     path: [
@@ -61,7 +61,7 @@ describe("paint plane", () => {
   type Call = readonly [string, ...unknown[]];
 
   /** What a pen is told to do, in order. */
-  function drawn(entries: readonly PlaneEntry[], way: PlannedWay | null): Call[] {
+  function drawn(entries: readonly PlaneEntry[], way: PlannedPath | null): Call[] {
     const calls: Call[] = [];
     const pen = new Proxy({} as Record<string, unknown>, {
       get:

@@ -2,7 +2,7 @@
 
 import type { Surface } from "../../charts/canvas";
 import { short } from "../../samples/format";
-import { type Angles, told, toSI } from "../../samples/quantity";
+import { type AngleUnit, formatWithUnit, toSI } from "../../samples/quantity";
 import type { SampleWindow } from "../../samples/window";
 import { HUES } from "../../theme/signals";
 import type { Limits, Prediction, References, State } from "../../wire/types";
@@ -76,7 +76,7 @@ export interface PlaneEntry {
 }
 
 /** Where a run is expected to take the joint, and between which positions it stays. */
-export type PlannedWay = Pick<Prediction, "path" | "q_low" | "q_high">;
+export type PlannedPath = Pick<Prediction, "path" | "q_low" | "q_high">;
 
 export function paintPlane(
   surface: Surface,
@@ -85,8 +85,8 @@ export function paintPlane(
   window: SampleWindow,
   entries: readonly PlaneEntry[],
   target: References | null,
-  angles: Angles,
-  planned: PlannedWay | null = null,
+  angles: AngleUnit,
+  planned: PlannedPath | null = null,
 ): void {
   const { context: pen, width, height, colours } = surface;
   const plane = planeOver(limits, width, height);
@@ -187,7 +187,7 @@ function paintEntries(
 function paintPlanned(
   pen: CanvasRenderingContext2D,
   plane: Plane,
-  { path, q_low, q_high }: PlannedWay,
+  { path, q_low, q_high }: PlannedPath,
   colours: Surface["colours"],
 ): void {
   const [left, right] = [xOf(plane, q_low), xOf(plane, q_high)];
@@ -206,7 +206,7 @@ function paintPlanned(
 function paintGrid(
   pen: CanvasRenderingContext2D,
   plane: Plane,
-  angles: Angles,
+  angles: AngleUnit,
   colours: Surface["colours"],
 ): void {
   const floor = plane.height - plane.bottom;
@@ -220,7 +220,7 @@ function paintGrid(
     const x = Math.round(xOf(plane, toSI(angle, "rad", angles))) + 0.5;
     pen.moveTo(x, 4);
     pen.lineTo(x, floor);
-    pen.fillText(`${told(angle, "1", angles)}${angles === "deg" ? "°" : ""}`, x, floor + 15);
+    pen.fillText(`${formatWithUnit(angle, "1", angles)}${angles === "deg" ? "°" : ""}`, x, floor + 15);
   }
   pen.textAlign = "right";
   for (const S of S_GRID) {

@@ -6,11 +6,11 @@ import { Link, useLocation } from "wouter";
 import { Card } from "../../components/Card";
 import { SeriesReports } from "../../components/Downloads";
 import { Explained } from "../../components/Explained";
-import { SettledNumber } from "../../components/fields";
+import { DebouncedNumberField } from "../../components/fields";
 import { Unit } from "../../components/values";
 import { dateTime, fixed, measured, significant } from "../../samples/format";
-import { type Angles, inWords, readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { type AngleUnit, localizeAngles, readingOf } from "../../samples/quantity";
+import { useAngleUnit } from "../../service/api/preferences";
 import { type ComparisonAsked, comparisonFile, comparisonQuery, runsQuery } from "../../service/api/runs";
 import { figureEntry } from "../../service/glossary";
 import type { ComparedMetric, Run, RunComparison } from "../../wire/types";
@@ -48,7 +48,7 @@ interface ComparisonCardProps {
 
 export function ComparisonCard({ asked, signal, told: data, error }: ComparisonCardProps) {
   const { reference } = asked;
-  const angles = useAngles();
+  const angles = useAngleUnit();
   return (
     <Card title="Comparison" aside={<Files asked={asked} signal={signal} />}>
       {data === undefined ? (
@@ -62,7 +62,11 @@ export function ComparisonCard({ asked, signal, told: data, error }: ComparisonC
                 <Table.Tr>
                   <Table.Th>Metric</Table.Th>
                   {data.runs.map((run) => (
-                    <Table.Th key={run.id} className={pageStyles.number} title={inWords(run.verdict, angles)}>
+                    <Table.Th
+                      key={run.id}
+                      className={pageStyles.number}
+                      title={localizeAngles(run.verdict, angles)}
+                    >
                       <Link href={`/runs/${run.id}`}>Run {run.id}</Link>
                       <div className={pageStyles.dim}>{run.title}</div>
                       <div className={pageStyles.dim}>{dateTime(run.started)}</div>
@@ -123,7 +127,7 @@ function Files({ asked, signal }: { asked: ComparisonAsked; signal: string }) {
 interface ValueProps {
   readonly metric: ComparedMetric;
   readonly index: number;
-  readonly angles: Angles;
+  readonly angles: AngleUnit;
   /** Whether the differences are to the run that is named. */
   readonly compared: boolean;
 }
@@ -208,7 +212,7 @@ export function AlignmentBar({ asked, onChange }: AlignmentBarProps) {
         />
       )}
       {by !== "begin" && (
-        <SettledNumber
+        <DebouncedNumberField
           label={by === "step" ? "Number of the step" : "Number of the event"}
           before="no."
           value={number}

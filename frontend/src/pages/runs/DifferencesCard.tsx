@@ -5,13 +5,13 @@ import { type ReactNode, useCallback, useEffect, useMemo } from "react";
 import { Charts } from "../../charts/Charts";
 import type { LimitLine, PlacedMark } from "../../charts/decorations";
 import { markOf, RecordedSource, traceOf } from "../../charts/sources";
-import { stretch, useViewport } from "../../charts/viewport";
+import { useViewport, visibleRange } from "../../charts/viewport";
 import { Card } from "../../components/Card";
-import { SettledNumber } from "../../components/fields";
-import { Absent, Shown, Unit } from "../../components/values";
+import { DebouncedNumberField } from "../../components/fields";
+import { Absent, Unit, ValueOrReason } from "../../components/values";
 import { fixed, settingValue, significant } from "../../samples/format";
-import { type Angles, labelWith, readingOf, told } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { type AngleUnit, formatWithUnit, labelWith, readingOf } from "../../samples/quantity";
+import { useAngleUnit } from "../../service/api/preferences";
 import { type ComparisonAsked, curvesOf, differencesQuery } from "../../service/api/runs";
 import { readIn } from "../../theme/layouts";
 import { type Panel, scaleOf, traceFor, unitOf } from "../../theme/signals";
@@ -33,7 +33,7 @@ interface DeviationTableProps {
 }
 
 export function DeviationTable({ found, band }: DeviationTableProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { factor } = readingOf(found.unit, angles);
   return (
     <div className={pageStyles.tableScroll}>
@@ -76,9 +76,9 @@ function Figures({ one, banded, factor }: FiguresProps) {
   const within = (figure: ReactNode) => (banded ? figure : <Absent why={NO_BAND} />);
   const cells = [
     within(
-      <Shown value={one.left_at_s} why={NEVER}>
+      <ValueOrReason value={one.left_at_s} why={NEVER}>
         {(at_s) => fixed(at_s, 3)}
-      </Shown>,
+      </ValueOrReason>,
     ),
     within(fixed(one.outside_s, 3)),
     within(fixed(one.longest_s, 3)),
@@ -100,7 +100,7 @@ function Figures({ one, banded, factor }: FiguresProps) {
 const LONG = 40;
 
 export function DifferingSettings({ told: { settings, runs, reference } }: { told: RunComparison }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   if (settings.length === 0) {
     return (
       <p className={pageStyles.empty}>
@@ -148,7 +148,7 @@ interface ValueProps {
   readonly index: number;
   /** Place of the reference: who differs from it stands out. */
   readonly alike: number;
-  readonly angles: Angles;
+  readonly angles: AngleUnit;
 }
 
 function Value({ setting: { values, unit }, index, alike, angles }: ValueProps) {
@@ -178,7 +178,7 @@ export function differencePanel(
   signal: string,
   drawn: readonly number[],
   reference: number,
-  angles: Angles,
+  angles: AngleUnit,
 ): Panel {
   const { hue } = traceFor(signal, []);
   const traces = drawn
@@ -222,7 +222,7 @@ interface DifferencesCardProps {
 }
 
 export function DifferencesCard({ asked, drawn, signal, band, onChange }: DifferencesCardProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const { data, error } = useQuery(differencesQuery(asked, signal, band, POINTS));
   return (
     <Card
@@ -235,7 +235,7 @@ export function DifferencesCard({ asked, drawn, signal, band, onChange }: Differ
             data={SIGNALS.map((name) => ({ value: name, label: name }))}
             onChange={({ currentTarget: { value } }) => onChange({ signal: value, band: null })}
           />
-          <SettledNumber
+          <DebouncedNumberField
             key={signal}
             label="Tolerance"
             before="±"
@@ -260,7 +260,7 @@ export function DifferencesCard({ asked, drawn, signal, band, onChange }: Differ
           )}
           <p className={pageStyles.dim}>
             {signal} of each run minus that of run {asked.reference}, at the samples of run {asked.reference}
-            {band !== null && `; the band is ± ${told(band, unitOf(signal), angles)}`}.
+            {band !== null && `; the band is ± ${formatWithUnit(band, unitOf(signal), angles)}`}.
           </p>
         </div>
       )}
@@ -278,7 +278,7 @@ interface DifferenceChartsProps extends Omit<DifferencesCardProps, "onChange"> {
 
 /** Mounted anew for other runs or another signal. */
 function DifferenceCharts({ asked, drawn, signal, band, found }: DifferenceChartsProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const begin_s = found.t[0] ?? 0;
   const end_s = (found.t.at(-1) ?? 0) + found.width_s;
   const home = useMemo(() => ({ span_s: end_s - begin_s, end_s }), [begin_s, end_s]);
@@ -290,7 +290,7 @@ function DifferenceCharts({ asked, drawn, signal, band, found }: DifferenceChart
   );
   const named = useCallback((run: number) => nameOf(signal, drawn, run), [signal, drawn]);
   const [view] = useDebouncedValue(control.view, RESTED_MS);
-  const seen = stretch(view, end_s);
+  const seen = visibleRange(view, end_s);
   const part = { from_s: Math.max(0, seen.from_s), to_s: Math.max(found.width_s, seen.to_s) };
   const { data: detail } = useQuery({
     ...differencesQuery(asked, signal, null, 2 * POINTS, part),

@@ -11,7 +11,7 @@ import { plantWord } from "../../components/Header";
 import { LocalizedText } from "../../components/values";
 import { useLive } from "../../live/react";
 import { fixed, instant } from "../../samples/format";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { flightSamplesQuery, flightsQuery, showFlightMoment } from "../../service/api/recordings";
 import { runQuery } from "../../service/api/runs";
 import { usePanels } from "../../theme/useLayouts";
@@ -94,7 +94,7 @@ function FlightCharts({ flight, samples }: { flight: Flight; samples: Columns })
   const source = useMemo(() => sourceOf(samples, begin_s, end_s), [samples, begin_s, end_s]);
   const [playhead] = useState(() => new Playhead(0));
   const panels = usePanels();
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const limits = useLive((live) => live.state?.limits);
   const read = useCallback((name: string, time_s: number) => source.at(name, time_s), [source]);
   const show = useCallback((time_s: number) => showFlightMoment(id, time_s), [id]);

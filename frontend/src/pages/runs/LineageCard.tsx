@@ -6,9 +6,9 @@ import { TbCheck, TbCopy } from "react-icons/tb";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/RunState";
-import { inWords } from "../../samples/quantity";
+import { localizeAngles } from "../../samples/quantity";
 import { parametersQuery } from "../../service/api/identifications";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { lineageQuery } from "../../service/api/runs";
 import type { Lineage, LineageNode, Parameters } from "../../wire/types";
 import pageStyles from "../Page.module.css";
@@ -150,10 +150,10 @@ function Arrow({ from, to }: { from: Placed; to: Placed }) {
 }
 
 function Box({ placed: { node, x, y }, self }: { placed: Placed; self: boolean }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const address = self ? null : addressOfNode(node);
-  const outdated = inWords(node.out_of_date, angles);
-  const detail = inWords(node.detail, angles);
+  const outdated = localizeAngles(node.out_of_date, angles);
+  const detail = localizeAngles(node.detail, angles);
   const inside = (
     <>
       <title>{[node.title, detail, outdated].filter((part) => part !== "").join("\n")}</title>
@@ -210,7 +210,7 @@ export function addressOfNode({ bank, identification, run }: LineageNode): strin
 }
 
 function Digests({ nodes }: { nodes: readonly LineageNode[] }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   return (
     <Table aria-label="Digests" verticalSpacing={2}>
       <Table.Thead>
@@ -226,12 +226,12 @@ function Digests({ nodes }: { nodes: readonly LineageNode[] }) {
             <Table.Td>{node.title}</Table.Td>
             <Table.Td>
               {node.sha256 === null ? (
-                inWords(node.no_sha256, angles)
+                localizeAngles(node.no_sha256, angles)
               ) : (
                 <Digest title={node.title} sha256={node.sha256} />
               )}
             </Table.Td>
-            <Table.Td>{node.out_of_date === "" ? "no" : inWords(node.out_of_date, angles)}</Table.Td>
+            <Table.Td>{node.out_of_date === "" ? "no" : localizeAngles(node.out_of_date, angles)}</Table.Td>
           </Table.Tr>
         ))}
       </Table.Tbody>

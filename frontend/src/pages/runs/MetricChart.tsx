@@ -6,9 +6,9 @@ import { TbSearch } from "react-icons/tb";
 import { Link } from "wouter";
 import { tickLabels } from "../../charts/axes";
 import { Card } from "../../components/Card";
-import { dateTime, inWordsOf } from "../../samples/format";
+import { dateTime, spacedName } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { metricHistoryQuery, searchWordsQuery } from "../../service/api/runs";
 import type { MetricHistory } from "../../wire/types";
 import page from "../Page.module.css";
@@ -149,7 +149,7 @@ export function MetricChart() {
             <NativeSelect
               aria-label="Kind"
               value={kind}
-              data={kinds.map((value) => ({ value, label: inWordsOf(value) }))}
+              data={kinds.map((value) => ({ value, label: spacedName(value) }))}
               onChange={(event) => {
                 setKind(event.currentTarget.value);
                 setMetric("");
@@ -190,7 +190,7 @@ export function MetricChart() {
 
 function Chart({ history }: { history: MetricHistory }) {
   const { ref, width } = useElementSize();
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const reading = readingOf(history.metric?.unit ?? "1", angles);
   const drawn = useMemo(
     () =>

@@ -9,7 +9,7 @@ import { type Playhead, usePlayhead } from "../../charts/viewport";
 import { CameraChoice, SceneFrame, sceneAddress } from "../../components/SceneFrame";
 import { clockTime } from "../../samples/format";
 import { useSceneView } from "../../service/api/preferences";
-import { recordingQuery, showMoment } from "../../service/api/recordings";
+import { recordingQuery, showRunMoment } from "../../service/api/recordings";
 import { ActuatorDrawing } from "../operate/ActuatorDrawing";
 import styles from "./Replay.module.css";
 
@@ -60,7 +60,7 @@ interface ReplayProps {
 export function Replay({ playhead, run, source, duration_s }: ReplayProps) {
   const { at_s } = usePlayhead(playhead);
   const moment = useMoments(run, at_s, duration_s, source);
-  const show = useCallback((time_s: number) => showMoment(run, time_s), [run]);
+  const show = useCallback((time_s: number) => showRunMoment(run, time_s), [run]);
   return (
     <PlayedBack
       playhead={playhead}

@@ -14,17 +14,17 @@ import {
   traceOf,
 } from "../../charts/sources";
 import { StoredRuns } from "../../charts/storedRuns";
-import { Playhead, stretch, useViewport, type ViewControl, type Viewport } from "../../charts/viewport";
+import { Playhead, useViewport, type ViewControl, type Viewport, visibleRange } from "../../charts/viewport";
 import { plantWord } from "../../components/Header";
 import { useLive } from "../../live/react";
 import { significant } from "../../samples/format";
-import { type Angles, inWords } from "../../samples/quantity";
-import type { Stretch } from "../../samples/timeSeries";
+import { type AngleUnit, localizeAngles } from "../../samples/quantity";
+import type { TimeRange } from "../../samples/timeSeries";
 import { banksQuery } from "../../service/api/banks";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { recordingQuery } from "../../service/api/recordings";
 import { runMarksQuery, runQuery } from "../../service/api/runs";
-import { bankInWords } from "../../service/api/tuning";
+import { describeBank } from "../../service/api/tuning";
 import { HUES, isSum, type Trace } from "../../theme/signals";
 import { usePanels } from "../../theme/useLayouts";
 import type { Excerpt } from "../../wire/curves";
@@ -42,7 +42,7 @@ export const LONG_S = AT_HAND_SAMPLES * PERIOD_S;
 
 interface Asked {
   readonly id: number;
-  readonly stretch: Stretch;
+  readonly stretch: TimeRange;
   readonly wanted: boolean;
 }
 
@@ -119,7 +119,7 @@ export interface Recorded {
 }
 
 /** All that the runs cover of the axis. */
-export function covered(runs: readonly Recorded[]): Stretch {
+export function covered(runs: readonly Recorded[]): TimeRange {
   return {
     from_s: Math.min(...runs.map(({ offset_s = 0 }) => offset_s)),
     to_s: Math.max(...runs.map(({ offset_s = 0, duration_s }) => offset_s + duration_s)),
@@ -146,7 +146,7 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
     signals,
   );
   const whole = covered(runs);
-  const seen = stretch(view, whole.to_s);
+  const seen = visibleRange(view, whole.to_s);
   // the first turn of the wheel is followed at once, those after it when they have come to rest
   const wanted = useSteady(widened(seen, whole));
   const [rested] = useDebouncedValue(wanted, RESTED_MS, { leading: true });
@@ -160,7 +160,7 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
   const details = useExcerpts(
     runs.map(({ id }, index) => ({
       id,
-      stretch: parts[index] as Stretch,
+      stretch: parts[index] as TimeRange,
       wanted: zoomed[index] === true,
     })),
     2 * POINTS,
@@ -175,11 +175,11 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
   // biome-ignore lint/correctness/useExhaustiveDependencies: the data belong to the stretch asked for with them
   useEffect(() => {
     details.there.forEach((data, index) => {
-      if (data && zoomed[index]) sources[index]?.setDetail(parts[index] as Stretch, data);
+      if (data && zoomed[index]) sources[index]?.setDetail(parts[index] as TimeRange, data);
     });
   }, [details.there, sources]);
 
-  const first = parts[0] as Stretch;
+  const first = parts[0] as TimeRange;
   const { duration_s, offset_s = 0 } = runs[0] as Recorded;
   const fits =
     zoomed[0] &&
@@ -190,7 +190,7 @@ export function useRecordings(runs: readonly Recorded[], view: Viewport): Record
 }
 
 /** The same object as long as it says the same: a new one would begin the wait for rest anew. */
-function useSteady({ from_s, to_s }: Stretch): Stretch {
+function useSteady({ from_s, to_s }: TimeRange): TimeRange {
   return useMemo(() => ({ from_s, to_s }), [from_s, to_s]);
 }
 
@@ -200,7 +200,7 @@ function resolution(shown: Excerpt | undefined): string {
 }
 
 /** A third more on either side, so that a small pan needs no new data. */
-function widened({ from_s, to_s }: Stretch, whole: Stretch): Stretch {
+function widened({ from_s, to_s }: TimeRange, whole: TimeRange): TimeRange {
   const margin = (to_s - from_s) / 3;
   return {
     from_s: Math.max(whole.from_s, from_s - margin),
@@ -352,7 +352,7 @@ function RecordedCharts(props: RecordedChartsProps) {
   const run = (runs[0] as Recorded).id;
   const further = runs.length - 1;
   const panels = usePanels();
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const limits = useLive((live) => live.state?.limits);
   const { data: found } = useQuery(runQuery(run));
   const { data: banks = NO_BANKS } = useQuery(banksQuery);
@@ -378,7 +378,7 @@ function RecordedCharts(props: RecordedChartsProps) {
       origin={{
         of: runs.map(({ id }, n) => `run ${id}${markOf(n)}`).join(", "),
         plant: found === undefined ? "plant not known" : plantWord(found.plant),
-        bank: bankInWords(found?.settings.find((one) => one.name === "bank")?.value, banks),
+        bank: describeBank(found?.settings.find((one) => one.name === "bank")?.value, banks),
       }}
       name={`sinew-run-${run}`}
       remark={
@@ -393,10 +393,10 @@ function RecordedCharts(props: RecordedChartsProps) {
   );
 }
 
-function placed(mark: RunMark, angles: Angles): PlacedMark {
+function placed(mark: RunMark, angles: AngleUnit): PlacedMark {
   return {
     time_s: mark.t,
-    text: inWords(mark.text, angles),
+    text: localizeAngles(mark.text, angles),
     fault: mark.kind === "fault" || mark.kind === "trip",
     mode: mark.kind === "mode",
   };

@@ -10,7 +10,7 @@ import { DraftMark } from "../../components/DraftMark";
 import { Explained } from "../../components/Explained";
 import { Refusal } from "../../components/Refusal";
 import { Outcome, RunState, unevaluated, Verdict } from "../../components/RunState";
-import { LocalizedText, Shown, Unit } from "../../components/values";
+import { LocalizedText, Unit, ValueOrReason } from "../../components/values";
 import {
   capital,
   dateTime,
@@ -21,10 +21,10 @@ import {
   settingValue,
   short,
 } from "../../samples/format";
-import { angleText, labelWith, readingOf, told, withUnit } from "../../samples/quantity";
+import { angleText, formatWithUnit, labelWith, readingOf, withUnit } from "../../samples/quantity";
 import { experimentQuery } from "../../service/api/experiments";
 import { identificationQuery } from "../../service/api/identifications";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { runQuery, searchWordsQuery, useEvaluate, useSetNote, useTag } from "../../service/api/runs";
 import { useMayCommand } from "../../service/control/control";
 import { isText, useDraft } from "../../service/forms/drafts";
@@ -110,7 +110,7 @@ type JudgedRun = Pick<Run, "outcome" | "end_state">;
 export function RunVerdict({ run: { outcome, end_state } }: { run: JudgedRun }) {
   const why = end_state === "running" ? "the run is not over" : "recorded by hand: nothing is judged";
   return (
-    <Shown value={outcome} why={why}>
+    <ValueOrReason value={outcome} why={why}>
       {(found) =>
         found === "neutral" ? (
           <Explained of="outcome:neutral" quiet>
@@ -122,15 +122,15 @@ export function RunVerdict({ run: { outcome, end_state } }: { run: JudgedRun }) 
           </Verdict>
         )
       }
-    </Shown>
+    </ValueOrReason>
   );
 }
 
 /** The figure that decided, with its bound; the first one measured where nothing is judged. */
 export function KeyFigure({ headline }: Pick<Run, "headline">) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   return (
-    <Shown value={headline} why="no figure was measured">
+    <ValueOrReason value={headline} why="no figure was measured">
       {({ name, label, value, unit, relation, bound }) => {
         const reading = readingOf(unit, angles);
         return (
@@ -141,13 +141,13 @@ export function KeyFigure({ headline }: Pick<Run, "headline">) {
             </span>
             {bound !== null && (
               <span className={runsStyles.bound}>
-                {relation} {told(bound, unit, angles)}
+                {relation} {formatWithUnit(bound, unit, angles)}
               </span>
             )}
           </span>
         );
       }}
-    </Shown>
+    </ValueOrReason>
   );
 }
 
@@ -205,7 +205,7 @@ function NoteField({ value, onChange }: { value: string; onChange: (value: strin
 /** What a run was set to, with units. */
 
 export function SettingsCard({ settings }: { settings: Run["settings"] }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const sequence = settings.find(({ name }) => name === "segments");
   const segments = parseSegments(String(sequence?.value ?? ""));
   const plain = segments === null ? settings : settings.filter((setting) => setting !== sequence);
@@ -249,7 +249,7 @@ export function SettingsCard({ settings }: { settings: Run["settings"] }) {
 }
 
 function Segments({ segments }: { segments: readonly Segment[] }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   return (
     <div className={pageStyles.tableScroll}>
       <Table aria-label="Segments" verticalSpacing={2}>

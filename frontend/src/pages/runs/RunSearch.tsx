@@ -4,7 +4,7 @@ import { useId, useState } from "react";
 import { TbSearch } from "react-icons/tb";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
-import { inWordsOf } from "../../samples/format";
+import { spacedName } from "../../samples/format";
 import { savedSearchesQuery, searchWordsQuery, useForgetSearch, useSaveSearch } from "../../service/api/runs";
 import pageStyles from "../Page.module.css";
 import runsStyles from "./Runs.module.css";
@@ -244,7 +244,7 @@ function Choice({ label, all, known = [], value, plain = false, onChange }: Choi
       value={value}
       data={[
         { value: "", label: all },
-        ...offered.map((word) => ({ value: word, label: plain ? word : inWordsOf(word) })),
+        ...offered.map((word) => ({ value: word, label: plain ? word : spacedName(word) })),
       ]}
       onChange={(event) => onChange(event.currentTarget.value)}
     />

@@ -5,7 +5,7 @@ import { memo, useMemo, useState } from "react";
 import { Link, useLocation } from "wouter";
 import { Card } from "../../components/Card";
 import { RunState, unevaluated } from "../../components/RunState";
-import { Shown } from "../../components/values";
+import { ValueOrReason } from "../../components/values";
 import { dateTime, duration, fixed } from "../../samples/format";
 import { runsQuery } from "../../service/api/runs";
 import type { Run } from "../../wire/types";
@@ -120,9 +120,9 @@ const Cells = memo(({ run, stations, plants }: CellsProps) => (
       </span>
     </Table.Td>
     <Table.Td maw={260} className={runsStyles.note ?? ""}>
-      <Shown value={run.note || null} why="no note">
+      <ValueOrReason value={run.note || null} why="no note">
         {(note) => note}
-      </Shown>
+      </ValueOrReason>
     </Table.Td>
   </>
 ));

@@ -1,9 +1,9 @@
 import { NativeSelect } from "@mantine/core";
 import { useState } from "react";
 import { Card } from "../../components/Card";
-import { counted, digitsApart, digitsOver, fixed, settingValue, short } from "../../samples/format";
+import { digitsApart, digitsOver, fixed, pluralized, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import type { MapPick } from "../../service/api/studies";
 import type { StudyDetail, StudyMap } from "../../wire/types";
 import pageStyles from "../Page.module.css";
@@ -356,7 +356,7 @@ export function MapsCard({ detail, pick, onPick }: MapsCardProps) {
 }
 
 function FigureMap({ map, detail }: { map: StudyMap; detail: StudyDetail }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const share = detail.shares.find(({ name }) => name === map.figure);
   const figure = detail.figures.find(({ name }) => name === map.figure);
   const { factor, unit } = readingOf(share === undefined ? (figure?.unit ?? "1") : "%", angles);
@@ -380,7 +380,7 @@ function FigureMap({ map, detail }: { map: StudyMap; detail: StudyDetail }) {
       title={[
         `${title}${runs > 1 ? `: ${several} of up to ${fixed(runs, 0)} runs` : ""}`,
         ...(map.unstable.flat().includes(true) ? ["∞: a loop is unstable"] : []),
-        ...(without > 0 ? [`${fixed(without, 0)} of ${counted(computed, "run")} without a number`] : []),
+        ...(without > 0 ? [`${fixed(without, 0)} of ${pluralized(computed, "run")} without a number`] : []),
       ].join("; ")}
       x={x}
       y={y}

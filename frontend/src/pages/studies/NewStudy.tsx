@@ -6,7 +6,7 @@ import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { DraftMark, useReplaceDraft } from "../../components/DraftMark";
 import { Refusal } from "../../components/Refusal";
-import { counted } from "../../samples/format";
+import { pluralized } from "../../samples/format";
 import { checkedStudyQuery, useBeginStudy } from "../../service/api/studies";
 import { isText, useDraft } from "../../service/forms/drafts";
 import type { CheckedStudy } from "../../wire/types";
@@ -147,7 +147,7 @@ export function NewStudy() {
             error={begin.error}
             about={text}
             text={checked?.problem || null}
-            hint={checked?.points == null ? HINT : `${counted(checked.points, "run")}. ${HINT}`}
+            hint={checked?.points == null ? HINT : `${pluralized(checked.points, "run")}. ${HINT}`}
           />
         </div>
       </div>

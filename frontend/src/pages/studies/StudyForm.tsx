@@ -3,9 +3,9 @@ import { useQuery } from "@tanstack/react-query";
 import { useState } from "react";
 import { TbPlus, TbX } from "react-icons/tb";
 import { NumberField } from "../../components/fields";
-import { boxText, inSI, labelWith, offered } from "../../samples/quantity";
+import { boxText, inSI, labelWith, offeredDefault } from "../../samples/quantity";
 import { experimentKindsQuery } from "../../service/api/experiments";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import { plantNumbersQuery } from "../../service/api/studies";
 import { isOfTheLoop } from "../experiments/ExperimentForm";
 import pageStyles from "../Page.module.css";
@@ -31,7 +31,7 @@ export interface Choices {
 export function useVaried(experiment: string): Choices {
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: numbers = [] } = useQuery(plantNumbersQuery);
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const kind = kinds.find(({ name }) => name === experiment) ?? null;
   const settings = (kind ?? kinds[0])?.settings ?? [];
   const shown = settings.map((setting) => ({
@@ -39,7 +39,7 @@ export function useVaried(experiment: string): Choices {
     name: setting.name,
     label: `${setting.symbol}: ${setting.meaning}`,
     unit: setting.unit,
-    value: offered(setting.default ?? "", setting, angles),
+    value: offeredDefault(setting.default ?? "", setting, angles),
   }));
   return {
     experiment: kind === null ? [] : shown.filter(({ loop, name }) => !loop && name !== "segments"),
@@ -240,7 +240,7 @@ interface RowProps {
 
 function Row({ number, axis, choices, onChange, onRemove }: RowProps) {
   const { unit, value } = variedOf(choices, axis.over);
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const isList = axis.values !== undefined;
   const of = `of axis ${number}`;
 
@@ -339,7 +339,7 @@ interface NumberBoxProps {
 }
 
 export function NumberBox({ label, of, unit, value, onChange }: NumberBoxProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   return (
     <NumberField
       label={labelWith(label, unit, angles)}
@@ -363,7 +363,7 @@ interface ValueListProps {
 
 /** Keeps what is typed while it says the same: a comma at the end is not taken away. */
 function ValueList({ label, of, unit, values, onChange }: ValueListProps) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const [typed, setTyped] = useState("");
   const read = (text: string) => valuesIn(text, (word) => inSI(word, unit, angles));
   const isMine = JSON.stringify(read(typed)) === JSON.stringify(values);

@@ -6,10 +6,10 @@ import { Card } from "../../components/Card";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Explained } from "../../components/Explained";
 import { Refusal } from "../../components/Refusal";
-import { Shown, Unit } from "../../components/values";
-import { capital, counted, dateTime, duration, fixed, settingValue, short } from "../../samples/format";
+import { Unit, ValueOrReason } from "../../components/values";
+import { capital, dateTime, duration, fixed, pluralized, settingValue, short } from "../../samples/format";
 import { readingOf } from "../../samples/quantity";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import {
   isUnderWay,
   type MapPick,
@@ -78,14 +78,17 @@ export function SharesCard({ shares }: { shares: readonly StudyShare[] }) {
                 <Table.Td className={pageStyles.number}>{fixed(count, 0)}</Table.Td>
                 <Table.Td className={pageStyles.number}>{fixed(of, 0)}</Table.Td>
                 <Table.Td className={pageStyles.number}>
-                  <Shown value={percent} why="no run was judged">
+                  <ValueOrReason value={percent} why="no run was judged">
                     {(known) => fixed(known, 1)}
-                  </Shown>
+                  </ValueOrReason>
                 </Table.Td>
                 <Table.Td className={pageStyles.number}>
-                  <Shown value={low === null || high === null ? null : [low, high]} why="no run was judged">
+                  <ValueOrReason
+                    value={low === null || high === null ? null : [low, high]}
+                    why="no run was judged"
+                  >
                     {(known) => known.map((end) => fixed(end, 1)).join(" to ")}
-                  </Shown>
+                  </ValueOrReason>
                 </Table.Td>
                 <Table.Td className={pageStyles.number}>{fixed(left_out, 0)}</Table.Td>
               </Table.Tr>
@@ -98,7 +101,7 @@ export function SharesCard({ shares }: { shares: readonly StudyShare[] }) {
 }
 
 export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
-  const angles = useAngles();
+  const angles = useAngleUnit();
   return (
     <Card title="Figures">
       <div className={pageStyles.tableScroll}>
@@ -130,16 +133,16 @@ export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
                 </Table.Td>
                 {STATISTICS.map(([which]) => (
                   <Table.Td key={which} className={pageStyles.number}>
-                    <Shown
+                    <ValueOrReason
                       value={figure[which]}
                       why={
                         figure.unstable > 0
-                          ? `unstable loop in ${counted(figure.unstable, "run")}`
+                          ? `unstable loop in ${pluralized(figure.unstable, "run")}`
                           : "one run only"
                       }
                     >
                       {(known) => short(known * readingOf(figure.unit, angles).factor)}
-                    </Shown>
+                    </ValueOrReason>
                   </Table.Td>
                 ))}
               </Table.Tr>
@@ -227,7 +230,7 @@ export function StudyPage({ id }: { id: number }) {
 function ProgressCard({ study }: { study: Study }) {
   const stop = useStopStudy();
   const resume = useResumeStudy();
-  const ends = Object.entries(study.ends).map(([end, count]) => `${counted(count, "run")} ${end}`);
+  const ends = Object.entries(study.ends).map(([end, count]) => `${pluralized(count, "run")} ${end}`);
   return (
     <Card title={study.title}>
       <div className={pageStyles.fields}>

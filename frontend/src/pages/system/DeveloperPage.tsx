@@ -8,7 +8,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { Absent } from "../../components/values";
 import { useLive } from "../../live/react";
-import { faultsQuery, useInject, useMend } from "../../service/api/system";
+import { faultsQuery, useEndInjection, useInjectFault } from "../../service/api/system";
 import { useMayCommand } from "../../service/control/control";
 import type { Injection, PlantView } from "../../wire/types";
 import page from "../Page.module.css";
@@ -19,8 +19,8 @@ export default function DeveloperPage() {
   const latched = useLive((live) => live.state?.fault?.code);
   const plant = useLive((live) => live.state?.plant);
   const breakable = plant?.simulated ?? true;
-  const inject = useInject();
-  const mend = useMend();
+  const inject = useInjectFault();
+  const mend = useEndInjection();
   return (
     <div className={page.page}>
       <h1 className={page.title}>Developer page</h1>

@@ -6,7 +6,7 @@ import { useState } from "react";
 import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
-import { bytes, counted, dateTime, inWordsOf } from "../../samples/format";
+import { bytes, dateTime, pluralized, spacedName } from "../../samples/format";
 import { recordingsQuery, useRemoveRecordings } from "../../service/api/recordings";
 import type { Recordings } from "../../wire/types";
 import { Facts } from "./Facts";
@@ -89,7 +89,7 @@ function Removal({ runs, onDone }: RemovalProps) {
                   />
                 </Table.Td>
                 <Table.Td>
-                  {run.run}, {inWordsOf(run.kind)}
+                  {run.run}, {spacedName(run.kind)}
                 </Table.Td>
                 <Table.Td>{dateTime(run.started)}</Table.Td>
                 <Table.Td>{run.who}</Table.Td>
@@ -112,7 +112,7 @@ function Removal({ runs, onDone }: RemovalProps) {
             )
           }
         >
-          {`Delete the samples of ${counted(going.length, "run")} (${bytes(total(going))})`}
+          {`Delete the samples of ${pluralized(going.length, "run")} (${bytes(total(going))})`}
         </Button>
         <Button variant="default" onClick={onDone}>
           Keep all
@@ -134,5 +134,5 @@ function total(runs: Recordings["may_go"]): number {
 }
 
 function summary(runs: Recordings["may_go"], keepDays: number): string {
-  return `samples of ${counted(runs.length, "run")} older than ${counted(keepDays, "day")}, ${bytes(total(runs))}`;
+  return `samples of ${pluralized(runs.length, "run")} older than ${pluralized(keepDays, "day")}, ${bytes(total(runs))}`;
 }

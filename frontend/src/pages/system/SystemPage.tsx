@@ -8,7 +8,7 @@ import { Verdict } from "../../components/RunState";
 import { useLive } from "../../live/react";
 import { age, bytes, dateTime, duration, fixed, kilohertz } from "../../samples/format";
 import { healthQuery, sessionQuery } from "../../service/api/session";
-import { systemQuery, useBackup, useCheck } from "../../service/api/system";
+import { systemQuery, useBackupDatabase, useCheckDatabase } from "../../service/api/system";
 import { entryOf } from "../../service/glossary";
 import type { SystemState } from "../../wire/types";
 import pageStyles from "../Page.module.css";
@@ -24,8 +24,8 @@ import { TriggerCard } from "./TriggerCard";
 const LITTLE_BYTES = 2e9;
 
 export function DatabaseCard({ system }: { system: SystemState | undefined }) {
-  const backup = useBackup();
-  const check = useCheck();
+  const backup = useBackupDatabase();
+  const check = useCheckDatabase();
   const database = system?.database;
   const newest = system?.backups[0];
   const free = database?.disk_free_bytes ?? 0;

@@ -10,16 +10,16 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { ChoiceField, NumberField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
-import { inWords, readingOf } from "../../samples/quantity";
+import { localizeAngles, readingOf } from "../../samples/quantity";
 import { useDerived } from "../../service/api/formulas";
-import { useAngles } from "../../service/api/preferences";
+import { useAngleUnit } from "../../service/api/preferences";
 import {
   CONDITIONS,
+  describeTrigger,
   flightsQuery,
   isWindow,
-  triggerWords,
-  useArm,
-  useDisarm,
+  useArmTrigger,
+  useDisarmTrigger,
 } from "../../service/api/recordings";
 import { isNumberOrText, isPlainRecord, isText, useDraft } from "../../service/forms/drafts";
 import { RefusedFields } from "../../service/forms/refusals";
@@ -60,7 +60,7 @@ function isCondition(value: unknown): value is Condition {
 
 export function TriggerCard() {
   const trigger = useLive((live) => live.state?.trigger ?? null);
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const queries = useQueryClient();
   const captured = trigger?.captured ?? 0;
   // biome-ignore lint/correctness/useExhaustiveDependencies: each capture is one more record in the list
@@ -72,7 +72,7 @@ export function TriggerCard() {
       aside={<Link href="/system">{captured > 0 ? "Captures in flight records" : "Flight records"}</Link>}
     >
       <output className={styles.state} aria-label="Trigger" data-phase={trigger?.phase ?? "none"}>
-        {inWords(triggerWords(trigger), angles)}
+        {localizeAngles(describeTrigger(trigger), angles)}
         {waits && ` (armed by ${trigger.who})`}
       </output>
       <OperatorsOnly>{waits ? <Disarm /> : <ArmForm />}</OperatorsOnly>
@@ -81,7 +81,7 @@ export function TriggerCard() {
 }
 
 function Disarm() {
-  const disarm = useDisarm();
+  const disarm = useDisarmTrigger();
   return (
     <div className={styles.row}>
       <Button size="compact-sm" variant="default" loading={disarm.isPending} onClick={() => disarm.mutate()}>
@@ -93,8 +93,8 @@ function Disarm() {
 }
 
 function ArmForm() {
-  const arm = useArm();
-  const angles = useAngles();
+  const arm = useArmTrigger();
+  const angles = useAngleUnit();
   const derived = useDerived();
   const draft = useDraft<Condition>("trigger", USUAL, isCondition);
   const { signal, condition, level, upper, before_s, after_s, captures } = draft.value;
@@ -120,7 +120,7 @@ function ArmForm() {
     });
   }
 
-  const box = { size: "xs", saidAt: "refusal-of-trigger" } as const;
+  const box = { size: "xs", messageId: "refusal-of-trigger" } as const;
   return (
     <RefusedFields error={arm.error} about={about}>
       <form aria-label="Trigger" onSubmit={submit}>

@@ -22,7 +22,7 @@ export function usePush() {
 }
 
 /** What is learned of the outside force, and from what force on the joint gives way. */
-export function useTouch() {
+export function useConfigureContact() {
   return useMutation({
     mutationFn: (what: Partial<TouchOrder>) =>
       answered(api.PUT("/api/touch", { body: { learn: false, forget: false, ...what } })),
@@ -68,7 +68,7 @@ class Orders {
   private accepted_ms = Number.NEGATIVE_INFINITY;
 
   constructor(private readonly store: LiveStore) {
-    store.subscribe(() => this.hear());
+    store.subscribe(() => this.onState());
   }
 
   order(part: Partial<References>): Promise<void> {
@@ -97,7 +97,7 @@ class Orders {
   }
 
   /** References that were not ordered here are in force by somebody else, or by the loop: they count from then on. */
-  private hear(): void {
+  private onState(): void {
     const told = this.store.snapshot().state?.references;
     if (told === undefined || !isKnown(told) || this.awaited.length === 0) return;
     const at = this.awaited.findIndex((one) => isSame(one, told));

@@ -62,7 +62,7 @@ export function useActivateBank() {
 }
 
 /** Gains from the plant's geometry again, no bank. */
-export function useGeometry() {
+export function useActivateGeometry() {
   const queries = useQueryClient();
   return useMutation({
     mutationFn: () => answered(api.POST("/api/banks/geometry/activate")),

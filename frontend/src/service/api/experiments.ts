@@ -36,7 +36,7 @@ export function useCheckExperiment() {
 }
 
 /** Keeps an experiment as the next version of its name. */
-export function useKeepExperiment() {
+export function useSaveExperiment() {
   const queries = useQueryClient();
   return useMutation({
     mutationFn: (text: string) => answered(api.POST("/api/experiments/own", { body: { text } })),
@@ -122,7 +122,7 @@ export function experimentAsRunQuery(run_id: number) {
 }
 
 /** A text looked over, which takes no time: whether it would be refused, and why. */
-export function lookedOverQuery(text: string) {
+export function checkedExperimentQuery(text: string) {
   return queryOptions({
     queryKey: ["looked-over", text],
     queryFn: () => answered(api.POST("/api/experiments/check", { body: { text, play: false } })),

@@ -38,7 +38,7 @@ export function useFormulas(): readonly Formula[] {
   return useQuery(formulasQuery).data ?? NONE;
 }
 
-export function usePutFormula() {
+export function useSaveFormula() {
   const renew = useRenew();
   return useMutation({
     mutationFn: ({ name, ...body }: FormulaText & { name: string }) =>

@@ -1,7 +1,7 @@
 /** The log: everything that happened, and what people say of it. */
 
 import { infiniteQueryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
-import type { Angles } from "../../samples/quantity";
+import type { AngleUnit } from "../../samples/quantity";
 import { answered, api } from "../../wire/client";
 import type { LogEntry } from "../../wire/types";
 
@@ -16,7 +16,7 @@ export interface LogAsked {
   readonly since: string;
   readonly before: string;
   /** The unit in which the words were read. */
-  readonly angles: Angles;
+  readonly angles: AngleUnit;
 }
 
 const PAGE = 100;

@@ -3,7 +3,7 @@
 import { queryOptions, useMutation, useQuery, useQueryClient } from "@tanstack/react-query";
 import { createContext, useContext } from "react";
 import { paintsInSoftware } from "../../drawing/canvas";
-import type { Angles } from "../../samples/quantity";
+import type { AngleUnit } from "../../samples/quantity";
 import { answered, api } from "../../wire/client";
 import type { Preferences } from "../../wire/types";
 
@@ -67,10 +67,10 @@ export function usePreferences(): PreferencesInUse {
 /** The unit in which the signed-in person reads angles, for whatever shows or takes one. */
 
 /** Degrees until the service has said what the person chose. */
-export const AnglesContext = createContext<Angles>("deg");
+export const AngleUnitContext = createContext<AngleUnit>("deg");
 
-export function useAngles(): Angles {
-  return useContext(AnglesContext);
+export function useAngleUnit(): AngleUnit {
+  return useContext(AngleUnitContext);
 }
 
 /** Whether a person sees the actuator in 3D, and from where: remembered for them, at every machine. */

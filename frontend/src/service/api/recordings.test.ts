@@ -1,6 +1,6 @@
 import { describe, expect, it, vi } from "vitest";
 import type { Flight, Trigger } from "../../wire/types";
-import { flightOf, triggerWords } from "./recordings";
+import { describeTrigger, flightOf } from "./recordings";
 
 // the REST client takes hold of fetch when it is made
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
@@ -54,12 +54,12 @@ describe("trigger", () => {
   };
 
   it("says what is waited for, how far a recording is, and why nothing is waited for", () => {
-    expect(triggerWords(null)).toBe("Not armed");
-    expect(triggerWords(ARMED)).toBe("Armed: F_A rising through 20 N; 1 of 3 captured");
-    expect(triggerWords({ ...ARMED, phase: "capturing", left_s: 1.25 })).toMatch(
+    expect(describeTrigger(null)).toBe("Not armed");
+    expect(describeTrigger(ARMED)).toBe("Armed: F_A rising through 20 N; 1 of 3 captured");
+    expect(describeTrigger({ ...ARMED, phase: "capturing", left_s: 1.25 })).toMatch(
       /^Recording: .*; 1\.[23] s left$/,
     );
-    expect(triggerWords({ ...ARMED, phase: "ended", captured: 3, ended: "all captures were made" })).toBe(
+    expect(describeTrigger({ ...ARMED, phase: "ended", captured: 3, ended: "all captures were made" })).toBe(
       "Not armed: all captures were made; 3 of 3 captured",
     );
   });

@@ -2,7 +2,7 @@
 
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
 import { fixed } from "../../samples/format";
-import type { Stretch } from "../../samples/timeSeries";
+import type { TimeRange } from "../../samples/timeSeries";
 import type { components } from "../../wire/api.gen";
 import { answered, api, resultIn } from "../../wire/client";
 import { decodeCurves, fromCsv } from "../../wire/curves";
@@ -53,7 +53,7 @@ export function useRemoveRecordings() {
   });
 }
 
-export function recordingQuery(id: number, stretch: Stretch, points: number, signals: readonly string[]) {
+export function recordingQuery(id: number, stretch: TimeRange, points: number, signals: readonly string[]) {
   const query = { from: stretch.from_s, to: stretch.to_s, points, signals: signals.join(",") };
   return queryOptions({
     queryKey: ["runs", id, "samples", query],
@@ -70,7 +70,7 @@ export function recordingQuery(id: number, stretch: Stretch, points: number, sig
 }
 
 /** Let the 3D view of the replay show a moment of a run. */
-export function showMoment(run: number, t: number) {
+export function showRunMoment(run: number, t: number) {
   return answered(api.POST("/api/runs/{id}/replay", { params: { path: { id: run } }, body: { t } }));
 }
 
@@ -85,7 +85,7 @@ export const playedQuery = queryOptions({
 });
 
 /** Plays, pauses, sets the speed or goes to a time; what is left out stays as it is. */
-export function usePlayer() {
+export function usePlayerCommand() {
   return useMutation({
     mutationFn: (body: Partial<PlayerOrder>) => answered(api.PUT("/api/player", { body })),
   });
@@ -107,7 +107,7 @@ export function isWindow(condition: TriggerOrder["condition"]): boolean {
 }
 
 /** What it does at present; quantities in SI, as the log has them. */
-export function triggerWords(trigger: Trigger | null): string {
+export function describeTrigger(trigger: Trigger | null): string {
   if (trigger === null) return "Not armed";
   const made = `${trigger.captured} of ${trigger.captures} captured`;
   if (trigger.phase === "armed") return `Armed: ${trigger.says}; ${made}`;
@@ -115,13 +115,13 @@ export function triggerWords(trigger: Trigger | null): string {
   return `Not armed: ${trigger.ended}; ${made}`;
 }
 
-export function useArm() {
+export function useArmTrigger() {
   return useMutation({
     mutationFn: (body: TriggerOrder) => answered(api.PUT("/api/trigger", { body })),
   });
 }
 
-export function useDisarm() {
+export function useDisarmTrigger() {
   const queries = useQueryClient();
   return useMutation({
     mutationFn: () => answered(api.DELETE("/api/trigger")),
@@ -144,7 +144,7 @@ export interface Waiting {
 /** Statistics of every sample of a range. Throws RequestError for refusals, Error for an answer that broke off. */
 export async function rangeStatistics(
   run: number,
-  range: Stretch,
+  range: TimeRange,
   signals: readonly string[],
   { signal, onShare }: Waiting,
 ): Promise<RecordedStatistics> {
@@ -156,7 +156,7 @@ export async function rangeStatistics(
 /** Spectra of every sample of a range. Throws like `rangeStatistics`. */
 export async function rangeSpectra(
   run: number,
-  range: Stretch,
+  range: TimeRange,
   signals: readonly string[],
   { signal, onShare }: Waiting,
 ): Promise<RecordedSpectra> {
@@ -177,12 +177,12 @@ export function valuesAt(
 }
 
 /** Where the file of every sample of a range is downloaded from. */
-export function rangeFile(run: number, { from_s, to_s }: Stretch, signals: readonly string[]): string {
+export function rangeFile(run: number, { from_s, to_s }: TimeRange, signals: readonly string[]): string {
   const query = new URLSearchParams({ from: String(from_s), to: String(to_s), signals: signals.join(",") });
   return `./api/runs/${run}/range.csv?${query}`;
 }
 
-function asked(run: number, { from_s, to_s }: Stretch, signals: readonly string[]) {
+function asked(run: number, { from_s, to_s }: TimeRange, signals: readonly string[]) {
   return { path: { id: run }, query: { from: from_s, to: to_s, signals: signals.join(",") } };
 }
 

@@ -1,7 +1,7 @@
 /** Stored runs: lists, details, notes and tags, saved searches, and comparisons. */
 
 import { queryOptions, useMutation, useQueryClient } from "@tanstack/react-query";
-import type { Stretch } from "../../samples/timeSeries";
+import type { TimeRange } from "../../samples/timeSeries";
 import type { operations } from "../../wire/api.gen";
 import { answered, api } from "../../wire/client";
 import { excerptOf } from "../../wire/curves";
@@ -163,7 +163,7 @@ export function differencesQuery(
   signal: string,
   band: number | null,
   points: number,
-  stretch?: Stretch,
+  stretch?: TimeRange,
 ) {
   const query = { ...asked, signal, points, ...(band === null ? {} : { band }), ...stretch };
   return queryOptions({

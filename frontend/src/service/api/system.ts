@@ -24,7 +24,7 @@ export const faultsQuery = queryOptions({
   staleTime: Number.POSITIVE_INFINITY,
 });
 
-export function useBackup() {
+export function useBackupDatabase() {
   const queries = useQueryClient();
   return useMutation({
     mutationFn: () => answered(api.POST("/api/system/backups")),
@@ -32,25 +32,25 @@ export function useBackup() {
   });
 }
 
-export function useCheck() {
+export function useCheckDatabase() {
   return useMutation({
     mutationFn: async () => (await answered(api.POST("/api/system/check"))).problems,
   });
 }
 
-export function useInject() {
+export function useInjectFault() {
   return useMutation({
     mutationFn: (body: Injection) => answered(api.POST("/api/faults/injection", { body })),
   });
 }
 
-export function useMend() {
+export function useEndInjection() {
   return useMutation({ mutationFn: () => answered(api.DELETE("/api/faults/injection")) });
 }
 
 /** Whether the way from this page's address to the service is set up right. */
 
-export interface WayToService {
+export interface AddressCheck {
   /** What is wrong, and how to set it right, in sentences. */
   readonly problems: readonly string[];
   /** Whether the service itself has found nothing wrong: what does not work then is something else. */
@@ -60,16 +60,18 @@ export interface WayToService {
 const AGAIN_MS = 10_000;
 
 /** Asked at the start, and once more when the live connection does not come about. */
-export const wayQuery = (isWithoutStream: boolean) =>
+export const addressCheckQuery = (isWithoutStream: boolean) =>
   queryOptions({
     queryKey: ["page-address", isWithoutStream],
-    queryFn: () => wayOf(answered(api.POST("/api/page-address", { body: { url: `${BASE}/` } }))),
+    queryFn: () => addressCheckOf(answered(api.POST("/api/page-address", { body: { url: `${BASE}/` } }))),
     staleTime: Number.POSITIVE_INFINITY,
     refetchInterval: ({ state }) => (state.data?.problems.length === 0 ? false : AGAIN_MS),
   });
 
 /** What the answer to the question says; a service that cannot be reached is told elsewhere. */
-export async function wayOf(asked: Promise<{ problems: { message: string }[] }>): Promise<WayToService> {
+export async function addressCheckOf(
+  asked: Promise<{ problems: { message: string }[] }>,
+): Promise<AddressCheck> {
   try {
     const { problems } = await asked;
     return { problems: problems.map(({ message }) => message), isAnswered: true };

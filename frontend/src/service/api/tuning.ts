@@ -149,19 +149,19 @@ const LAMBDAS = [
 ] as const;
 
 /** The tuning of an order or a run in one line: "λ_q 0.5 s, …, gains from geometry". */
-export function tuningInWords(settings: Readonly<Record<string, unknown>>, banks: readonly Bank[]): string {
+export function describeTuning(settings: Readonly<Record<string, unknown>>, banks: readonly Bank[]): string {
   const parts = [
     ...LAMBDAS.map(([name, symbol]) => partOf(settings[name], symbol, " s")),
     settings.b === undefined ? "b not recorded" : partOf(settings.b, "b", ""),
-    bankInWords(settings.bank, banks),
+    describeBank(settings.bank, banks),
     settings.interpolate === true ? "interpolating between entries" : "",
-    motionInWords(settings.motion, settings.u_plan),
-    rejectionInWords(settings.k_ext),
+    describeMotion(settings.motion, settings.u_plan),
+    describeFeedforward(settings.k_ext),
   ];
   return parts.filter((part) => part !== "").join(", ");
 }
 
-export function bankInWords(id: unknown, banks: readonly Bank[]): string {
+export function describeBank(id: unknown, banks: readonly Bank[]): string {
   if (typeof id !== "number") return "";
   if (id === 0) return "gains from geometry";
   const bank = banks.find((one) => one.id === id);
@@ -169,14 +169,14 @@ export function bankInWords(id: unknown, banks: readonly Bank[]): string {
 }
 
 /** How references are followed; runs recorded before motions had names have a voltage limit in one of them only. */
-export function motionInWords(motion: unknown, u_plan: unknown): string {
+export function describeMotion(motion: unknown, u_plan: unknown): string {
   const isTimeOptimal = motion === undefined ? Number(u_plan ?? 0) > 0 : motion === "time-optimal";
   if (!isTimeOptimal) return "lambda motion";
   return typeof u_plan === "number" ? `time-optimal motion within ${short(u_plan)} V` : "time-optimal motion";
 }
 
 /** How much of a push is fed forward; nothing where that is left to the position loop, as it ever was. */
-export function rejectionInWords(k_ext: unknown): string {
+export function describeFeedforward(k_ext: unknown): string {
   return typeof k_ext === "number" && k_ext > 0 ? `pushes rejected by ${short(k_ext)}` : "";
 }
 

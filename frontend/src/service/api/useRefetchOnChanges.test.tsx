@@ -7,7 +7,7 @@ import { afterEach, expect, it, vi } from "vitest";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { State } from "../../wire/types";
-import { useFreshness } from "./useRefetchOnChanges";
+import { useRefetchOnChanges } from "./useRefetchOnChanges";
 
 afterEach(cleanup);
 
@@ -25,7 +25,7 @@ it("asks again for forecasts once parameters or a bank come into force, and for 
   const queries = new QueryClient();
   const asked = vi.spyOn(queries, "invalidateQueries");
   store.setState(told(1, null));
-  renderHook(() => useFreshness(), {
+  renderHook(() => useRefetchOnChanges(), {
     wrapper: ({ children }: { children: ReactNode }) => (
       <QueryClientProvider client={queries}>
         <LiveProvider store={store}>{children}</LiveProvider>

@@ -11,7 +11,7 @@ const CHANGED_BY_TASKS = ["identifications", "experiments", "runs", "banks", "qu
 /** After so many failed connections the reason may be that the session has ended. */
 const FAILURES = 2;
 
-export function useFreshness(): void {
+export function useRefetchOnChanges(): void {
   const queries = useQueryClient();
   const task = useLive((live) => live.state?.task?.run ?? null);
   const recording = useLive((live) => live.state?.recording_run ?? null);

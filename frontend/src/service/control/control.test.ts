@@ -2,16 +2,16 @@ import { describe, expect, it } from "vitest";
 import { RequestError } from "../../wire/client";
 import type { State } from "../../wire/types";
 import { isAboutControl } from "../forms/refusals";
-import { afterTold, type ControlKept, lossSentence, NO_CONTROL, whyNoControl } from "./control";
+import { type ControlState, describeLoss, NO_CONTROL, nextControlState, whyNoControl } from "./control";
 
 describe("control loss", () => {
   const holder = (epoch: number, name = "Ana") => ({ name, epoch, page: true, silent_s: 0, lost: false });
 
   function play(
     told: readonly (readonly [ReturnType<typeof holder> | null, mine: number | null, givenUp?: number])[],
-  ): ControlKept {
+  ): ControlState {
     return told.reduce(
-      (kept, [who, mine, givenUp]) => afterTold(kept, who, mine, givenUp ?? null, 5),
+      (kept, [who, mine, givenUp]) => nextControlState(kept, who, mine, givenUp ?? null, 5),
       NO_CONTROL,
     );
   }
@@ -22,7 +22,7 @@ describe("control loss", () => {
       [holder(8, "Ben"), 7],
     ]);
     expect(lost.lost).toEqual({ to: "Ben", at_ms: 5 });
-    expect(lossSentence({ to: "Ben" })).toContain("Ben has taken over");
+    expect(describeLoss({ to: "Ben" })).toContain("Ben has taken over");
     expect(
       play([
         [holder(7), 7],
@@ -39,7 +39,7 @@ describe("control loss", () => {
       [null, 7],
     ]);
     expect(lost).toEqual({ to: null, at_ms: 5 });
-    expect(lossSentence({ to: null })).toContain("has ended");
+    expect(describeLoss({ to: null })).toContain("has ended");
   });
 
   it("has nothing to say once this page holds control again", () => {

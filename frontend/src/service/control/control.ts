@@ -13,22 +13,22 @@ import { whyNoRetuning } from "../api/tuning";
 type Holder = State["holder"];
 
 /** What this page knows of its control; `lost` stays until control is had again or a person has read it. */
-export interface ControlKept {
+export interface ControlState {
   /** Control that the service has told this page to have. */
   readonly had: number | null;
   readonly lost: { readonly to: string | null; readonly at_ms: number } | null;
 }
 
-export const NO_CONTROL: ControlKept = { had: null, lost: null };
+export const NO_CONTROL: ControlState = { had: null, lost: null };
 
 /** The service has told who holds control; `mine` is what this page holds, `givenUp` what it gave up itself. */
-export function afterTold(
-  before: ControlKept,
+export function nextControlState(
+  before: ControlState,
   holder: Holder,
   mine: number | null,
   givenUp: number | null,
   now_ms: number,
-): ControlKept {
+): ControlState {
   if (holder !== null && holder.epoch === mine)
     return before.had === mine && before.lost === null ? before : { had: mine, lost: null };
   if (before.had === null) return before;
@@ -38,7 +38,7 @@ export function afterTold(
   return { had: null, lost: { to: holder?.name ?? null, at_ms: now_ms } };
 }
 
-export function lossSentence({ to }: { readonly to: string | null }): string {
+export function describeLoss({ to }: { readonly to: string | null }): string {
   const how =
     to === null
       ? "Control of this page has ended: it was not heard for too long, or the service was started again."
@@ -57,14 +57,14 @@ export function useMayCommand(): boolean | null {
 /** Whether somebody else holds control, so that the service would refuse each command of this page. */
 
 /** Why this page cannot command; null where it can, or would take control with its first command. */
-export function useNoControl(): string | null {
+export function useWhyNoControl(): string | null {
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   return useLive((live) => whyNoControl(live.state?.holder ?? null, epoch));
 }
 
 /** Why the tuning cannot be changed from this page; null where it can. */
-export function useNoRetuning(): string | null {
-  const noControl = useNoControl();
+export function useWhyNoRetuning(): string | null {
+  const noControl = useWhyNoControl();
   return useLive((live) => whyNoRetuning(live.state, noControl));
 }
 

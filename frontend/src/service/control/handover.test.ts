@@ -1,8 +1,8 @@
 import { expect, it } from "vitest";
-import type { Wish } from "../../wire/types";
+import type { HandoverRequest } from "../../wire/types";
 import { noticeOf, othersToGetControl } from "./handover";
 
-const WISH: Wish = {
+const WISH: HandoverRequest = {
   number: 7,
   name: "Vera",
   by: "Ana",
@@ -13,9 +13,9 @@ const WISH: Wish = {
   epoch: null,
 };
 
-function read(part: Partial<Wish>, me: string, holds = false): string {
+function read(part: Partial<HandoverRequest>, me: string, holds = false): string {
   const notice = noticeOf({ ...WISH, ...part }, me, holds);
-  return notice === null ? "nothing" : `${notice.text} [${notice.deeds.join()}]`;
+  return notice === null ? "nothing" : `${notice.text} [${notice.actions.join()}]`;
 }
 
 it("tells the holder who asks and why, at the page in control whatever its person is called", () => {

@@ -2,8 +2,8 @@
 
 import { useMutation } from "@tanstack/react-query";
 import { answeredBy } from "../../wire/client";
-import { sayOfControl, takeHanded } from "../../wire/control";
-import type { State, Wish } from "../../wire/types";
+import { postControl, takeHanded } from "../../wire/control";
+import type { HandoverRequest, State } from "../../wire/types";
 
 /** Control that is asked for and handed over: what is said of it, and what stands on this page of it. */
 
@@ -14,24 +14,24 @@ export type ControlForm =
   | { readonly kind: "answer"; readonly number: number };
 
 /** What a notice lets its reader do. */
-export type Deed = "answer" | "withdraw" | "take" | "decline" | "read";
+export type NoticeAction = "answer" | "withdraw" | "take" | "decline" | "read";
 
 export interface Notice {
-  readonly wish: Wish;
+  readonly wish: HandoverRequest;
   readonly text: string;
-  readonly deeds: readonly Deed[];
+  readonly actions: readonly NoticeAction[];
   /** Whether it wants something of its reader. */
   readonly urgent: boolean;
 }
 
 export const MOST_LETTERS = 200;
 
-export function isAsked({ standing }: Wish): boolean {
+export function isRequested({ standing }: HandoverRequest): boolean {
   return standing === "asked";
 }
 
 /** Whether it waits for somebody. */
-export function isOpen({ standing }: Wish): boolean {
+export function isOpen({ standing }: HandoverRequest): boolean {
   return standing === "asked" || standing === "offered" || standing === "handed";
 }
 
@@ -41,15 +41,16 @@ export function othersToGetControl(people: State["people"], me: string | undefin
 }
 
 /** What somebody reads of a request or an offer; null where it is none of theirs. `holds`: at the page in control. */
-export function noticeOf(wish: Wish, me: string, holds: boolean): Notice | null {
-  const [text, deeds] = wish.name === me ? forWho(wish) : holds || wish.by === me ? forBy(wish) : [null, []];
+export function noticeOf(wish: HandoverRequest, me: string, holds: boolean): Notice | null {
+  const [text, actions] =
+    wish.name === me ? forWho(wish) : holds || wish.by === me ? forBy(wish) : [null, []];
   if (text === null) return null;
-  return { wish, text, deeds, urgent: deeds.includes("answer") || deeds.includes("take") };
+  return { wish, text, actions, urgent: actions.includes("answer") || actions.includes("take") };
 }
 
-type Said = readonly [string | null, readonly Deed[]];
+type NoticeText = readonly [string | null, readonly NoticeAction[]];
 
-function forWho({ standing, by, reason, answer, offered }: Wish): Said {
+function forWho({ standing, by, reason, answer, offered }: HandoverRequest): NoticeText {
   switch (standing) {
     case "asked":
       return [`You have asked ${by} for control.`, ["withdraw"]];
@@ -72,7 +73,7 @@ function forWho({ standing, by, reason, answer, offered }: Wish): Said {
   }
 }
 
-function forBy({ standing, name, reason, answer, offered }: Wish): Said {
+function forBy({ standing, name, reason, answer, offered }: HandoverRequest): NoticeText {
   switch (standing) {
     case "asked":
       return [`${name} asks for control: “${reason}”`, ["answer"]];
@@ -100,37 +101,37 @@ const NOT_ANSWERED = (by: string) => `${by} has not answered: ask again, or take
 /** Requests of this page itself: what is handed over to them is taken at once. */
 const asked = new Set<number>();
 
-export function askedHere({ number, offered }: Wish): boolean {
+export function isRequestOfThisPage({ number, offered }: HandoverRequest): boolean {
   return !offered && asked.has(number);
 }
 
-export function useAsk() {
+export function useRequestControl() {
   return useMutation({
     mutationFn: async (reason: string) => {
-      const wish = (await answeredBy(sayOfControl("wishes", { reason }))) as Wish;
+      const wish = (await answeredBy(postControl("wishes", { reason }))) as HandoverRequest;
       asked.add(wish.number);
     },
   });
 }
 
-export function useOffer() {
+export function useOfferControl() {
   return useMutation({
-    mutationFn: (offer: { to: string; reason: string }) => answeredBy(sayOfControl("wishes", offer)),
+    mutationFn: (offer: { to: string; reason: string }) => answeredBy(postControl("wishes", offer)),
   });
 }
 
-interface WishAnswer {
+interface RequestAnswer {
   readonly number: number;
   readonly answer: "hand_over" | "decline";
   readonly reason?: string;
 }
 
-export function useAnswer() {
+export function useAnswerRequest() {
   return useMutation({
-    mutationFn: ({ number, ...said }: WishAnswer) => answeredBy(sayOfControl(`wishes/${number}`, said)),
+    mutationFn: ({ number, ...said }: RequestAnswer) => answeredBy(postControl(`wishes/${number}`, said)),
   });
 }
 
-export function useTakeHanded() {
+export function useTakeHandedControl() {
   return useMutation({ mutationFn: (number: number) => answeredBy(takeHanded(number)) });
 }

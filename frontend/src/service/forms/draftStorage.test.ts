@@ -3,33 +3,33 @@
 import { afterEach, expect, it, vi } from "vitest";
 import {
   claimDraft,
-  type DraftOf,
-  draftIn,
+  type DraftKey,
   isStored,
-  keepDraft,
+  parseDraft,
   renameDrafts,
+  storeDraft,
   storedDraft,
   watchDrafts,
 } from "./draftStorage";
 
-const KEY: DraftOf = { person: "Mara Stein", form: "study" };
-const other = (part: Partial<DraftOf>): DraftOf => ({ ...KEY, ...part });
+const KEY: DraftKey = { person: "Mara Stein", form: "study" };
+const other = (part: Partial<DraftKey>): DraftKey => ({ ...KEY, ...part });
 
 afterEach(() => {
   vi.restoreAllMocks();
   vi.useRealTimers();
-  keepDraft(KEY, null);
+  storeDraft(KEY, null);
   localStorage.clear();
 });
 
-const read = (key: DraftOf) => draftIn(storedDraft(key))?.value;
+const read = (key: DraftKey) => parseDraft(storedDraft(key))?.value;
 
 it("stores a draft of one person and one form apart from all others", () => {
-  keepDraft(KEY, { text: "a" });
-  keepDraft(other({ person: "Vera" }), { text: "b" });
-  keepDraft(other({ form: "experiment" }), { text: "c" });
+  storeDraft(KEY, { text: "a" });
+  storeDraft(other({ person: "Vera" }), { text: "b" });
+  storeDraft(other({ form: "experiment" }), { text: "c" });
   expect(read(KEY)).toEqual({ text: "a" });
-  keepDraft(KEY, null);
+  storeDraft(KEY, null);
   expect(read(KEY)).toBeUndefined();
   expect(read(other({ person: "Vera" }))).toEqual({ text: "b" });
   expect(localStorage).toHaveLength(2);
@@ -37,13 +37,13 @@ it("stores a draft of one person and one form apart from all others", () => {
 
 it("keeps the time of the first change", () => {
   vi.useFakeTimers({ now: new Date("2031-05-01T08:00:00Z") });
-  keepDraft(KEY, "a");
+  storeDraft(KEY, "a");
   vi.setSystemTime(new Date("2031-05-01T09:00:00Z"));
-  keepDraft(KEY, "ab");
-  expect(draftIn(storedDraft(KEY))).toEqual({ value: "ab", since: "2031-05-01T08:00:00.000Z" });
-  keepDraft(KEY, null);
-  keepDraft(KEY, "c");
-  expect(draftIn(storedDraft(KEY))?.since).toBe("2031-05-01T09:00:00.000Z");
+  storeDraft(KEY, "ab");
+  expect(parseDraft(storedDraft(KEY))).toEqual({ value: "ab", since: "2031-05-01T08:00:00.000Z" });
+  storeDraft(KEY, null);
+  storeDraft(KEY, "c");
+  expect(parseDraft(storedDraft(KEY))?.since).toBe("2031-05-01T09:00:00.000Z");
 });
 
 it.each([
@@ -53,37 +53,37 @@ it.each([
   '{"format":2,"since":"2031-05-01T08:00:00Z","value":1}',
   '{"format":1,"since":"yesterday","value":1}',
 ])("does not read what is no draft of this version: %s", (text) => {
-  keepDraft(KEY, "a");
+  storeDraft(KEY, "a");
   localStorage.setItem(localStorage.key(0) ?? "", text);
-  expect(draftIn(storedDraft(KEY))).toBeNull();
+  expect(parseDraft(storedDraft(KEY))).toBeNull();
 });
 
 it("holds a draft in memory where the browser stores nothing, and says so", () => {
   const refused = vi.spyOn(Storage.prototype, "setItem").mockImplementation(() => {
     throw new DOMException("The quota has been exceeded.", "QuotaExceededError");
   });
-  keepDraft(KEY, "a");
+  storeDraft(KEY, "a");
   expect(read(KEY)).toBe("a");
   expect(isStored(KEY)).toBe(false);
   expect(localStorage).toHaveLength(0);
   refused.mockRestore();
-  keepDraft(KEY, "ab"); // stored again as soon as that works
+  storeDraft(KEY, "ab"); // stored again as soon as that works
   expect(isStored(KEY)).toBe(true);
   expect(localStorage).toHaveLength(1);
 });
 
 it("prefers the newer draft in memory to the one that was stored before", () => {
-  keepDraft(KEY, "old");
+  storeDraft(KEY, "old");
   vi.spyOn(Storage.prototype, "setItem").mockImplementation(() => {
     throw new DOMException("The quota has been exceeded.", "QuotaExceededError");
   });
-  keepDraft(KEY, "new");
+  storeDraft(KEY, "new");
   expect(read(KEY)).toBe("new");
 });
 
 it("claims for the person what was typed before the person was known", () => {
   const unknown = other({ person: undefined });
-  keepDraft(unknown, "a");
+  storeDraft(unknown, "a");
   expect(read(unknown)).toBe("a");
   expect(localStorage).toHaveLength(0);
   expect(read(KEY)).toBe("a");
@@ -91,18 +91,18 @@ it("claims for the person what was typed before the person was known", () => {
   expect(localStorage).toHaveLength(1);
   expect(read(unknown)).toBeUndefined();
   expect(read(other({ person: "Vera" }))).toBeUndefined();
-  keepDraft(unknown, "b");
+  storeDraft(unknown, "b");
   claimDraft(KEY);
   expect(read(KEY)).toBe("a"); // a draft of the person's own stays
 });
 
 it("goes with a person who takes another name, with its time, and replaces none", () => {
-  keepDraft(KEY, "a");
-  const since = draftIn(storedDraft(KEY))?.since;
-  keepDraft(other({ form: "experiment" }), "b");
-  keepDraft(other({ person: "Vera", form: "experiment" }), "c");
+  storeDraft(KEY, "a");
+  const since = parseDraft(storedDraft(KEY))?.since;
+  storeDraft(other({ form: "experiment" }), "b");
+  storeDraft(other({ person: "Vera", form: "experiment" }), "c");
   renameDrafts("Mara Stein", "Vera");
-  expect(draftIn(storedDraft(other({ person: "Vera" })))).toEqual({ value: "a", since });
+  expect(parseDraft(storedDraft(other({ person: "Vera" })))).toEqual({ value: "a", since });
   expect(read(other({ person: "Vera", form: "experiment" }))).toBe("c");
   expect(read(other({ person: "Vera (2)" }))).toBe("a"); // the same name at another page
 });
@@ -110,12 +110,12 @@ it("goes with a person who takes another name, with its time, and replaces none"
 it("tells changes of this page and of another tab until it is stopped", () => {
   const told = vi.fn();
   const stop = watchDrafts(told);
-  keepDraft(KEY, "a");
+  storeDraft(KEY, "a");
   expect(told).toHaveBeenCalledTimes(1);
   window.dispatchEvent(new StorageEvent("storage"));
   expect(told).toHaveBeenCalledTimes(2);
   stop();
-  keepDraft(KEY, "b");
+  storeDraft(KEY, "b");
   window.dispatchEvent(new StorageEvent("storage"));
   expect(told).toHaveBeenCalledTimes(2);
 });

@@ -1,5 +1,5 @@
 import { BASE } from "../../wire/address";
-import { keepText, keptNames, readKept } from "../../wire/browserStorage";
+import { readStored, storedNames, storeText } from "../../wire/browserStorage";
 
 /**
  * Stores drafts in the browser: what a person has typed and not yet saved, sent or started. A draft survives leaving the
@@ -11,14 +11,14 @@ import { keepText, keptNames, readKept } from "../../wire/browserStorage";
 const FORMAT = 1;
 const PREFIX = "sinew-draft";
 
-export interface KeptDraft {
+export interface StoredDraft {
   readonly value: unknown;
   /** When the first change was made, as an ISO 8601 text. */
   readonly since: string;
 }
 
 /** Whose draft it is, and of which form. Until the person is known, a draft is held in memory. */
-export interface DraftOf {
+export interface DraftKey {
   readonly person: string | undefined;
   readonly form: string;
 }
@@ -27,26 +27,26 @@ const inMemory = new Map<string, string>();
 const listeners = new Set<() => void>();
 
 /** The stored text of a draft, null where there is none. */
-export function storedDraft(of: DraftOf): string | null {
+export function storedDraft(of: DraftKey): string | null {
   const unclaimed = inMemory.get(of.form) ?? null;
   if (of.person === undefined) return unclaimed;
   const key = keyOf(of);
-  return inMemory.get(key) ?? readKept("localStorage", key) ?? unclaimed;
+  return inMemory.get(key) ?? readStored("localStorage", key) ?? unclaimed;
 }
 
 /** Whether a draft survives a reload. */
-export function isStored(of: DraftOf): boolean {
+export function isStored(of: DraftKey): boolean {
   return !inMemory.has(keyOf(of));
 }
 
 /** Store the draft that was typed before the person was known, unless the person has one. */
-export function claimDraft(of: DraftOf): void {
+export function claimDraft(of: DraftKey): void {
   if (of.person === undefined || !inMemory.has(of.form)) return;
   put(of, storedDraft(of));
 }
 
 /** Parse a stored draft. Returns null for none, for one of another version and for what is no draft. */
-export function draftIn(text: string | null): KeptDraft | null {
+export function parseDraft(text: string | null): StoredDraft | null {
   if (text === null) return null;
   try {
     const { format, since, value } = JSON.parse(text) as Record<string, unknown>;
@@ -58,8 +58,8 @@ export function draftIn(text: string | null): KeptDraft | null {
 }
 
 /** Store a draft; null removes it. A draft keeps the time of its first change. */
-export function keepDraft(of: DraftOf, value: unknown): void {
-  const since = draftIn(storedDraft(of))?.since ?? new Date().toISOString();
+export function storeDraft(of: DraftKey, value: unknown): void {
+  const since = parseDraft(storedDraft(of))?.since ?? new Date().toISOString();
   put(of, value === null ? null : JSON.stringify({ format: FORMAT, since, value }));
 }
 
@@ -76,7 +76,7 @@ export function watchDrafts(listener: () => void): () => void {
 /** Give the drafts of a person to the name that the person has taken, but for forms of which that name has one. */
 export function renameDrafts(before: string, after: string): void {
   const beginning = keyOf({ person: before, form: "" });
-  for (const key of [...keptNames("localStorage"), ...inMemory.keys()]) {
+  for (const key of [...storedNames("localStorage"), ...inMemory.keys()]) {
     if (!key.startsWith(beginning)) continue;
     const form = key.slice(beginning.length);
     const to = { person: after, form };
@@ -84,16 +84,16 @@ export function renameDrafts(before: string, after: string): void {
   }
 }
 
-function put(of: DraftOf, text: string | null): void {
+function put(of: DraftKey, text: string | null): void {
   const key = keyOf(of);
   inMemory.delete(of.form);
   inMemory.delete(key);
-  const isKept = of.person !== undefined && keepText("localStorage", key, text);
+  const isKept = of.person !== undefined && storeText("localStorage", key, text);
   if (!isKept && text !== null) inMemory.set(key, text);
   for (const listener of listeners) listener();
 }
 
 /** Who is there twice has a number behind the name, which is another one the next time. */
-function keyOf({ person, form }: DraftOf): string {
+function keyOf({ person, form }: DraftKey): string {
   return person === undefined ? form : `${PREFIX} ${BASE} ${person.replace(/ \(\d+\)$/, "")} ${form}`;
 }

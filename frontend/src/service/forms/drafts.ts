@@ -3,7 +3,7 @@
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useMemo, useReducer, useRef, useState, useSyncExternalStore } from "react";
 import { sessionQuery } from "../api/session";
-import { claimDraft, draftIn, isStored, keepDraft, storedDraft, watchDrafts } from "./draftStorage";
+import { claimDraft, isStored, parseDraft, storeDraft, storedDraft, watchDrafts } from "./draftStorage";
 
 /** A value that a person changes while the service may change it too. Pure. */
 
@@ -66,19 +66,19 @@ export function useDraft<T>(form: string, initial: T, isValid: (value: unknown) 
   const of = { person, form };
   const text = useSyncExternalStore(watchDrafts, () => storedDraft(of));
   useEffect(() => claimDraft({ person, form }), [person, form]);
-  const kept = useMemo(() => draftIn(text), [text]);
+  const kept = useMemo(() => parseDraft(text), [text]);
   const isDraft = kept !== null && isValid(kept.value);
   return {
     value: isDraft ? (kept.value as T) : initial,
     since: isDraft ? kept.since : null,
     stored: isStored(of),
     set: (next) => {
-      const newest = draftIn(storedDraft(of))?.value;
+      const newest = parseDraft(storedDraft(of))?.value;
       const before = isValid(newest) ? newest : initial;
       const value = typeof next === "function" ? (next as (before: T) => T)(before) : next;
-      keepDraft(of, JSON.stringify(value) === JSON.stringify(initial) ? null : value);
+      storeDraft(of, JSON.stringify(value) === JSON.stringify(initial) ? null : value);
     },
-    discard: () => keepDraft(of, null),
+    discard: () => storeDraft(of, null),
   };
 }
 

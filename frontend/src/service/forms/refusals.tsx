@@ -13,10 +13,10 @@ import {
 } from "react";
 import { useLive } from "../../live/react";
 import type { Live } from "../../live/store";
-import { inWords } from "../../samples/quantity";
+import { localizeAngles } from "../../samples/quantity";
 import { RequestError } from "../../wire/client";
 import { heldEpoch, watchHeld } from "../../wire/control";
-import { useAngles } from "../api/preferences";
+import { useAngleUnit } from "../api/preferences";
 
 /** How long a refusal stands: each has a cause, and the message goes when its cause does. Pure. */
 
@@ -24,14 +24,14 @@ import { useAngles } from "../api/preferences";
 type Cause = "control" | "link" | "moment" | "value";
 
 /** A refusal with the circumstances in which it was given. */
-export interface Standing {
+export interface ShownError {
   readonly error: Error | null;
   readonly circumstances: string;
   readonly since_ms: number;
   readonly over: boolean;
 }
 
-export const NOTHING: Standing = { error: null, circumstances: "", since_ms: 0, over: true };
+export const NO_ERROR: ShownError = { error: null, circumstances: "", since_ms: 0, over: true };
 
 /** The state that belongs to a refusal may come after it; what changes by then is no end. */
 const SETTLE_MS = 600;
@@ -75,7 +75,12 @@ export function circumstances(error: Error, live: Live, epoch: number | null, ab
 }
 
 /** The refusal as it stands now; one that is over does not come back, whatever returns. */
-export function stands(before: Standing, error: Error | null, now: string, now_ms: number): Standing {
+export function nextShownError(
+  before: ShownError,
+  error: Error | null,
+  now: string,
+  now_ms: number,
+): ShownError {
   if (error !== before.error) return { error, circumstances: now, since_ms: now_ms, over: error === null };
   if (before.over || now === before.circumstances) return before;
   if (now_ms - before.since_ms < SETTLE_MS) return { ...before, circumstances: now };
@@ -89,8 +94,8 @@ export function useErrorLifetime(error: Error | null | undefined, about?: unknow
   const epoch = useSyncExternalStore(watchHeld, heldEpoch);
   const refused = error ?? null;
   const now = useLive((live) => (refused === null ? "" : circumstances(refused, live, epoch, about)));
-  const [before, keep] = useState(NOTHING);
-  const standing = stands(before, refused, now, performance.now());
+  const [before, keep] = useState(NO_ERROR);
+  const standing = nextShownError(before, refused, now, performance.now());
   if (standing !== before) keep(standing);
   return standing.over ? null : refused;
 }
@@ -143,7 +148,7 @@ interface RefusedFieldsProps {
 
 export function RefusedFields({ error, foreseen, about, only, children }: RefusedFieldsProps) {
   const places = useRef(new Set<string>()).current;
-  const angles = useAngles();
+  const angles = useAngleUnit();
   const answered = useErrorLifetime(error, about);
   const standing = answered ?? foreseen ?? null;
   const refused = useMemo(() => {
@@ -151,7 +156,7 @@ export function RefusedFields({ error, foreseen, about, only, children }: Refuse
     const place = path === undefined ? null : placeIn(path, places);
     return {
       place: place ?? (only !== undefined && isOfValue(standing) ? only : null),
-      text: standing === null ? "" : inWords(standing.message, angles),
+      text: standing === null ? "" : localizeAngles(standing.message, angles),
       error: standing,
       asked: answered !== null,
       places,
@@ -167,12 +172,12 @@ interface RefusedInput<Input extends HTMLElement> {
 }
 
 /**
- * What any input needs of the refusals of its form: the ref by which it is opened, gone to, and described by `saidAt`,
+ * What any input needs of the refusals of its form: the ref by which it is opened, gone to, and described by `messageId`,
  * the element that says why where the input does not say so itself. `place` as in "q_amplitude", "segments.2.q_ref".
  */
 export function useRefusedInput<Input extends HTMLElement>(
   place: string | undefined,
-  saidAt?: string,
+  messageId?: string,
 ): RefusedInput<Input> {
   const { place: blamed, text, error, asked, places } = useContext(Context);
   const ref = useRef<Input>(null);
@@ -190,7 +195,7 @@ export function useRefusedInput<Input extends HTMLElement>(
     ref.current?.closest("details")?.setAttribute("open", "");
     ref.current?.focus();
   }, [cause]);
-  useDescribedBy(ref, refused ? saidAt : undefined);
+  useDescribedBy(ref, refused ? messageId : undefined);
   return { ref, said: refused ? text : null };
 }
 
@@ -205,7 +210,7 @@ export function useRefusedWithin(place: string, others: readonly string[] = []):
 }
 
 /** Whether this refusal is told at a field already. */
-export function useToldAtField(error: Error | null): boolean {
+export function useShownAtField(error: Error | null): boolean {
   const { place, error: told } = useContext(Context);
   return place !== null && error !== null && told === error;
 }

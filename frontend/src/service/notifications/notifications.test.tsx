@@ -1,10 +1,10 @@
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
 import { clicked, look, shown, tones, useBrowser } from "./browser.fixture";
-import { keepLookedAt, type LocalizedText, tell } from "./notifications";
+import { announceVisibility, type PageNotification, showNotification } from "./notifications";
 
 const BOTH = { notification: true, sound: true };
 
-function told(tag = "sinew-run-3", open = () => undefined): LocalizedText {
+function told(tag = "sinew-run-3", open = () => undefined): PageNotification {
   return { tag, title: "Tracking, run 3: completed", body: "Steps", open };
 }
 
@@ -23,7 +23,7 @@ it("tells whoever does not look, with the words and the tag, and leads to the pl
   useBrowser("granted");
   const focused = vi.spyOn(window, "focus").mockReturnValue();
   const open = vi.fn();
-  await tell(told("sinew-run-3", open), { notification: true, sound: false });
+  await showNotification(told("sinew-run-3", open), { notification: true, sound: false });
   expect(shown.map(({ title, options }) => [title, options.body, options.tag])).toEqual([
     ["Tracking, run 3: completed", "Steps", "sinew-run-3"],
   ]);
@@ -38,43 +38,47 @@ it("tells whoever does not look, with the words and the tag, and leads to the pl
 it("tells nothing to whoever looks", async () => {
   useBrowser("granted");
   look(true);
-  await tell(told(), BOTH);
+  await showNotification(told(), BOTH);
   expect([shown, tones]).toEqual([[], []]);
 });
 
 it("tells nothing while another tab is looked at, and again when that is not", async () => {
   useBrowser("granted");
   look(true);
-  const end = keepLookedAt(); // of the other tab
+  const end = announceVisibility(); // of the other tab
   vi.spyOn(document, "visibilityState", "get").mockReturnValue("hidden"); // what this one has
-  await tell(told(), BOTH);
+  await showNotification(told(), BOTH);
   expect(shown).toEqual([]);
   end();
   await vi.advanceTimersByTimeAsync(1);
-  await tell(told(), BOTH);
+  await showNotification(told(), BOTH);
   expect(shown).toHaveLength(1);
 });
 
 it("tells one thing once, however many tabs hear of it, and another one too", async () => {
   useBrowser("granted");
-  await Promise.all([tell(told(), BOTH), tell(told(), BOTH), tell(told(), BOTH)]);
+  await Promise.all([
+    showNotification(told(), BOTH),
+    showNotification(told(), BOTH),
+    showNotification(told(), BOTH),
+  ]);
   expect([shown.length, tones.length]).toEqual([1, 1]);
-  await tell(told("sinew-run-4"), BOTH);
+  await showNotification(told("sinew-run-4"), BOTH);
   expect(shown.map(({ options }) => options.tag)).toEqual(["sinew-run-3", "sinew-run-4"]);
 });
 
 it("has a sound without notifications, and neither where they are not allowed and it is off", async () => {
   useBrowser("denied");
-  await tell(told("sinew-run-3"), BOTH);
+  await showNotification(told("sinew-run-3"), BOTH);
   expect([shown.length, tones.length]).toEqual([0, 1]);
-  await tell(told("sinew-run-4"), { notification: true, sound: false });
+  await showNotification(told("sinew-run-4"), { notification: true, sound: false });
   expect([shown.length, tones.length]).toEqual([0, 1]);
 });
 
 /** Another tab of the same browser: with modules, and so audio, of its own. */
-async function tab(): Promise<typeof tell> {
+async function tab(): Promise<typeof showNotification> {
   vi.resetModules();
-  return (await import("./notifications")).tell;
+  return (await import("./notifications")).showNotification;
 }
 
 it("sounds in a tab that was clicked, though one that was not hears of it first", async () => {

@@ -1,4 +1,4 @@
-const WHY_NOT: Readonly<Record<Allowed, string>> = {
+const WHY_NOT: Readonly<Record<NotificationAccess, string>> = {
   granted: "",
   default: "This browser has not allowed notifications of this page yet: switch on here, and allow it.",
   denied:
@@ -9,16 +9,16 @@ const WHY_NOT: Readonly<Record<Allowed, string>> = {
 };
 
 /** What keeps notifications from being shown here, and what to do; "" where nothing does. */
-export function whyNotTold(allowed: Allowed): string {
+export function whyNotNotified(allowed: NotificationAccess): string {
   return WHY_NOT[allowed];
 }
 
 /** Telling somebody who does not look at the page: the browser's notifications, and a sound; once for all open tabs. */
 
 /** What the browser says of notifications of this page; "insecure" and "missing" where it has none. */
-export type Allowed = NotificationPermission | "insecure" | "missing";
+export type NotificationAccess = NotificationPermission | "insecure" | "missing";
 
-export interface LocalizedText {
+export interface PageNotification {
   /** What happened, by its own name: the same in every tab. */
   readonly tag: string;
   readonly title: string;
@@ -27,7 +27,7 @@ export interface LocalizedText {
   open(): void;
 }
 
-export interface Ways {
+export interface Channels {
   readonly notification: boolean;
   readonly sound: boolean;
 }
@@ -40,19 +40,19 @@ const RESUMED_WITHIN_MS = 1000;
 const TONE_HZ = 880;
 const TONE_S = 0.25;
 
-export function allowed(): Allowed {
+export function notificationAccess(): NotificationAccess {
   if (!globalThis.isSecureContext) return "insecure";
   return "Notification" in globalThis ? Notification.permission : "missing";
 }
 
 /** Ask the person through the browser; only in answer to a click of theirs. */
-export async function askForPermission(): Promise<Allowed> {
-  const now = allowed();
+export async function askForPermission(): Promise<NotificationAccess> {
+  const now = notificationAccess();
   return now === "insecure" || now === "missing" ? now : await Notification.requestPermission();
 }
 
 /** Let other tabs know while this one is looked at; returns how to end that. */
-export function keepLookedAt(): () => void {
+export function announceVisibility(): () => void {
   let letGo: (() => void) | null = null;
   function follow(): void {
     if (document.visibilityState !== "visible") {
@@ -75,15 +75,17 @@ export function keepLookedAt(): () => void {
 }
 
 /** Tell it in these ways, unless a tab of this page is looked at, or another one has told it. */
-export async function tell(told: LocalizedText, ways: Ways): Promise<void> {
-  if (await isLookedAt()) return;
+export async function showNotification(told: PageNotification, ways: Channels): Promise<void> {
+  if (await isAnyTabVisible()) return;
   await Promise.all([
-    ways.notification && allowed() === "granted" && once(`sinew-told-${told.tag}`, () => show(told)),
+    ways.notification &&
+      notificationAccess() === "granted" &&
+      once(`sinew-told-${told.tag}`, () => show(told)),
     ways.sound && soundOnce(told.tag),
   ]);
 }
 
-async function isLookedAt(): Promise<boolean> {
+async function isAnyTabVisible(): Promise<boolean> {
   if (document.visibilityState === "visible") return true;
   const { held = [] } = (await navigator.locks?.query()) ?? {};
   return held.some(({ name }) => name === LOOKED_AT);
@@ -108,11 +110,11 @@ async function once(name: string, act: () => void): Promise<void> {
 /** A tab that cannot play leaves it to those that can. */
 async function soundOnce(tag: string): Promise<void> {
   const ready = await playing();
-  if (ready === null || (await isLookedAt())) return;
+  if (ready === null || (await isAnyTabVisible())) return;
   await once(`sinew-heard-${tag}`, () => sound(ready));
 }
 
-function show({ tag, title, body, open }: LocalizedText): void {
+function show({ tag, title, body, open }: PageNotification): void {
   try {
     const shown = new Notification(title, { tag, body, icon: "./sinew.svg", silent: true });
     shown.onclick = () => {

@@ -4,8 +4,8 @@ import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
 import type { Fault, Flight, Run, State, Task } from "../../wire/types";
 import { look, shown, useBrowser } from "./browser.fixture";
-import { whyNotTold } from "./notifications";
-import { Happenings, useNotifications, wordsOfRun, wordsOfTrip } from "./useNotifications";
+import { whyNotNotified } from "./notifications";
+import { describeRun, describeTrip, EventDetector, useNotifications } from "./useNotifications";
 
 // the REST client takes hold of fetch when it is made
 const fetched = vi.hoisted(() => {
@@ -173,10 +173,10 @@ describe("what has happened", () => {
 
   /** What is heard in each of the states, one after the other. */
   function heard(...parts: LocalizedText[]) {
-    const happenings = new Happenings();
+    const happenings = new EventDetector();
     return parts.map((part) =>
       happenings
-        .heard(state(part))
+        .detect(state(part))
         .map((one) => (one.kind === "trip" ? `trip ${one.starts}:${one.fault.tick}` : `over ${one.run}`)),
     );
   }
@@ -240,7 +240,7 @@ describe("what has happened", () => {
     const run = { id: 12, kind: "motor_identification", title: "Motor A", end_state: "completed" } as Run;
 
     it("are kind, number and end of a run", () => {
-      const { tag, title, body } = wordsOfRun({ ...run, end_reason: "" }, "deg");
+      const { tag, title, body } = describeRun({ ...run, end_reason: "" }, "deg");
       expect([tag, title, body]).toEqual([
         "sinew-run-12",
         "Motor identification, run 12: completed",
@@ -249,13 +249,13 @@ describe("what has happened", () => {
     });
 
     it("say why a run ended otherwise", () => {
-      const told = wordsOfRun({ ...run, end_state: "tripped", end_reason: "the joint left ±1 rad" }, "rad");
+      const told = describeRun({ ...run, end_state: "tripped", end_reason: "the joint left ±1 rad" }, "rad");
       expect(told.title).toBe("Motor identification, run 12: tripped");
       expect(told.body).toBe("Motor A · the joint left ±1 rad");
     });
 
     it("are cause and remedy of a trip, whatever its message says", () => {
-      const told = wordsOfTrip({ kind: "trip", fault: fault(10), starts: 2 }, "deg");
+      const told = describeTrip({ kind: "trip", fault: fault(10), starts: 2 }, "deg");
       expect(told.tag).toBe("sinew-trip-2-10");
       expect(told.title).toBe("Tripped: force limit");
       expect(told.body).toBe("A tendon pulled harder than its limit. Reset.");
@@ -263,14 +263,14 @@ describe("what has happened", () => {
 
     it("call a STOP a stop", () => {
       const stop = { ...fault(10, "stop_pressed"), message: "STOP was pressed." };
-      expect(wordsOfTrip({ kind: "trip", fault: stop, starts: 1 }, "deg").title).toBe("Stopped");
+      expect(describeTrip({ kind: "trip", fault: stop, starts: 1 }, "deg").title).toBe("Stopped");
     });
 
     it("tell of each reason what to do", () => {
       for (const reason of ["default", "denied", "insecure", "missing"] as const) {
-        expect(whyNotTold(reason)).toMatch(/allow it|Allow them|open the page there|use another one/);
+        expect(whyNotNotified(reason)).toMatch(/allow it|Allow them|open the page there|use another one/);
       }
-      expect(whyNotTold("granted")).toBe("");
+      expect(whyNotNotified("granted")).toBe("");
     });
   });
 });

@@ -3,13 +3,13 @@
 import { useEffect, useEffectEvent } from "react";
 import { useLocation } from "wouter";
 import { useLiveStore } from "../../live/react";
-import { heading, inWordsOf } from "../../samples/format";
-import { type Angles, inWords } from "../../samples/quantity";
+import { heading, spacedName } from "../../samples/format";
+import { type AngleUnit, localizeAngles } from "../../samples/quantity";
 import { answered, api, RequestError } from "../../wire/client";
 import { PERIOD_S } from "../../wire/sample.gen";
 import type { Fault, Flight, Run, State, Task } from "../../wire/types";
 import { usePreferences } from "../api/preferences";
-import { keepLookedAt, type LocalizedText, tell } from "./notifications";
+import { announceVisibility, type PageNotification, showNotification } from "./notifications";
 
 /** What has happened since the page was opened, by what the service tells of its state. Pure. */
 
@@ -20,20 +20,20 @@ export interface Trip {
   readonly starts: number;
 }
 
-export type Happening = Trip | { readonly kind: "over"; readonly run: Task["run"] };
+export type PageEvent = Trip | { readonly kind: "over"; readonly run: Task["run"] };
 
-export class Happenings {
+export class EventDetector {
   private before: State | null = null;
   /** The run whose end was told last: in the pause behind it it is over, and stays what the state names. */
   private over: Task["run"] | null = null;
 
   /** What is new in a state; nothing in the first one, which is of before, and nothing of what a recording plays. */
-  heard(state: State): Happening[] {
+  detect(state: State): PageEvent[] {
     const { before } = this;
     this.before = state;
     if (before === null) this.over = isPaused(state.task) ? state.task.run : null;
     if (before === null || state.plant.kind === "replay") return [];
-    const found: Happening[] = [];
+    const found: PageEvent[] = [];
     if (state.fault !== null && !state.fault.expected && !isSame(before, state)) {
       found.push({ kind: "trip", fault: state.fault, starts: state.link.starts });
     }
@@ -82,26 +82,26 @@ export function recordOf(flights: readonly Flight[], { fault }: Trip, at_ms: num
 
 /** The words of notifications, from what the service says by type. Pure. */
 
-type Words = Omit<LocalizedText, "open">;
+type EventText = Omit<PageNotification, "open">;
 
 /** A run that is over: its kind, its number, how it ended; what it was, and why it ended so. */
-export function wordsOfRun({ id, kind, title, end_state, end_reason }: Run, angles: Angles): Words {
+export function describeRun({ id, kind, title, end_state, end_reason }: Run, angles: AngleUnit): EventText {
   const more = end_state === "completed" ? [title] : [title, end_reason];
   return {
     tag: `sinew-run-${id}`,
-    title: `${heading(kind)}, run ${id}: ${inWordsOf(end_state)}`,
-    body: inWords(more.filter((part) => part !== "").join(" · "), angles),
+    title: `${heading(kind)}, run ${id}: ${spacedName(end_state)}`,
+    body: localizeAngles(more.filter((part) => part !== "").join(" · "), angles),
   };
 }
 
 const STOP: Fault["code"] = "stop_pressed";
 
 /** A trip, with its cause and what to do. Somebody who presses STOP makes no trip of it in words. */
-export function wordsOfTrip({ fault, starts }: Trip, angles: Angles): Words {
+export function describeTrip({ fault, starts }: Trip, angles: AngleUnit): EventText {
   return {
     tag: `sinew-trip-${starts}-${fault.tick}`,
-    title: fault.code === STOP ? "Stopped" : `Tripped: ${inWordsOf(fault.code)}`,
-    body: inWords(`${fault.message} ${fault.remedy}`, angles),
+    title: fault.code === STOP ? "Stopped" : `Tripped: ${spacedName(fault.code)}`,
+    body: localizeAngles(`${fault.message} ${fault.remedy}`, angles),
   };
 }
 
@@ -120,55 +120,55 @@ export function useNotifications(): void {
   const ways = { notification: notify, sound };
   const wanted = notify || sound;
 
-  const tellTrip = useEffectEvent((trip: Trip) => {
+  const notifyOfTrip = useEffectEvent((trip: Trip) => {
     if (!wanted) return;
-    const heard_ms = Date.now() - (ageOf(trip, store.snapshot().state) ?? 0);
+    const received_ms = Date.now() - (ageOf(trip, store.snapshot().state) ?? 0);
     const open = () => {
       const age_ms = ageOf(trip, store.snapshot().state); // of now: a tab that slept has heard of it late
-      void openFlight(trip, age_ms === null ? heard_ms : Date.now() - age_ms, go);
+      void openFlight(trip, age_ms === null ? received_ms : Date.now() - age_ms, go);
     };
-    void tell({ ...wordsOfTrip(trip, angles), open }, ways);
+    void showNotification({ ...describeTrip(trip, angles), open }, ways);
   });
   /** Whether there is nothing more to be told of a run. */
-  const tellRun = useEffectEvent(async (id: number): Promise<boolean> => {
+  const notifyOfRun = useEffectEvent(async (id: number): Promise<boolean> => {
     if (!wanted) return true;
     const run = await answered(api.GET("/api/runs/{id}", { params: { path: { id } } }));
     if (run.end_state === "running") return false; // its last samples are being stored
-    await tell({ ...wordsOfRun(run, angles), open: () => go(`/runs/${id}`) }, ways);
+    await showNotification({ ...describeRun(run, angles), open: () => go(`/runs/${id}`) }, ways);
     return true;
   });
 
-  useEffect(keepLookedAt, []);
+  useEffect(announceVisibility, []);
   useEffect(() => {
-    const happenings = new Happenings();
+    const detector = new EventDetector();
     const over = new Set<number>();
     const notBefore = new Map<number, number>();
-    let heard: State | null = null;
+    let lastState: State | null = null;
 
-    function look(id: number): void {
+    function checkRun(id: number): void {
       if (performance.now() < (notBefore.get(id) ?? 0)) return;
       notBefore.set(id, Number.POSITIVE_INFINITY); // while it is asked for
       const again = (in_ms: number) => notBefore.set(id, performance.now() + in_ms);
-      tellRun(id)
+      notifyOfRun(id)
         .then((done) => (done ? over.delete(id) : again(AGAIN_MS)))
         .catch((error) => (isFinal(error) ? over.delete(id) : again(AFTER_FAILURE_MS)));
     }
 
-    function hear(): void {
+    function onState(): void {
       const { state } = store.snapshot();
-      if (state === null || state === heard) return;
-      heard = state;
-      for (const happening of happenings.heard(state)) take(happening);
-      for (const id of over) look(id);
+      if (state === null || state === lastState) return;
+      lastState = state;
+      for (const event of detector.detect(state)) handle(event);
+      for (const id of over) checkRun(id);
     }
 
-    function take(happening: Happening): void {
-      if (happening.kind === "trip") tellTrip(happening);
-      else over.add(happening.run);
+    function handle(event: PageEvent): void {
+      if (event.kind === "trip") notifyOfTrip(event);
+      else over.add(event.run);
     }
 
-    hear();
-    return store.subscribe(hear);
+    onState();
+    return store.subscribe(onState);
   }, [store]);
 }
 

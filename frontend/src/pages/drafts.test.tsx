@@ -1,18 +1,10 @@
 /** What is typed into boxes that send nothing yet is there after the page was left, until it is saved or left on purpose. */
+
 import { MantineProvider } from "@mantine/core";
 import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { cleanup, fireEvent, render, screen, waitFor } from "@testing-library/react";
 import type { ReactNode } from "react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
-
-// the REST client takes hold of fetch when it is made
-const fetched = vi.hoisted(() => {
-  const replacement = vi.fn<(request: Request) => Promise<Response>>();
-  vi.stubGlobal("fetch", replacement);
-  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
-  return replacement;
-});
-
 import { FormulaEditor } from "../charts/LayoutEditor";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
@@ -24,6 +16,14 @@ import { TuningChanges } from "./operate/TuningCard";
 import { TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/RunDetail";
 import { TriggerCard } from "./system/TriggerCard";
+
+// the REST client takes hold of fetch when it is made
+const fetched = vi.hoisted(() => {
+  const replacement = vi.fn<(request: Request) => Promise<Response>>();
+  vi.stubGlobal("fetch", replacement);
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener() {}, removeEventListener() {} }));
+  return replacement;
+});
 
 const RUN = { id: 7, kind: "tracking", end_state: "running", note: "saved" } as Run;
 const ENTRY = { event: 3, note: "", tags: [] as string[] } as unknown as LogEntry;
