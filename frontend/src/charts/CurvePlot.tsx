@@ -24,7 +24,7 @@ export interface Curve {
   readonly quiet?: boolean;
 }
 
-export interface CurvePlotProps {
+interface CurvePlotProps {
   readonly title: string;
   readonly xLabel: string;
   readonly yLabel: string;

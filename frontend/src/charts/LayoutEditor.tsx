@@ -154,7 +154,7 @@ export function FormulaEditor() {
 
 /** The panels of the layout in use, one row each; every change is drawn and kept at once. */
 
-export function LayoutEditor() {
+function LayoutEditor() {
   const { used, own, edit, remove } = useLayouts();
   const [refusal, refuse] = useState<string | null>(null);
   const isOwn = own.includes(used);

@@ -12,7 +12,7 @@ import { TraceLine } from "./PanelRow";
 
 /** The line of a signal in the legend; opens the choice of its colour, which is remembered for the person. */
 
-export function ColourChoice({ trace }: { trace: Trace }) {
+function ColourChoice({ trace }: { trace: Trace }) {
   const [opened, setOpened] = useState(false);
   const { preferences, change } = usePreferences();
   const signal = signalOf(trace.name);

@@ -60,7 +60,7 @@ export function extentOf(values: readonly ArrayLike<number>[]): Extent {
   return extent;
 }
 
-export interface PlaneRanges {
+interface PlaneRanges {
   readonly x: ValueRange;
   readonly y: ValueRange;
 }
@@ -84,7 +84,7 @@ export function gridOf({ min, max }: ValueRange, length_px: number, room_px: num
   return tickLabels(splits, step).map((label, n) => [splits[n] as number, label]);
 }
 
-export interface Frame {
+interface Frame {
   readonly left: number;
   readonly top: number;
   readonly width: number;
@@ -92,7 +92,7 @@ export interface Frame {
 }
 
 /** The part of a drawing in which the curves are. */
-export function frameOf(width: number, height: number): Frame {
+function frameOf(width: number, height: number): Frame {
   return {
     left: AXIS_WIDTH,
     top: TOP,
@@ -109,7 +109,7 @@ export interface DrawnPlane {
   readonly ranges: PlaneRanges;
 }
 
-export function paintPlane({ context: pen, width, height, colours }: Surface, drawn: DrawnPlane): void {
+function paintPlane({ context: pen, width, height, colours }: Surface, drawn: DrawnPlane): void {
   const frame = frameOf(width, height);
   const { x, y } = drawn.ranges;
   const px = (value: number) => frame.left + ((value - x.min) / (x.max - x.min)) * frame.width;

@@ -24,7 +24,7 @@ export interface SpectrumOrder {
   readonly stored: StoredData | null;
 }
 
-export interface ShownSpectra {
+interface ShownSpectra {
   readonly spectra: Spectra | null;
   readonly share: number;
   readonly problem: string;
@@ -33,7 +33,7 @@ export interface ShownSpectra {
 const NOTHING: ShownSpectra = { spectra: null, share: 0, problem: "" };
 
 /** `names` has to be the same array as long as it says the same. What is under way ends when nobody shows it any more. */
-export function useSpectra({ range, table, stored }: SpectrumOrder, names: readonly string[]): ShownSpectra {
+function useSpectra({ range, table, stored }: SpectrumOrder, names: readonly string[]): ShownSpectra {
   const [shown, setShown] = useState(NOTHING);
   useEffect(() => {
     if (table !== null) {

@@ -14,7 +14,7 @@ const EVERY_MS = 500;
 /** How often it is looked whether the range has changed, and has come to rest since. */
 const LOOK_MS = 200;
 
-export interface ShownStatistics {
+interface ShownStatistics {
   /** Null before the first ones are there. */
   readonly figures: Figures | null;
   /** How far those of the range asked for now are, 0 to 1; null where they are there. */
@@ -120,7 +120,7 @@ const HEADINGS = [
   ["Unit", undefined],
 ] as const;
 
-export function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTableProps) {
+function StatisticsTable({ panels, hidden, shown, timeText }: StatisticsTableProps) {
   const { figures, share, problem } = shown;
   const rows = panels.flatMap((panel) =>
     panel.traces

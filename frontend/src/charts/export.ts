@@ -14,8 +14,8 @@ import type { StoredData } from "./storedRuns";
 /** What the charts show as one drawing at print size: vectors, with its axes, readings and where it comes from. Pure. */
 
 /** Width in print, and of the drawing's own units, in which letters are as large as in a caption. */
-export const WIDTH_MM = 180;
-export const WIDTH = 900;
+const WIDTH_MM = 180;
+const WIDTH = 900;
 const LEFT = 70;
 const RIGHT = 20;
 const HEADING = 26;
@@ -34,7 +34,7 @@ const INK = "#1b1f24";
 const PALE = "#59616b";
 const FAULT = "#b3261e";
 
-export interface Sheet {
+interface Sheet {
   readonly panels: readonly Panel[];
   readonly planes: readonly { readonly plane: Plane; readonly drawn: DrawnPlane }[];
   readonly hidden: ReadonlySet<string>;
@@ -54,7 +54,7 @@ interface Box {
   readonly height: number;
 }
 
-export function heightOf({ panels, planes, foot }: Sheet): number {
+function heightOf({ panels, planes, foot }: Sheet): number {
   const timed = panels.reduce((sum, { share = 1 }) => sum + HEADING + PANEL * share + GAP, 0);
   return (
     2 * MARGIN +
@@ -66,7 +66,7 @@ export function heightOf({ panels, planes, foot }: Sheet): number {
 }
 
 /** The drawing as an SVG file. */
-export function svgOf(sheet: Sheet): string {
+function svgOf(sheet: Sheet): string {
   const { panels, planes, seen, epoch_s, foot } = sheet;
   const height = heightOf(sheet);
   const parts: string[] = [];
@@ -273,7 +273,7 @@ function escaped(words: string): string {
 /** Vectors, the same with its letters for print, or dots at print size. */
 export type PictureKind = "svg" | "pdf" | "png";
 
-export function save(content: Blob, name: string): void {
+function save(content: Blob, name: string): void {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(content);
   link.download = name;
@@ -283,7 +283,7 @@ export function save(content: Blob, name: string): void {
 }
 
 /** Let the browser download what the service writes, under the name that it gives; however long, nothing is held here. */
-export function saveFrom(address: string): void {
+function saveFrom(address: string): void {
   const link = document.createElement("a");
   link.href = address;
   link.download = "";
@@ -291,7 +291,7 @@ export function saveFrom(address: string): void {
 }
 
 /** The moment as part of a file name: 2026-03-01-14-05-09, in the person's own zone. */
-export function stamp(when: Date): string {
+function stamp(when: Date): string {
   const parts = [
     when.getMonth() + 1,
     when.getDate(),

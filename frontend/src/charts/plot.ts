@@ -107,7 +107,7 @@ function written(steps: number): string {
 
 export const AXIS_WIDTH = 52;
 export const RIGHT_MARGIN = 10;
-export const TIME_AXIS_HEIGHT = 24;
+const TIME_AXIS_HEIGHT = 24;
 const FONT = "11px system-ui, -apple-system, 'Segoe UI', Roboto, sans-serif";
 const LINE_WIDTH = 1.6;
 /** As wide as that the line above it leaves an edge in sight on both sides. */
@@ -118,7 +118,7 @@ const LABEL_CLEARANCE_PX = 5;
 /** Least height of a value axis scaled by hand, as a share of the usual least: labels stay within their margin. */
 const FINEST = 1e-3;
 
-export interface PlotOptions {
+interface PlotOptions {
   readonly panel: Panel;
   readonly timeAxis: boolean;
   readonly markLabels: boolean;
@@ -126,7 +126,7 @@ export interface PlotOptions {
   epoch_s(): number | null;
 }
 
-export class SignalPlot {
+class SignalPlot {
   limits: readonly LimitLine[] = [];
   marks: readonly PlacedMark[] = [];
   /** Set when a person scaled the value axis by hand; null lets it follow the curves. */

@@ -12,7 +12,7 @@ export interface Viewport {
 }
 
 export const SPANS_S = [5, 10, 20, 30, 60, 120] as const;
-export const DEFAULT_SPAN_S = 20;
+const DEFAULT_SPAN_S = 20;
 const SHORTEST_SPAN_S = 0.02;
 const LONGEST_SPAN_S = SPANS_S[SPANS_S.length - 1] as number;
 

@@ -42,7 +42,7 @@ interface Done {
   onDone(): void;
 }
 
-export function AskForm({ onDone }: Done) {
+function AskForm({ onDone }: Done) {
   const { value: reason, set: setReason, discard } = useDraft("reason to ask for control", "", isText);
   const ask = useRequestControl();
   const holder = useLive((live) => live.state?.holder?.name);
@@ -63,7 +63,7 @@ export function AskForm({ onDone }: Done) {
   );
 }
 
-export function OfferForm({ onDone }: Done) {
+function OfferForm({ onDone }: Done) {
   const people = useLive((live) => live.state?.people ?? NOBODY);
   const me = useQuery(sessionQuery).data;
   const others = othersToGetControl(people, me?.name);
@@ -95,7 +95,7 @@ export function OfferForm({ onDone }: Done) {
   );
 }
 
-export function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
+function AnswerForm({ number, onDone }: Done & { readonly number: number }) {
   const answer = useAnswerRequest();
   const wish = useLive((live) => live.state?.wishes ?? NO_WISHES).find((one) => one.number === number);
   // numbers begin again with the service: the draft belongs to the request itself

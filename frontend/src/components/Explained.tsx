@@ -26,7 +26,7 @@ import styles from "./Explained.module.css";
  * place makes the way round a page no longer than by one stop for each of its parts.
  */
 
-export interface Group {
+interface Group {
   /** Where the Tab key comes in. */
   current(): HTMLElement | null;
   subscribe(listener: () => void): () => void;
@@ -38,7 +38,7 @@ export interface Group {
 
 const STEPS: Readonly<Record<string, number>> = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 
-export function group(): Group {
+function group(): Group {
   const terms = new Set<HTMLElement>();
   const listeners = new Set<() => void>();
   let at: HTMLElement | null = null;
@@ -81,14 +81,14 @@ export function group(): Group {
 
 const GroupContext = createContext<Group | null>(null);
 
-export function useGroup(): Group | null {
+function useGroup(): Group | null {
   return useContext(GroupContext);
 }
 
 const never = () => () => {};
 
 /** Whether the Tab key comes to this word: to one of each group, to each that is in none. */
-export function useTabStop(of: Group | null, term: HTMLElement | null): boolean {
+function useTabStop(of: Group | null, term: HTMLElement | null): boolean {
   const at = useSyncExternalStore(of?.subscribe ?? never, () => of?.current() ?? null);
   return of === null || (term !== null && at === term);
 }

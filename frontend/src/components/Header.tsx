@@ -30,7 +30,7 @@ import { Metric } from "./values";
 
 /** How fresh the page's knowledge is. */
 
-export function LinkStatus({ link, now_ms }: { link: Link; now_ms: number }) {
+function LinkStatus({ link, now_ms }: { link: Link; now_ms: number }) {
   const condition = health(link, now_ms);
   const old = age_ms(link, now_ms);
   const value = {
@@ -162,7 +162,7 @@ export function PlantBadge({ plant, parameters }: PlantBadgeProps) {
 const NAMES = { deg: "degrees", rad: "radians" } as const;
 const SIGNS = { deg: "°", rad: "rad" } as const;
 
-export function AngleSwitch() {
+function AngleSwitch() {
   const { preferences, change } = usePreferences();
   const other = preferences.angles === "deg" ? "rad" : "deg";
   return (

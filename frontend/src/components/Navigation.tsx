@@ -27,7 +27,7 @@ import styles from "./Navigation.module.css";
 
 /** Everything that explains: docs, glossary, tour, keys. */
 
-export function HelpMenu({ onShortcuts }: { onShortcuts: () => void }) {
+function HelpMenu({ onShortcuts }: { onShortcuts: () => void }) {
   const [location, go] = useLocation();
   const { change } = usePreferences();
   const here = ["/docs", "/glossary"].some((path) => location.startsWith(path));

@@ -11,7 +11,7 @@ import styles from "./SceneFrame.module.css";
 const TOLD = ["connecting", "drawing", "shown", "lost", "dropped"] as const;
 
 /** Before its page is there, and when what came is not its page. */
-export type Stage = (typeof TOLD)[number] | "page" | "failed";
+type Stage = (typeof TOLD)[number] | "page" | "failed";
 
 /** Somebody who has waited so long is told so [s]. */
 export const PATIENCE_S = 20;
@@ -22,17 +22,17 @@ const AWAITED = {
   drawing: "the browser to draw it",
 };
 
-export const NO_3D =
+const NO_3D =
   "This browser cannot draw in 3D: it has no WebGL 2. Press Show flat, or allow graphics in the browser's settings.";
 
 /** The stage that the document in a frame tells; another document than the view's, as the browser's own, tells none. */
-export function stageIn(frame: HTMLIFrameElement): Stage {
+function stageIn(frame: HTMLIFrameElement): Stage {
   const told = frame.contentDocument?.documentElement.dataset.stage;
   return TOLD.find((stage) => stage === told) ?? "failed";
 }
 
 /** Empty once there is a picture. `software`: the browser paints without a graphics processor. */
-export function describeStage(stage: Stage, late: boolean, software: boolean): string {
+function describeStage(stage: Stage, late: boolean, software: boolean): string {
   switch (stage) {
     case "shown":
       return "";
@@ -131,7 +131,7 @@ interface Camera {
   readonly lookAt: readonly [number, number, number];
 }
 
-export const CAMERAS: readonly Camera[] = [
+const CAMERAS: readonly Camera[] = [
   { name: "Front", position: [1.6, -10.2, 1], lookAt: [0, 0, -0.48] },
   { name: "Side", position: [9.5, -3.4, 0.4], lookAt: [0, 0, -0.6] },
   { name: "Above", position: [1.2, -6.4, 8], lookAt: [0, 0, -0.4] },

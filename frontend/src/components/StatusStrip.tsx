@@ -32,15 +32,15 @@ import statusStripStyles from "./StatusStrip.module.css";
 
 /** What became of the last press of STOP, which works without the application. */
 
-export function useStop(): StopState {
+function useStop(): StopState {
   return useSyncExternalStore(listenToStop, stopState);
 }
 
 /** The one sentence that matters most right now. Pure. */
 
-export type Tone = "calm" | "busy" | "warn" | "fault";
+type Tone = "calm" | "busy" | "warn" | "fault";
 
-export interface Status {
+interface Status {
   readonly tone: Tone;
   readonly text: string;
   readonly remedy: string;
@@ -135,13 +135,13 @@ export function currentStatus(
 }
 
 /** What is played, how far it is, and whether it goes on: "Replay of run 12, 0:12 of 1:42, playing at 2×." */
-export function playerSentence({ title, t, duration_s, playing, ended, speed }: PlayerPosition): string {
+function playerSentence({ title, t, duration_s, playing, ended, speed }: PlayerPosition): string {
   const pace = speed === 1 ? "playing" : `playing at ${speed}×`;
   const doing = playing ? pace : ended ? "ended" : "paused";
   return `Replay of ${title}, ${clockTime(t, 1)} of ${clockTime(duration_s, 1)}, ${doing}.`;
 }
 
-export function taskName(task: Task): string {
+function taskName(task: Task): string {
   return `${taskTitle(task)}: ${partOf(task)}`;
 }
 

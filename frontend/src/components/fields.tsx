@@ -147,7 +147,7 @@ interface SwitchFieldProps extends Omit<SwitchProps, "error" | "onChange"> {
   onChange(checked: boolean): void;
 }
 
-export function SwitchField({ entry, onChange, ...rest }: SwitchFieldProps) {
+function SwitchField({ entry, onChange, ...rest }: SwitchFieldProps) {
   const { ref, said } = useRefusedInput<HTMLInputElement>(rest.name);
   return (
     <Switch
@@ -222,7 +222,7 @@ export function SettingField({ setting, value, origin = "", onChange }: SettingF
 }
 
 /** Whether a setting takes a number. */
-export function isNumeric(setting: Setting): boolean {
+function isNumeric(setting: Setting): boolean {
   return typeof setting.default === "number";
 }
 

@@ -4,7 +4,7 @@
  * It never gives up, and reconnecting commands nothing: the only thing that is ever sent is a ping.
  */
 
-export type Phase = "connecting" | "open" | "waiting";
+type Phase = "connecting" | "open" | "waiting";
 
 export interface Link {
   readonly phase: Phase;
@@ -32,7 +32,7 @@ export type LinkEvent =
   | { readonly kind: "wake" }
   | { readonly kind: "clock" };
 
-export type LinkAction = "none" | "connect" | "ping" | "drop";
+type LinkAction = "none" | "connect" | "ping" | "drop";
 
 export type Health = "live" | "stale" | "down";
 

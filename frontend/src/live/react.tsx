@@ -31,7 +31,7 @@ export function useLive<Part>(select: (live: Live) => Part): Part {
 }
 
 /** Samples older than this are not shown as present ones [s]. */
-export const OLD_S = 0.3;
+const OLD_S = 0.3;
 const LOOK_MS = 100;
 
 /** How old the newest sample is [s], to a tenth, once it is older than `OLD_S`; null while it is fresh or there is none. */

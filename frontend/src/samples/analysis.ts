@@ -79,7 +79,7 @@ export interface Spectrum {
 }
 
 /** Fewest samples worth a spectrum. */
-export const LEAST_SAMPLES = 64;
+const LEAST_SAMPLES = 64;
 const LONGEST_SEGMENT = 8192;
 /** A spectrum of less than four segments scatters too much to be read: half the record is the longest one. */
 const SHARE_OF_RECORD = 2;

@@ -11,7 +11,7 @@ import { BLOCK_TICKS, type Column, type SampleWindow } from "./window";
  */
 
 /** A stretch of the time axis, reduced. `ticks` may be fractional only at the middle of a bucket. */
-export interface Grid {
+interface Grid {
   readonly fromTick: number;
   readonly bucket: number;
   readonly buckets: number;
@@ -143,12 +143,6 @@ function widen(extent: Extent, minimum: number, maximum: number): void {
 }
 
 /** Stored samples or their min/max envelope as points of a curve. Pure. */
-
-export interface Points {
-  readonly times: Float64Array;
-  readonly values: Float64Array;
-  readonly extent: Extent;
-}
 
 /** Times of the points of all signals: one per raw sample, two per bucket of an envelope. */
 export function pointTimes(samples: Excerpt): Float64Array {

@@ -9,7 +9,7 @@ import { fixed, MINUS, numberIn, short } from "./format";
 export type AngleUnit = "deg" | "rad";
 
 /** A unit as it is read, and the factor from SI to it. */
-export interface Reading {
+interface Reading {
   readonly unit: string;
   readonly factor: number;
 }

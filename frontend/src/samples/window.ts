@@ -11,7 +11,7 @@ import { type DerivedSignal, valuesOf } from "./formula";
 
 export const BLOCK_TICKS = 16;
 /** A power of two above 120 s at 1 kHz. */
-export const CAPACITY_TICKS = 1 << 17;
+const CAPACITY_TICKS = 1 << 17;
 
 export interface Column {
   readonly samples: Float32Array;
@@ -20,7 +20,7 @@ export interface Column {
 }
 
 /** Lengths of the joint's geometry [m]; what needs one that is not known is NaN. */
-export interface Lengths {
+interface Lengths {
   readonly r_m: number;
   readonly r_j: number;
 }

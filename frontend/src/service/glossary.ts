@@ -151,7 +151,7 @@ export function useExplained(): Explained | null {
 
 type Line = readonly [string, string];
 
-export interface Range {
+interface Range {
   readonly minimum: number;
   readonly maximum: number;
 }

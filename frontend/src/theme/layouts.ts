@@ -95,7 +95,7 @@ export function readIn(panel: Panel, angles: AngleUnit): Panel {
 }
 
 /** Why a signal cannot stand in this panel; null where it can. */
-export function whyNotIn({ title, signals }: ChartPanel, name: string): string | null {
+function whyNotIn({ title, signals }: ChartPanel, name: string): string | null {
   const [first] = signals;
   if (first === undefined || unitOf(first) === unitOf(name)) return null;
   return `${name} is in ${unitOf(name)}, “${title}” shows ${unitOf(first)}: one panel has one unit. Add a panel for it.`;

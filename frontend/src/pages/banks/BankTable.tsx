@@ -25,7 +25,7 @@ export function percent(value: number | null): string {
   return value === null ? NOT_MEASURED : `${significant(value, 3)} %`;
 }
 
-export interface Change {
+interface Change {
   readonly text: string;
   readonly changed: boolean;
 }

@@ -66,7 +66,7 @@ export function signalsOf(step: StepId): readonly Signal[] {
   return SIGNALS[step];
 }
 
-export type Movement = "rising" | "falling" | "still" | "unknown";
+type Movement = "rising" | "falling" | "still" | "unknown";
 
 /** A change within `OVER_S` that a hand makes and noise does not: three counts of the joint's encoder, a tenth of a pull. */
 const MOVES: Readonly<Record<string, number>> = { rad: 0.005, N: 0.5, V: 0.02 };
@@ -99,7 +99,7 @@ const LOOK_MS = 100;
 
 const WORDS: Record<Movement, string> = { rising: "rising", falling: "falling", still: "still", unknown: "" };
 
-export function StepReadings({ step }: { step: BringUpStep["id"] }) {
+function StepReadings({ step }: { step: BringUpStep["id"] }) {
   const store = useLiveStore();
   const angles = useAngleUnit();
   const names = signalsOf(step);

@@ -2,7 +2,7 @@
 
 import { Lexer, type Token, type TokensList } from "marked";
 
-export interface Part {
+interface Part {
   /** As a link spells it: small letters, hyphens for blanks. */
   readonly id: string;
   readonly title: string;
@@ -41,7 +41,7 @@ export const PURPOSES = {
   explanation: "Explanation",
 } as const;
 
-export type Purpose = keyof typeof PURPOSES;
+type Purpose = keyof typeof PURPOSES;
 
 /** Order within a list; documents without an entry follow in alphabetical order. */
 const FIRST = [

@@ -31,8 +31,8 @@ import { SegmentsEditor, segmentsProblem } from "./SequenceEditor";
 
 /** From what is in force and what a person changed to what an experiment's form shows, which is what it sends. Pure. */
 
-export type Value = boolean | number | string;
-export type Values = Record<string, Value>;
+type Value = boolean | number | string;
+type Values = Record<string, Value>;
 
 /** Of the loop, the same for every kind. */
 const TUNING = ["lam_q", "lam_S", "lam_motor", "b", "interpolate", "motion", "u_plan", "k_ext"] as const;
@@ -48,7 +48,7 @@ export function hasChoice({ minimum, maximum }: Setting): boolean {
 }
 
 /** One setting as the form shows it. */
-export interface Shown {
+interface Shown {
   readonly setting: Setting;
   readonly value: Value;
   /** Where the value comes from, for the person who reads it. */
@@ -59,7 +59,7 @@ export interface Shown {
  * Every setting of a kind: what a person changed, else the operator's tuning in force, else the default. While a run
  * has a tuning of its own, the operator's is what comes back after it.
  */
-export function shownSettings(
+function shownSettings(
   kind: ExperimentKind,
   state: State | null,
   changed: Values,
@@ -76,14 +76,14 @@ export function shownSettings(
   });
 }
 
-export interface Order {
+interface Order {
   /** Null while a number box holds something else. */
   readonly order: { readonly name: string; readonly settings: Values } | null;
   readonly problem: string | null;
 }
 
 /** All that is shown, to be sent. */
-export function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
+function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
   for (const { setting, value } of shown) {
     if (typeof setting.default === "number" && typeof value !== "number") {
       return { order: null, problem: `${sentence(setting.meaning)}: ${notANumber(String(value))}.` };
@@ -140,7 +140,7 @@ export function tuningChanges(
 }
 
 /** Choices of a bank: geometry, and every bank there is. */
-export function bankChoices(banks: readonly Bank[]): { value: string; label: string }[] {
+function bankChoices(banks: readonly Bank[]): { value: string; label: string }[] {
   return [0, ...banks.map(({ id }) => id)].map((id) => ({
     value: String(id),
     label: describeBank(id, banks),

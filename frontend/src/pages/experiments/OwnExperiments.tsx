@@ -93,7 +93,7 @@ function ofLists(from: readonly string[], to: readonly string[]): string[] {
 
 /** What the composer was opened with, and whether somebody has saved another version since. Pure. */
 
-export interface Opened {
+interface Opened {
   readonly text: string;
   /** What the text says as plain data, as the service read it; null where the text is JSON or nothing. */
   readonly document: unknown;
@@ -148,7 +148,7 @@ interface VersionsProps {
 
 const MOST_VERSIONS = 10;
 
-export function Versions({ name, document, onOpen }: VersionsProps) {
+function Versions({ name, document, onOpen }: VersionsProps) {
   const angles = useAngleUnit();
   const { data = [] } = useQuery(experimentVersionsQuery(name));
   const listed = data.slice(0, MOST_VERSIONS);

@@ -12,7 +12,7 @@ import styles from "./SequenceEditor.module.css";
 
 /** The parts that an experiment may have, as forms: which boxes each has, and how a new one begins. Pure. */
 
-export interface Box {
+interface Box {
   readonly name: string;
   readonly words: string;
   readonly unit: string;
@@ -21,7 +21,7 @@ export interface Box {
   readonly choices?: readonly string[];
 }
 
-export interface PartForm {
+interface PartForm {
   readonly words: string;
   readonly boxes: readonly Box[];
   /** What a new one has. */
@@ -159,7 +159,7 @@ export function partOf(kind: string, other?: Part): Part {
 }
 
 /** A part without what is left out. */
-export function stripped(part: Part): Part {
+function stripped(part: Part): Part {
   return Object.fromEntries(Object.entries(part).filter(([, value]) => value !== undefined)) as Part;
 }
 

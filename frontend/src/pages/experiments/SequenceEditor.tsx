@@ -134,7 +134,7 @@ function Text({ label, place, value, onChange }: TextProps) {
 
 /** Own sequences of references as rows of an editor, in SI. Pure. */
 
-export const SHAPES = ["step", "ramp", "sine"] as const;
+const SHAPES = ["step", "ramp", "sine"] as const;
 
 /** Text stands for what was typed and is no number: it is shown, and never sent. */
 type Typed = number | string;
@@ -191,7 +191,7 @@ export function segmentsProblem(json: unknown): string | null {
 }
 
 /** The first box of a segment that holds no number, and what it holds; null when all do. */
-export function segmentProblem(segment: Segment): string | null {
+function segmentProblem(segment: Segment): string | null {
   for (const [name, words] of Object.entries(NAMES)) {
     const value = segment[name as keyof typeof NAMES];
     if (typeof value === "string") return `${words}: ${notANumber(value)}`;

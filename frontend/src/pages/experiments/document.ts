@@ -9,7 +9,7 @@ export interface Part {
   readonly [name: string]: Value | Part[] | Readonly<Record<string, Part[]>> | undefined;
 }
 
-export interface Phase {
+interface Phase {
   readonly name: string;
   readonly title: string;
   readonly parts: readonly Part[];
@@ -111,7 +111,7 @@ export function innerOf(part: Part): [Place, readonly Part[]][] {
 type Tree = Record<string | number, unknown>;
 
 /** What stands at a place. */
-export function at(document: unknown, place: Place): unknown {
+function at(document: unknown, place: Place): unknown {
   return place.reduce((here, name) => (here as Tree | undefined)?.[name], document);
 }
 
@@ -129,7 +129,7 @@ export function replaced(document: Document, place: Place, next: unknown): Docum
 }
 
 /** The list that an item stands in, and where in it. */
-export function within(place: Place): [Place, number] {
+function within(place: Place): [Place, number] {
   return [place.slice(0, -1), Number(place.at(-1))];
 }
 
@@ -144,7 +144,7 @@ export function removed(document: Document, place: Place): Document {
 }
 
 /** Whether one place lies in another, or is it. */
-export function lies(place: Place, around: Place): boolean {
+function lies(place: Place, around: Place): boolean {
   return around.every((name, index) => place[index] === name);
 }
 

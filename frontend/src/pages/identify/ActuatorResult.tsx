@@ -23,7 +23,7 @@ import identifyStyles from "./Identify.module.css";
 /** Runs that the service puts into one report. */
 const MOST_IN_A_REPORT = 100;
 
-export interface Estimated {
+interface Estimated {
   /** As the notation spells it. */
   readonly name: string;
   readonly unit: string;
@@ -31,7 +31,7 @@ export interface Estimated {
   readonly std: number | null;
 }
 
-export interface Candidate {
+interface Candidate {
   readonly run: number;
   readonly estimates: readonly Estimated[];
   readonly grade: string;
@@ -119,7 +119,7 @@ export function residualOutcome(test: Correlation, good: string, bad: string): s
 
 /** One fitted model with its quality: gain against geometry, lag, fit, parameters, verdict. */
 
-export function ModelView({
+function ModelView({
   name,
   path,
   unit,

@@ -46,10 +46,10 @@ import { SpringTableForm } from "./SpringResult";
 
 /** From what stands in the form to what is asked of the service. Pure. */
 
-export type Kind = IdentificationRequest["kind"];
-export type Values = Record<string, number | string>;
+type Kind = IdentificationRequest["kind"];
+type Values = Record<string, number | string>;
 
-export interface Asked {
+interface Asked {
   /** Null while something in the form is no number. */
   readonly request: IdentificationRequest | null;
   readonly problem: string | null;
@@ -79,7 +79,7 @@ const LABELS: Record<string, string> = {
   cycles: "Times up and down",
 };
 
-export function labelOf({ name, meaning }: Setting): string {
+function labelOf({ name, meaning }: Setting): string {
   return LABELS[name] ?? meaning;
 }
 
@@ -380,7 +380,7 @@ function TensionFields({ tension_N, tensions, problem, onTension, onTensions }: 
 
 /** Where a run will take the joint, in the plane of position and stiffness, with the joint as it is now. */
 
-export function ForecastMap({ prediction }: { prediction: Prediction }) {
+function ForecastMap({ prediction }: { prediction: Prediction }) {
   const store = useLiveStore();
   const entries = useBankEntries();
   const angles = useAngleUnit();

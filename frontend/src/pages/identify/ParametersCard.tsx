@@ -25,7 +25,7 @@ interface ChangeButtonProps {
   onPress(): void;
 }
 
-export function ChangeButton({ children, error, pending, about, onPress }: ChangeButtonProps) {
+function ChangeButton({ children, error, pending, about, onPress }: ChangeButtonProps) {
   const may = useMayCommand();
   const mode = useLive((live) => live.state?.mode);
   const id = useId();
@@ -103,7 +103,7 @@ interface ChangeTableProps {
   readonly changes: readonly ParameterChange[];
 }
 
-export function ChangeTable({ label, changes }: ChangeTableProps) {
+function ChangeTable({ label, changes }: ChangeTableProps) {
   return (
     <div className={identifyStyles.scroll}>
       <Table withRowBorders={false} verticalSpacing={2} aria-label={label}>

@@ -20,7 +20,7 @@ const SPRING_SOLID = 34;
 const COILS = 6;
 const COIL_HALF = 9;
 
-export interface Signals {
+interface Signals {
   readonly q: number;
   readonly q_ref: number;
   readonly S: number;
@@ -30,7 +30,7 @@ export interface Signals {
   readonly F_B: number;
 }
 
-export interface Side {
+interface Side {
   readonly slack: boolean;
   /** Zigzag of the spring from its top as x, y, x, y, …; shorter the more it is compressed. */
   readonly spring: readonly number[];
@@ -40,7 +40,7 @@ export interface Side {
   readonly reel_deg: number;
 }
 
-export interface ActuatorPose {
+interface ActuatorPose {
   /** Clockwise turn of the link, as a canvas counts; positive q turns it the other way. */
   readonly link_deg: number;
   /** Turn of the reference, null while there is none. */
@@ -107,12 +107,7 @@ const LEAST_LETTERS_PX = 11;
 
 type Pen = CanvasRenderingContext2D;
 
-export function paintActuator(
-  surface: Surface,
-  signals: Signals,
-  pose: ActuatorPose,
-  angles: AngleUnit,
-): void {
+function paintActuator(surface: Surface, signals: Signals, pose: ActuatorPose, angles: AngleUnit): void {
   const { context: pen, width, height, colours } = surface;
   const scale = Math.min(width / WIDTH, height / HEIGHT, 1.5);
   pen.save();

@@ -95,7 +95,7 @@ function Unready({ why }: { why: string }) {
 }
 
 /** Whether something has to come before pretension on what is driven. */
-export function isUnready(state: State | null): state is State {
+function isUnready(state: State | null): state is State {
   return state?.mode === "off" && state.unready !== "";
 }
 
@@ -117,7 +117,7 @@ export function whyNot(state: State | null, mode: Mode): string | null {
 /** The mode that has to come before what is refused at present, one press away. */
 
 /** What needs a mode: a run needs tension, a change of parameters needs the motors off. */
-export type Need = "start" | "off";
+type Need = "start" | "off";
 
 const NAMES = { pretension: "Pretension", stopping: "Soft stop" } as const;
 

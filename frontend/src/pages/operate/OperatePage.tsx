@@ -61,7 +61,7 @@ export function CardJumps() {
 
 /** The actuator: flat, or in 3D by the same service behind the same sign-in. */
 
-export function SceneCard() {
+function SceneCard() {
   const { solid, camera, known, toggle, look } = useSceneView(true);
   return (
     <Card

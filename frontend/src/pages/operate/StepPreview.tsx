@@ -15,7 +15,7 @@ import stepPreviewStyles from "./StepPreview.module.css";
 
 export type LoopName = "position" | "stiffness";
 
-export interface PreviewedMotion {
+interface PreviewedMotion {
   readonly kind: "step" | "push";
   /** Time [s]. */
   readonly t: readonly number[];
@@ -28,7 +28,7 @@ export interface PreviewedMotion {
 }
 
 /** Null where λ sets no motion: the trajectory makes the steps, and a push does not move S. */
-export function previewedMotion(preview: TuningPreview, loop: LoopName): PreviewedMotion | null {
+function previewedMotion(preview: TuningPreview, loop: LoopName): PreviewedMotion | null {
   if (preview.motion === "lambda") {
     const { t, y, rise_s } = loop === "position" ? preview.step_q : preview.step_S;
     return { kind: "step", t, y, target: 1, time_s: rise_s };
@@ -42,7 +42,7 @@ export function previewedMotion(preview: TuningPreview, loop: LoopName): Preview
 
 /** A step response as an SVG path. Pure. */
 
-export interface StepDrawing {
+interface StepDrawing {
   readonly path: string;
   /** Height of the final value 1 in the drawing. */
   readonly target: number;
@@ -290,7 +290,7 @@ function Reading({ label, name, value, unit = "", warn = false }: ReadingProps) 
 
 /** The planned profile as a picture: lines within a box, in parts of its width and height. Pure. */
 
-export interface Line {
+interface Line {
   /** Of SVG polylines, over a box of PROFILE_WIDTH × PROFILE_HEIGHT. */
   readonly pieces: readonly string[];
   readonly lowest: number;

@@ -9,7 +9,7 @@ import type { Limits, Prediction, References, State } from "../../wire/types";
 
 /** The position-stiffness plane on a drawing: SI to pixels and back. Pure. */
 
-export interface Plane {
+interface Plane {
   readonly width: number;
   readonly height: number;
   readonly left: number;

@@ -32,7 +32,7 @@ interface DeviationTableProps {
   readonly band: number | null;
 }
 
-export function DeviationTable({ found, band }: DeviationTableProps) {
+function DeviationTable({ found, band }: DeviationTableProps) {
   const angles = useAngleUnit();
   const { factor } = readingOf(found.unit, angles);
   return (
@@ -162,7 +162,7 @@ function Value({ setting: { values, unit }, index, alike, angles }: ValueProps) 
 /** The panel of a signal's differences: in the looks of the runs that they are of, with the tolerance band. Pure. */
 
 /** Those that have a unit: of codes and counts there is no difference that says anything. */
-export const SIGNALS = FIELDS.filter(({ unit }) => unit !== "1").map(({ name }) => name);
+const SIGNALS = FIELDS.filter(({ unit }) => unit !== "1").map(({ name }) => name);
 
 /** Differences are small: their axis may be as much finer. */
 const FINER = 20;

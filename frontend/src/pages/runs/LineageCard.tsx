@@ -43,13 +43,13 @@ export function appliedRuns(versions: readonly Version[], digest: string | null)
 
 export const BOX = { width: 178, height: 76, across: 44, down: 14 } as const;
 
-export interface Placed {
+interface Placed {
   readonly node: LineageNode;
   readonly x: number;
   readonly y: number;
 }
 
-export interface Picture {
+interface Picture {
   readonly boxes: readonly Placed[];
   readonly edges: readonly { readonly key: string; readonly from: Placed; readonly to: Placed }[];
   readonly width: number;
@@ -107,7 +107,7 @@ const MARGIN = 2;
 /** Letters that fit into a box. */
 const FIT = 27;
 
-export function LineagePicture({ nodes, self }: { nodes: readonly LineageNode[]; self: string }) {
+function LineagePicture({ nodes, self }: { nodes: readonly LineageNode[]; self: string }) {
   const picture = useMemo(() => laidOut(nodes), [nodes]);
   const [width, height] = [picture.width + 2 * MARGIN, picture.height + 2 * MARGIN];
   return (

@@ -16,7 +16,7 @@ import styles from "./Runs.module.css";
 
 /** Points over dates, laid out in pixels, with their axes. Pure. */
 
-export interface Point {
+interface Point {
   readonly run: number;
   /** Milliseconds since 1970. */
   readonly at: number;
@@ -29,7 +29,7 @@ interface Tick {
   readonly label: string;
 }
 
-export interface Scatter {
+interface Scatter {
   /** `label` is the value, told ten times as finely as the lines are apart. */
   readonly points: readonly (Point & { readonly x: number; readonly y: number; readonly label: string })[];
   /** Through all points, as a path of SVG. */

@@ -21,7 +21,7 @@ const BLOCK_S = 5;
 const POINTS = 6000;
 
 /** How to read a signal at `at_s`; from the curves in sight until the samples have come. */
-export function useMoments(
+function useMoments(
   run: number,
   at_s: number,
   duration_s: number,

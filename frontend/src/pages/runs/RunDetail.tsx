@@ -42,7 +42,7 @@ import { type Compared, experimentOf, USUAL } from "./runAddress";
 
 /** What a run came to: verdict, criteria, figures; of an identification its own verdict. */
 
-export function RunResult({ run }: { run: Run }) {
+function RunResult({ run }: { run: Run }) {
   return (
     <Card
       title="Result"
@@ -285,7 +285,7 @@ function Segments({ segments }: { segments: readonly Segment[] }) {
 
 /** The tags of a run: put on, taken off, and led on to the runs that have them too. */
 
-export function Tags({ run }: { run: Run }) {
+function Tags({ run }: { run: Run }) {
   const draft = useDraft(`tag of run ${run.id}`, "", isText);
   const typed = draft.value;
   const change = useTag(run.id);

@@ -71,7 +71,7 @@ interface SavedSearchesProps {
   onFilter(filters: Filters): void;
 }
 
-export function SavedSearches({ typed, filters, onChoose, onFilter }: SavedSearchesProps) {
+function SavedSearches({ typed, filters, onChoose, onFilter }: SavedSearchesProps) {
   const { data: saved = [] } = useQuery(savedSearchesQuery);
   const [name, setName] = useState("");
   const save = useSaveSearch();

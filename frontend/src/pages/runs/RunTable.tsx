@@ -25,7 +25,7 @@ interface RunRowsProps {
   onChoose(id: number, is: boolean): void;
 }
 
-export function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
+function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
   const stations = runs.some(({ station }) => station !== "");
   const plants = commonPlant(runs) === null;
   return (
@@ -72,7 +72,7 @@ export function RunRows({ runs, chosen, full, onChoose }: RunRowsProps) {
 }
 
 /** The plant with its parameters where all these runs were made on the same, else null. */
-export function commonPlant(runs: readonly Run[]): string | null {
+function commonPlant(runs: readonly Run[]): string | null {
   const found = new Set(runs.map(plantOf));
   return found.size === 1 ? ([...found][0] as string) : null;
 }
@@ -157,7 +157,7 @@ const WAYS = [
   },
 ] as const;
 
-export function NoRuns() {
+function NoRuns() {
   return (
     <div className={runsStyles.none}>
       <p className={pageStyles.empty}>Nothing recorded yet. A run begins with the mode run.</p>

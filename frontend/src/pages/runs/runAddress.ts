@@ -31,7 +31,7 @@ export function addressOf(
 /** As many as the service sets beside each other. */
 export const MOST_COMPARED = 20;
 
-export interface Others {
+interface Others {
   readonly numbers: readonly number[];
   /** What of the address is left out, and why; "" where nothing is. */
   readonly problem: string;

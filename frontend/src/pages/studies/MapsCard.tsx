@@ -11,9 +11,9 @@ import studiesStyles from "./Studies.module.css";
 
 /** Where the cells of a map stand, and in which colour. */
 
-export type Cells = readonly (readonly (number | null)[])[];
+type Cells = readonly (readonly (number | null)[])[];
 
-export interface Cell {
+interface Cell {
   readonly key: string;
   readonly row: number;
   readonly column: number;
@@ -114,7 +114,7 @@ export function ticksOf(count: number): number[] {
 
 /** A map as a picture: a cell for each pair of values, its colour between the numbers at the ends of the scale. */
 
-export interface Axis {
+interface Axis {
   readonly label: string;
   readonly values: readonly (number | string | boolean)[];
 }
@@ -142,7 +142,7 @@ const APART = 7;
 const ROOM_NOTE_X = 62;
 const ROOM_NOTE_Y = 30;
 
-export function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
+function HeatMap({ title, x, y, cells, unstable, notes }: HeatMapProps) {
   const width = WIDTH - LEFT - SCALE;
   const height = HEIGHT - TOP - BOTTOM;
   const { range, digits, drawn } = cellsOf(cells, width, height);

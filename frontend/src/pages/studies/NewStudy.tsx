@@ -18,7 +18,7 @@ import { asStudy, EMPTY_STUDY, type StudyDocument, StudyForm, writeStudy } from 
 const REST_MS = 400;
 
 /** Of this very text; null while that is not known, and for no text. */
-export function useCheckedStudy(text: string): CheckedStudy | null {
+function useCheckedStudy(text: string): CheckedStudy | null {
   const [rested, rest] = useState(text);
   useEffect(() => {
     const timer = setTimeout(() => rest(text), REST_MS);

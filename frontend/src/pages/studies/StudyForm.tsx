@@ -13,7 +13,7 @@ import studyFormStyles from "./StudyForm.module.css";
 
 /** What a study can vary: settings of its experiment and of the loop, and numbers of the plant, with symbol and unit. */
 
-export interface Varied {
+interface Varied {
   readonly name: string;
   readonly label: string;
   readonly unit: string;
@@ -21,14 +21,14 @@ export interface Varied {
   readonly value: boolean | number | string;
 }
 
-export interface Choices {
+interface Choices {
   readonly experiment: readonly Varied[];
   readonly loop: readonly Varied[];
   readonly plant: readonly Varied[];
 }
 
 /** The choices of a study of this experiment; those of an experiment that is not known are of the loop and the plant. */
-export function useVaried(experiment: string): Choices {
+function useVaried(experiment: string): Choices {
   const { data: kinds = [] } = useQuery(experimentKindsQuery);
   const { data: numbers = [] } = useQuery(plantNumbersQuery);
   const angles = useAngleUnit();
@@ -49,13 +49,13 @@ export function useVaried(experiment: string): Choices {
 }
 
 /** One of the choices by name; what is not among them counts in SI. */
-export function variedOf(choices: Choices, name: string): Varied {
+function variedOf(choices: Choices, name: string): Varied {
   const all = [...choices.experiment, ...choices.loop, ...choices.plant];
   return all.find((one) => one.name === name) ?? { name, label: name, unit: "1", value: 0 };
 }
 
 /** The choices as groups of a select, with what stands there also where it is none of them. */
-export function groupsOf(choices: Choices, current: string, only: readonly (keyof Choices)[]) {
+function groupsOf(choices: Choices, current: string, only: readonly (keyof Choices)[]) {
   const titles = { experiment: "Of the experiment", loop: "Of the loop", plant: "Of the plant" };
   const groups = only.map((key) => ({
     group: titles[key],
@@ -75,7 +75,7 @@ interface VariedSelectProps {
   onChange(name: string): void;
 }
 
-export function VariedSelect({ label, value, choices, only, onChange }: VariedSelectProps) {
+function VariedSelect({ label, value, choices, only, onChange }: VariedSelectProps) {
   return (
     <NativeSelect
       aria-label={label}
@@ -90,10 +90,10 @@ export function VariedSelect({ label, value, choices, only, onChange }: VariedSe
 
 /** A study as its form edits it: the document as the service reads it, and as a text again. Pure. */
 
-export type Value = boolean | number | string;
+type Value = boolean | number | string;
 
 /** What is gone through: `values`, or `count` of them from `first` to `last`. A box may hold what is no number yet. */
-export interface Axis {
+interface Axis {
   readonly over: string;
   readonly values?: readonly Value[];
   readonly first?: Value;
@@ -103,7 +103,7 @@ export interface Axis {
 }
 
 /** How a number of the plant is drawn. */
-export interface Spread {
+interface Spread {
   readonly of: string;
   readonly by?: string;
   readonly relative?: Value;
@@ -195,7 +195,7 @@ interface AxisRowsProps {
   onChange(axes: readonly Axis[]): void;
 }
 
-export function AxisRows({ axes, choices, onChange }: AxisRowsProps) {
+function AxisRows({ axes, choices, onChange }: AxisRowsProps) {
   return (
     <fieldset className={`${studyFormStyles.group} ${pageStyles.fields}`}>
       <legend>Axes: all combinations, the last one fastest</legend>
@@ -338,7 +338,7 @@ interface NumberBoxProps {
   onChange(value: number | string): void;
 }
 
-export function NumberBox({ label, of, unit, value, onChange }: NumberBoxProps) {
+function NumberBox({ label, of, unit, value, onChange }: NumberBoxProps) {
   const angles = useAngleUnit();
   return (
     <NumberField
@@ -390,7 +390,7 @@ interface SpreadRowsProps {
   onChange(spread: readonly Spread[]): void;
 }
 
-export function SpreadRows({ spread, choices, onChange }: SpreadRowsProps) {
+function SpreadRows({ spread, choices, onChange }: SpreadRowsProps) {
   const taken = new Set(spread.map(({ of }) => of));
   const further = ["motor.c0", "asymmetry.spring_A", ...choices.plant.map(({ name }) => name)].find(
     (name) => !taken.has(name),

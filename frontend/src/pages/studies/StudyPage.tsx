@@ -25,7 +25,7 @@ import studiesStyles from "./Studies.module.css";
 
 /** How far a study is: in words, and as a bar. */
 
-export function StudyProgress({ study }: { study: Study }) {
+function StudyProgress({ study }: { study: Study }) {
   const left = study.left_s === null ? "" : `, ${duration(study.left_s)} left`;
   return (
     <div className={studiesStyles.progress}>
@@ -154,7 +154,7 @@ export function FiguresCard({ figures }: { figures: readonly StudyFigure[] }) {
   );
 }
 
-export function RowsCard({ detail }: { detail: StudyDetail }) {
+function RowsCard({ detail }: { detail: StudyDetail }) {
   const { rows, study } = detail;
   const varied = Object.keys(rows[0]?.values ?? {});
   const symbols = new Map(detail.axes.map(({ name, symbol }) => [name, symbol]));

@@ -25,7 +25,7 @@ export function experimentQuery(id: number) {
   });
 }
 
-export type SettingValues = Record<string, boolean | number | string>;
+type SettingValues = Record<string, boolean | number | string>;
 
 /** Looks an experiment over as a start would; nothing is kept. */
 export function useCheckExperiment() {

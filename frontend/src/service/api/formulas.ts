@@ -13,7 +13,7 @@ import type { Formula, FormulaText } from "../../wire/types";
 const AGAIN_MS = 30_000;
 const NONE: readonly Formula[] = [];
 
-export const formulasQuery = queryOptions({
+const formulasQuery = queryOptions({
   queryKey: ["formulas"],
   queryFn: async () => {
     const { formulas } = await answered(api.GET("/api/formulas"));

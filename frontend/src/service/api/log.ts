@@ -49,7 +49,7 @@ export function logQuery(asked: LogAsked) {
   });
 }
 
-export interface Remark {
+interface Remark {
   readonly note: string;
   readonly tags: string[];
 }

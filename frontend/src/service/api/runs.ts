@@ -8,7 +8,7 @@ import { excerptOf } from "../../wire/curves";
 import type { Differences } from "../../wire/types";
 import { isRunning } from "./polling";
 
-export interface RunFilter {
+interface RunFilter {
   /** Kinds with commas between; of all where there is none. */
   readonly kind?: string;
   /** Words that stand somewhere. */

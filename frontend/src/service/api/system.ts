@@ -50,7 +50,7 @@ export function useEndInjection() {
 
 /** Whether the way from this page's address to the service is set up right. */
 
-export interface AddressCheck {
+interface AddressCheck {
   /** What is wrong, and how to set it right, in sentences. */
   readonly problems: readonly string[];
   /** Whether the service itself has found nothing wrong: what does not work then is something else. */
@@ -110,7 +110,7 @@ function stepUnderWay(data: BringUp | undefined): boolean {
   return data?.steps.some(({ running }) => running !== null) ?? false;
 }
 
-export type StepCommand =
+type StepCommand =
   | { readonly do: "start"; readonly step: BringUpStep["id"]; readonly values: Record<string, number> }
   | { readonly do: "switch-drives"; readonly on: boolean }
   | { readonly do: "confirm" }

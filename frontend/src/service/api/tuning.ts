@@ -10,7 +10,7 @@ import type { Bank, State, Tuning, TuningPreview, TuningRequest } from "../../wi
 import { OTHERS_MS } from "./polling";
 
 /** What a preview is asked for; the rest of the tuning is that in use. */
-export interface PreviewRequest {
+interface PreviewRequest {
   readonly lam_q: number;
   readonly lam_S: number;
   readonly motion: Tuning["motion"];
@@ -23,7 +23,7 @@ export interface PreviewRequest {
 }
 
 /** `tuning` is the rest of the tuning, as a word: another one has another preview. */
-export function previewQuery(wanted: PreviewRequest, tuning: string) {
+function previewQuery(wanted: PreviewRequest, tuning: string) {
   return queryOptions({
     queryKey: ["tuning", "preview", wanted, tuning],
     queryFn: ({ signal }) => answered(api.GET("/api/tuning/preview", { params: { query: wanted }, signal })),
@@ -176,7 +176,7 @@ export function describeMotion(motion: unknown, u_plan: unknown): string {
 }
 
 /** How much of a push is fed forward; nothing where that is left to the position loop, as it ever was. */
-export function describeFeedforward(k_ext: unknown): string {
+function describeFeedforward(k_ext: unknown): string {
   return typeof k_ext === "number" && k_ext > 0 ? `pushes rejected by ${short(k_ext)}` : "";
 }
 
@@ -187,7 +187,7 @@ function partOf(value: unknown, symbol: string, unit: string): string {
 /** λ that were chosen but not sent: kept in the browser, so that a reload or a lost link does not lose them. */
 
 export type LambdaName = "lam_q" | "lam_S";
-export type StagedLambdas = Partial<Record<LambdaName, number>>;
+type StagedLambdas = Partial<Record<LambdaName, number>>;
 
 interface Staged {
   /** Whether changes are gathered instead of being sent. */

@@ -11,7 +11,7 @@ import { readStored, storedNames, storeText } from "../../wire/browserStorage";
 const FORMAT = 1;
 const PREFIX = "sinew-draft";
 
-export interface StoredDraft {
+interface StoredDraft {
   readonly value: unknown;
   /** When the first change was made, as an ISO 8601 text. */
   readonly since: string;

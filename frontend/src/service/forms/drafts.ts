@@ -7,7 +7,7 @@ import { claimDraft, isStored, parseDraft, storeDraft, storedDraft, watchDrafts 
 
 /** A value that a person changes while the service may change it too. Pure. */
 
-export type Draft =
+type Draft =
   | { readonly kind: "following" }
   | { readonly kind: "editing"; readonly value: number }
   | { readonly kind: "sent"; readonly value: number };
@@ -106,7 +106,7 @@ export function isText(value: unknown): value is string {
 /** Longest wait for the report after an accepted value that changed nothing. */
 const READ_BACK_MS = 1200;
 
-export interface SentValue {
+interface SentValue {
   /** What to show: the draft while there is one, else what is in force. */
   readonly value: number;
   readonly editing: boolean;

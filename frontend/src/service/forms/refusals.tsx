@@ -24,14 +24,14 @@ import { useAngleUnit } from "../api/preferences";
 type Cause = "control" | "link" | "moment" | "value";
 
 /** A refusal with the circumstances in which it was given. */
-export interface ShownError {
+interface ShownError {
   readonly error: Error | null;
   readonly circumstances: string;
   readonly since_ms: number;
   readonly over: boolean;
 }
 
-export const NO_ERROR: ShownError = { error: null, circumstances: "", since_ms: 0, over: true };
+const NO_ERROR: ShownError = { error: null, circumstances: "", since_ms: 0, over: true };
 
 /** The state that belongs to a refusal may come after it; what changes by then is no end. */
 const SETTLE_MS = 600;
@@ -52,7 +52,7 @@ function causeOf(error: Error): Cause {
  * What has to stay as it is for the refusal to hold. `epoch` is the control that this page holds, `about` what the
  * refused request would have changed, as it is in force.
  */
-export function circumstances(error: Error, live: Live, epoch: number | null, about: unknown): string {
+function circumstances(error: Error, live: Live, epoch: number | null, about: unknown): string {
   const { state, link } = live;
   switch (causeOf(error)) {
     case "control":
@@ -75,12 +75,7 @@ export function circumstances(error: Error, live: Live, epoch: number | null, ab
 }
 
 /** The refusal as it stands now; one that is over does not come back, whatever returns. */
-export function nextShownError(
-  before: ShownError,
-  error: Error | null,
-  now: string,
-  now_ms: number,
-): ShownError {
+function nextShownError(before: ShownError, error: Error | null, now: string, now_ms: number): ShownError {
   if (error !== before.error) return { error, circumstances: now, since_ms: now_ms, over: error === null };
   if (before.over || now === before.circumstances) return before;
   if (now_ms - before.since_ms < SETTLE_MS) return { ...before, circumstances: now };

@@ -13,14 +13,14 @@ import { announceVisibility, type PageNotification, showNotification } from "./n
 
 /** What has happened since the page was opened, by what the service tells of its state. Pure. */
 
-export interface Trip {
+interface Trip {
   readonly kind: "trip";
   readonly fault: Fault;
   /** Which start of the loop the fault's tick counts from. */
   readonly starts: number;
 }
 
-export type PageEvent = Trip | { readonly kind: "over"; readonly run: Task["run"] };
+type PageEvent = Trip | { readonly kind: "over"; readonly run: Task["run"] };
 
 export class EventDetector {
   private before: State | null = null;
@@ -61,7 +61,7 @@ const NEAR_MS = 3000;
 const PERIOD_MS = 1000 * PERIOD_S;
 
 /** How long ago a trip was [ms], by a state told since; null where the loop was started anew meanwhile. */
-export function ageOf({ fault, starts }: Trip, state: State | null): number | null {
+function ageOf({ fault, starts }: Trip, state: State | null): number | null {
   if (state === null || state.link.starts !== starts || state.tick < fault.tick) return null;
   return (state.tick - fault.tick) * PERIOD_MS;
 }
@@ -70,7 +70,7 @@ export function ageOf({ fault, starts }: Trip, state: State | null): number | nu
  * The record of a trip at `at_ms` by the service's clock. Trips that follow each other share the record of the first;
  * of another loop's trip at such a tick, which was at another time, it is not.
  */
-export function recordOf(flights: readonly Flight[], { fault }: Trip, at_ms: number): Flight | undefined {
+function recordOf(flights: readonly Flight[], { fault }: Trip, at_ms: number): Flight | undefined {
   const apart = flights.flatMap((flight) => {
     if (flight.kind !== "trip") return [];
     const after_ms = (fault.tick - flight.tick) * PERIOD_MS;
