@@ -84,7 +84,7 @@ _cookie = APIKeyCookie(
     name=f"{COOKIE}8000", auto_error=False, description="from signing in; its name ends with the port of the address"
 )
 
-# All of these are coroutines: plain functions would run in threads, and commands would overtake one another there.
+# All of these are coroutines: commands whose dependencies run in threads would overtake one another there.
 
 
 async def _signed_in(

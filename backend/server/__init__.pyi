@@ -31,6 +31,7 @@ from .security import (
     set_session_cookie,
 )
 from .server import Server, prepare_routes
+from .threads import ThreadRoute, in_thread
 
 __all__ = [
     "ALL_PLACES",
@@ -52,6 +53,7 @@ __all__ = [
     "RequestSchedulingMiddleware",
     "Server",
     "SessionExpiryMiddleware",
+    "ThreadRoute",
     "body_limit",
     "browser_address",
     "describe_served_addresses",
@@ -59,6 +61,7 @@ __all__ = [
     "find_authentication",
     "find_deployment_problems",
     "has_body",
+    "in_thread",
     "is_page_request",
     "listening_socket",
     "missing_page_message",

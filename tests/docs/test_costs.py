@@ -37,13 +37,18 @@ def who(route: APIRoute) -> str:
     return "viewers" if dependencies._signed_in in needed or dependencies._may_stop in needed else "anybody"
 
 
-def asking() -> Iterator[tuple[str, str]]:
-    """Yield each route of the interface with who may ask it."""
+def routes() -> Iterator[APIRoute]:
+    """Yield each route of the interface."""
     for found in iter_modules(routers.__path__):
         module = import_module(f"{routers.__name__}.{found.name}")
         for router in (value for value in vars(module).values() if isinstance(value, APIRouter)):
-            for route in (route for route in router.routes if isinstance(route, APIRoute)):
-                yield from ((f"{method} {route.path}", who(route)) for method in route.methods or ())
+            yield from (route for route in router.routes if isinstance(route, APIRoute))
+
+
+def asking() -> Iterator[tuple[str, str]]:
+    """Yield each route of the interface with who may ask it."""
+    for route in routes():
+        yield from ((f"{method} {route.path}", who(route)) for method in route.methods or ())
 
 
 def documented(name: str, cost: Cost, asks: str) -> list[str]:

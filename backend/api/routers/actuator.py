@@ -25,6 +25,7 @@ from backend.schemas import (
     WishAnswer,
     WishView,
 )
+from backend.server import ThreadRoute
 from backend.services import apply_fault, clear_faults, describe_faults, set_obstacle
 
 # Control -------------------------------------------------------------------------------------------
@@ -32,7 +33,7 @@ from backend.services import apply_fault, clear_faults, describe_faults, set_obs
 # Take and give up control, ask for it and hand it over.
 
 
-control_router = APIRouter(prefix="/api/control", tags=["operate"])
+control_router = APIRouter(prefix="/api/control", tags=["operate"], route_class=ThreadRoute)
 
 
 @control_router.post("")
@@ -74,7 +75,7 @@ async def answer_wish(
 # The faults there are, and injecting them into a simulated plant.
 
 
-faults_router = APIRouter(prefix="/api/faults", tags=["faults"])
+faults_router = APIRouter(prefix="/api/faults", tags=["faults"], route_class=ThreadRoute)
 
 
 @faults_router.get("")
@@ -100,7 +101,7 @@ async def mend_fault(service: ServiceInUse, person: InControl) -> None:
 # State, STOP, reset, mode, references, push, wall, trigger.
 
 
-operate_router = APIRouter(prefix="/api", tags=["operate"])
+operate_router = APIRouter(prefix="/api", tags=["operate"], route_class=ThreadRoute)
 
 
 @operate_router.get("/state")
@@ -172,7 +173,7 @@ async def disarm_trigger(service: ServiceInUse, person: Operator) -> None:
 # position.
 
 
-player_router = APIRouter(prefix="/api/player", tags=["operate"])
+player_router = APIRouter(prefix="/api/player", tags=["operate"], route_class=ThreadRoute)
 
 
 @player_router.get("")

@@ -3,7 +3,6 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request
-from fastapi.concurrency import run_in_threadpool
 
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
 from backend.experiments import build_json_schema
@@ -31,13 +30,14 @@ from backend.schemas import (
     StudyView,
     WrittenExperiment,
 )
+from backend.server import ThreadRoute, in_thread
 
 # Experiments ---------------------------------------------------------------------------------------
 #
 # Experiments: the kinds, starting one, its result.
 
 
-experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"])
+experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"], route_class=ThreadRoute)
 
 
 @experiments_router.get("")
@@ -113,7 +113,7 @@ def get_experiment(id: RowId, service: ServiceInUse, _person: SignedIn) -> Exper
 # Experiments as texts: the form, those there are, looking one over, keeping one.
 
 
-own_experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"])
+own_experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"], route_class=ThreadRoute)
 ExperimentName = Annotated[str, Path(max_length=60, description="ready-made, own, or a version of an own one: name@2")]
 
 
@@ -126,7 +126,7 @@ async def get_experiment_schema(_person: SignedIn) -> dict[str, Any]:
 @own_experiments_router.get("/own")
 async def list_own_experiments(request: Request, service: ServiceInUse, person: SignedIn) -> OwnExperimentList:
     """List own experiments, the newest version of each."""
-    if not await run_in_threadpool(service.experiments.has_own):
+    if not await in_thread(service.experiments.has_own):
         return OwnExperimentList(experiments=[])
     found = await service.texts.run(person, request.is_disconnected, service.experiments.views)
     return OwnExperimentList(experiments=found)
@@ -178,7 +178,7 @@ async def get_experiment_as_run(
 # Studies: begun from a text, followed, stopped and resumed.
 
 
-studies_router = APIRouter(prefix="/api/studies", tags=["studies"])
+studies_router = APIRouter(prefix="/api/studies", tags=["studies"], route_class=ThreadRoute)
 
 
 @studies_router.get("")

@@ -1,7 +1,6 @@
 """Identification runs, and springs identified from tables."""
 
 from fastapi import APIRouter, Request
-from fastapi.concurrency import run_in_threadpool
 
 from backend import __version__
 from backend.analysis import fit_spring_table
@@ -16,9 +15,10 @@ from backend.schemas import (
     UnseenView,
     identification,
 )
+from backend.server import ThreadRoute, in_thread
 from backend.services import describe_identification_kinds
 
-router = APIRouter(prefix="/api", tags=["identification"])
+router = APIRouter(prefix="/api", tags=["identification"], route_class=ThreadRoute)
 
 
 @router.post("/identifications", status_code=202)
@@ -91,7 +91,7 @@ async def add_table(
     """Identify a spring from a table measured elsewhere."""
     asked = body.name, body.table, person.name, __version__, body.header, body.decimal
     new = await service.texts.run(person, request.is_disconnected, fit_spring_table, *asked)
-    return await run_in_threadpool(service.identifications.add_spring_table, new)
+    return await in_thread(service.identifications.add_spring_table, new)
 
 
 @router.get("/spring-tables")

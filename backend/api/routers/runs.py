@@ -5,7 +5,6 @@ from collections.abc import AsyncIterator
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
-from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
 from pydantic import Field, StringConstraints
 
@@ -50,7 +49,7 @@ from backend.schemas import (
     TagRequest,
     Timeline,
 )
-from backend.server import DOCUMENT_POLICY, SHEETS
+from backend.server import DOCUMENT_POLICY, SHEETS, ThreadRoute, in_thread
 from backend.services import RangeAsked, RunQuery, SampleSlice, read_planned_run, run_while_connected
 from backend.storage import LONGEST, TAG_MAX, EventKind, LogQuery
 
@@ -59,7 +58,7 @@ from backend.storage import LONGEST, TAG_MAX, EventKind, LogQuery
 # Stored runs: search, notes, samples, reports, downloads.
 
 
-runs_router = APIRouter(prefix="/api/runs", tags=["runs"])
+runs_router = APIRouter(prefix="/api/runs", tags=["runs"], route_class=ThreadRoute)
 
 Responses = dict[int | str, dict[str, Any]]
 PDF = "application/pdf"
@@ -130,7 +129,7 @@ def take_tag(id: RowId, tag: TagInPath, service: ServiceInUse, _person: Operator
 async def evaluate_run(request: Request, id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
     """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
     await run_while_connected(service.evaluations.again(id), request.is_disconnected)
-    return await run_in_threadpool(service.runs.run, id)
+    return await in_thread(service.runs.run, id)
 
 
 @runs_router.get("/{id}/lineage")
@@ -249,7 +248,7 @@ def download(content: bytes | AsyncIterator[bytes], media_type: str, name: str) 
 # What happened: the log, what people say of it, and the flight records of trips and triggers.
 
 
-log_router = APIRouter(prefix="/api", tags=["log"])
+log_router = APIRouter(prefix="/api", tags=["log"], route_class=ThreadRoute)
 
 
 @log_router.get("/log")
@@ -298,7 +297,7 @@ def show_flight_moment(id: RowId, body: FlightMoment, service: ServiceInUse, _pe
 # Finding runs and setting them beside each other.
 
 
-run_library_router = APIRouter(prefix="/api", tags=["runs"])
+run_library_router = APIRouter(prefix="/api", tags=["runs"], route_class=ThreadRoute)
 
 SearchName = Annotated[str, Path(max_length=2 * SEARCH_NAME_MAX, description="name of a saved search")]
 RunNumber = Annotated[int, Query(ge=1, le=2**53)]
@@ -398,7 +397,7 @@ def get_metric_history(
 # What the charts show, for print.
 
 
-sheets_router = APIRouter(tags=["runs"])
+sheets_router = APIRouter(tags=["runs"], route_class=ThreadRoute)
 
 
 @sheets_router.post(SHEETS, response_class=Response, responses={200: {"content": {PDF: {}}}})
@@ -412,7 +411,7 @@ async def print_sheet(request: Request, body: SheetToPrint, service: ServiceInUs
 # Derived signals by formula.
 
 
-formulas_router = APIRouter(prefix="/api", tags=["runs"])
+formulas_router = APIRouter(prefix="/api", tags=["runs"], route_class=ThreadRoute)
 
 Named = Annotated[FormulaName, Path(description="name of the derived signal")]
 
@@ -440,7 +439,7 @@ def remove_formula(name: Named, service: ServiceInUse, person: Operator) -> None
 # Statistics, values, spectra and files of every sample of a range of a run.
 
 
-run_figures_router = APIRouter(prefix="/api/runs", tags=["runs"])
+run_figures_router = APIRouter(prefix="/api/runs", tags=["runs"], route_class=ThreadRoute)
 
 CSV = "text/csv; charset=utf-8"
 LINES = "application/x-ndjson"

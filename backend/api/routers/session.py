@@ -20,6 +20,7 @@ from backend.schemas import (
 from backend.server import (
     PEER,
     PUBLIC,
+    ThreadRoute,
     end_session,
     find_authentication,
     find_deployment_problems,
@@ -32,7 +33,7 @@ from backend.server import (
 # What the page remembers for the person who is signed in.
 
 
-preferences_router = APIRouter(prefix="/api/preferences", tags=["session"])
+preferences_router = APIRouter(prefix="/api/preferences", tags=["session"], route_class=ThreadRoute)
 
 
 @preferences_router.get("")
@@ -52,7 +53,7 @@ def set_preferences(body: Preferences, service: ServiceInUse, person: SignedIn) 
 # Sign-in, sign-out, new tokens, health.
 
 
-session_router = APIRouter(prefix="/api", tags=["session"])
+session_router = APIRouter(prefix="/api", tags=["session"], route_class=ThreadRoute)
 
 
 @session_router.get("/health")

@@ -29,6 +29,7 @@ from backend.server import (
     COOKIE_PATH,
     LIVE,
     PUBLIC,
+    ThreadRoute,
     find_authentication,
     read_credentials,
     render_message_page,
@@ -42,7 +43,7 @@ _log = logging.getLogger(__name__)
 # Bring a rig up: its steps, one at a time.
 
 
-bring_up_router = APIRouter(prefix="/api/bring-up", tags=["bring-up"])
+bring_up_router = APIRouter(prefix="/api/bring-up", tags=["bring-up"], route_class=ThreadRoute)
 
 
 @bring_up_router.get("")
@@ -179,7 +180,7 @@ async def live(websocket: WebSocket) -> None:
 # Machine, timing, disk, database; backups; room for recordings.
 
 
-system_router = APIRouter(prefix="/api/system", tags=["system"])
+system_router = APIRouter(prefix="/api/system", tags=["system"], route_class=ThreadRoute)
 
 
 @system_router.get("")

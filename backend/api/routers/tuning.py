@@ -3,7 +3,6 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
-from fastapi.concurrency import run_in_threadpool
 
 from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
 from backend.errors import RequestRejectedError
@@ -26,6 +25,7 @@ from backend.schemas import (
     TuningRequest,
     TuningView,
 )
+from backend.server import ThreadRoute, in_thread
 from plant import ErrorCode
 
 # Banks ---------------------------------------------------------------------------------------------
@@ -33,7 +33,7 @@ from plant import ErrorCode
 # Banks: built from identification runs, compared, activated, taken out and brought in.
 
 
-banks_router = APIRouter(prefix="/api/banks", tags=["banks"])
+banks_router = APIRouter(prefix="/api/banks", tags=["banks"], route_class=ThreadRoute)
 
 OtherBank = Annotated[int | None, Query(ge=1, le=2**53, description="bank to compare with")]
 Again = Annotated[
@@ -52,7 +52,7 @@ def build_bank(body: BankRequest, service: ServiceInUse, person: Operator) -> Ba
 async def list_banks(service: ServiceInUse, _person: SignedIn) -> BankList:
     """List all versions of all banks, newest first."""
     service.banks.prepare()
-    return BankList(banks=await run_in_threadpool(service.banks.banks))
+    return BankList(banks=await in_thread(service.banks.banks))
 
 
 @banks_router.post("/file", status_code=201)
@@ -107,9 +107,9 @@ async def use_geometry(service: ServiceInUse, person: InControl) -> TuningView:
 @banks_router.post("/{id}/activate")
 async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
     """Use a bank from now on; bumpless while the loop runs."""
-    bank = await run_in_threadpool(service.banks.stored_bank, id)
+    bank = await in_thread(service.banks.stored_bank, id)
     await service.actuator.retuning.use_bank(bank, person.name)
-    return await run_in_threadpool(service.banks.bank, id)
+    return await in_thread(service.banks.bank, id)
 
 
 def _require_one(other: int | None, run: list[int] | None) -> None:
@@ -128,7 +128,7 @@ LAM_PREVIEW_MIN = 0.05
 M_S_RANGE = (1.0, 2.0)
 """Sensitivity peaks worth asking for: 1 is an open loop, 2 leaves a phase margin of 29 degrees."""
 
-tuning_router = APIRouter(prefix="/api/tuning", tags=["tuning"])
+tuning_router = APIRouter(prefix="/api/tuning", tags=["tuning"], route_class=ThreadRoute)
 
 
 @tuning_router.get("")
@@ -188,7 +188,7 @@ async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "what is in force belongs to a run: save when it is over")
     if present.trial() is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
-    return await run_in_threadpool(service.saved_tunings.save, present.tuning, person.name)
+    return await in_thread(service.saved_tunings.save, present.tuning, person.name)
 
 
 @tuning_router.get("/preview")
