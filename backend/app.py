@@ -62,6 +62,7 @@ from backend.services import (
     RunReevaluated,
     SafeStop,
     SavedTunings,
+    ServiceState,
     SessionRuns,
     Soundness,
     StoredBanks,
@@ -247,11 +248,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
 
     parameters, database, kept, tuning = foundation.parameters, foundation.database, foundation.kept, foundation.tuning
     soundness, hands, supervisor = foundation.soundness, foundation.hands, foundation.supervisor
+    present = LiveState(supervisor, parameters, tuning)
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.on_event)
 
     quota = Quota(settings.flight_records, settings.flight_records_MB * 1_000_000)
-    flights = FlightRecorder(database, lambda: supervisor.ring, quota, lambda fault: present.is_expected(fault))
+    flights = FlightRecorder(database, lambda: supervisor.ring, quota, present.is_expected)
     supervisor.listen(flights.on_event)
     stack.callback(flights.close)
     keep(FLIGHTS, flights.run)
@@ -259,12 +261,6 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     trigger = Trigger(database, lambda: supervisor.ring, quota, lambda: _lengths(present), events)
     stack.callback(trigger.close)
     keep(TRIGGER, trigger.run)
-
-    def problems() -> list[str]:
-        first = watch, soundness, recorder, flights, trigger, journal
-        sweep = actuator.touching.sweep
-        parts = *first, supervisor.watchdog_monitor, retention, authentication.sessions, bring_up, hands, sweep
-        return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
 
     retention = Retention(database, RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
     keep(RETENTION, retention.run)
@@ -277,7 +273,6 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     events.subscribe(AccessChanged, lambda access: journal.record(EventKind.ACCESS, access.text, access.who))
     if foundation.said:
         journal.note(MarkKind.TUNING, foundation.said, tick=0)
-    present = LiveState(supervisor, parameters, tuning, problems)
     supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, present.tick))
     safe_stop = SafeStop(supervisor, present, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name)
@@ -286,6 +281,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     actuator = ActuatorService(
         supervisor=supervisor,
         present=present,
+        database=database,
         session_runs=sessions,
         journal=journal,
         kept=kept,
@@ -305,22 +301,11 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         actuator.changed()
 
     hand_over = ControlHandover(control, authentication.people, say_of_control)
-    present.holder, present.people, present.wishes = control.view, authentication.people.view, hand_over.view
     keep(TOKENS, authentication.run)
     stack.push_async_callback(authentication.sessions.save)
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
     keep(HAND_OVER, hand_over.run)
-    live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(present.state())))
-    events.subscribe(MarkAdded, lambda added: live.announce(added.mark))
-    events.subscribe(StateChanged, lambda _: live.state_changed())
-    keep(LIVE, live.run)
     triggers = Triggers(trigger, actuator, journal, database)
-    present.trigger = triggers.view
-
-    def announce_trigger(triggered: Triggered) -> None:
-        live.announce(EventMessage(tick=triggered.tick, kind=MarkKind.TRIGGER, text=triggered.text))
-
-    events.subscribe(Triggered, announce_trigger)
     watch = FolderWatch((folder.problem, soundness.displaced, foundation.claim.problem), actuator.changed)
     keep(FOLDER, watch.run)
     soundness.start()
@@ -330,12 +315,6 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     stack.callback(processes.close)
     evaluations = Evaluations(database, processes.evaluations, lambda: present.task, events)
     downloads = Downloads(database, processes.reports, settings.data, evaluations.again)
-    stored_runs = StoredRuns(
-        database,
-        lambda: present.task,
-        lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run),
-        processes.reports,
-    )
     banks = StoredBanks(database, processes.computing, lambda: present.tuning)
     station = ExperimentRig(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
 
@@ -360,6 +339,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         safe_stop=safe_stop,
     )
     events.subscribe(RunReevaluated, lambda evaluated: ordered_runs.evaluated(evaluated.run))
+    stored_runs = StoredRuns(
+        database,
+        lambda: present.task,
+        lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run),
+        processes.reports,
+    )
 
     replay = ReplayView(database)
     mirrors = {
@@ -399,11 +384,39 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
 
     events.subscribe(ParametersApplied, use)
 
+    def problems() -> list[str]:
+        first = watch, soundness, recorder, flights, trigger, journal
+        sweep = actuator.touching.sweep
+        parts = *first, supervisor.watchdog_monitor, retention, authentication.sessions, bring_up, hands, sweep
+        return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
+
+    state = ServiceState(
+        present=present,
+        touch=actuator.touching.view,
+        trial=actuator.retuning.trial,
+        trigger=triggers.view,
+        player=actuator.player.view,
+        holder=control.view,
+        people=authentication.people.view,
+        wishes=hand_over.view,
+        problems=problems,
+    )
+    live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(state.view())))
+    events.subscribe(MarkAdded, lambda added: live.announce(added.mark))
+    events.subscribe(StateChanged, lambda _: live.state_changed())
+    keep(LIVE, live.run)
+
+    def announce_trigger(triggered: Triggered) -> None:
+        live.announce(EventMessage(tick=triggered.tick, kind=MarkKind.TRIGGER, text=triggered.text))
+
+    events.subscribe(Triggered, announce_trigger)
+
     service = Service(
         applied=Applied(
             actuator=actuator, supervisor=supervisor, database=database, kept=kept, base=foundation.base, events=events
         ),
         actuator=actuator,
+        state=state,
         control=control,
         hand_over=hand_over,
         ordered_runs=ordered_runs,

@@ -37,6 +37,7 @@ from backend.services import (
     Retention,
     RunLibrary,
     SavedTunings,
+    ServiceState,
     StoredBanks,
     StoredIdentifications,
     StoredPreferences,
@@ -207,6 +208,7 @@ class Service:
     """What the routes act on."""
 
     actuator: ActuatorService
+    state: ServiceState
     applied: Applied
     control: ControlLease
     hand_over: ControlHandover

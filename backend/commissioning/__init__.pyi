@@ -1,7 +1,14 @@
 from . import status
 from .procedure import ProcedureContext, StepFinding
 from .session import BlockedError, KeptHands, Prompt, Session, collect_values, open_session, run_step, switch_drives
-from .status import Kept, StepState, StepStatus, find_blocking_steps, find_completed_commissioning
+from .status import (
+    Kept,
+    StepState,
+    StepStatus,
+    find_blocking_steps,
+    find_completed_commissioning,
+    find_for_next_start,
+)
 from .steps import INSTEAD, MORE_WEIGHTS, STEP, STEPS, CommissioningStep, StepId
 
 __all__ = [
@@ -23,6 +30,7 @@ __all__ = [
     "collect_values",
     "find_blocking_steps",
     "find_completed_commissioning",
+    "find_for_next_start",
     "open_session",
     "run_step",
     "status",

@@ -16,6 +16,7 @@ from plant import (
     BroughtUp,
     CellCalibration,
     PlantChoice,
+    PlantError,
     PlantKind,
     Wiring,
     load_wiring_choice,
@@ -190,6 +191,21 @@ def in_effect(database: Database, wiring: Wiring) -> BroughtUp:
     measured = {"A", "B"} <= tables | (by_step[StepId.TARE] & by_step[StepId.CALIBRATE])
     direction = states(kept(database), wiring, datetime.now(UTC))[StepId.DIRECTION].state
     return BroughtUp(tuple(cells.values()), direction is StepState.CURRENT, measured, wired)
+
+
+def find_for_next_start(database: Database, plant: PlantChoice, known: BroughtUp) -> BroughtUp:
+    """Return what the next loop starts with: what was found with the wiring file that it will read.
+
+    ``known`` is what holds so far; where there is no rig, or its wiring is that of before, it stays.
+    """
+    if plant.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
+        return known
+    try:
+        wiring = load_wiring_choice(plant)
+    except PlantError:
+        return NOT_BROUGHT_UP  # the loop says itself why it does not start
+    # a start with the wiring of before waits for no database
+    return known if wiring_fingerprint(wiring) == known.wired else in_effect(database, wiring)
 
 
 def find_completed_commissioning(database: Database, plant: PlantChoice) -> BroughtUp:

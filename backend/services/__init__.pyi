@@ -34,7 +34,7 @@ from .runs import (
     read_planned_run,
 )
 from .signals import Formulas, RangeAsked, RecordedFigures
-from .state import LiveState
+from .state import LiveState, ServiceState
 from .studies import Studies, StudyScheduler, axis_symbol, axis_unit
 from .triggers import Triggers
 from .tuning import SavedTunings
@@ -77,6 +77,7 @@ __all__ = [
     "SafeStop",
     "SampleSlice",
     "SavedTunings",
+    "ServiceState",
     "SessionRuns",
     "Soundness",
     "StoredBanks",

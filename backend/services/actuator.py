@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from backend import __version__
-from backend.commissioning import KeptHands, switch_drives
+from backend.commissioning import KeptHands, find_for_next_start, switch_drives
 from backend.errors import RequestRejectedError, check_range
 from backend.event_bus import EventBus, StateChanged
 from backend.faults import EXPLAINED, Fault
@@ -35,7 +35,7 @@ from backend.realtime import (
     commands,
     wait_for_result,
 )
-from backend.schemas import MarkKind, PlayedRecording, PushRequest, References, State, StopProof, WallOrder, WallView
+from backend.schemas import MarkKind, PlayedRecording, PushRequest, References, StopProof, WallOrder, WallView
 from backend.services.contact import Touching
 from backend.services.event_log import EventLog
 from backend.services.live_stream import mark_of
@@ -46,7 +46,7 @@ from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import Database, EndState, NewRun, RunKind, runs
 from backend.supervision import KeptTask, Part, Supervision
 from backend.units import in_digits
-from plant import Broken, BroughtUp, ErrorCode, Obstacle, PlantKind, PlantParameters
+from plant import Broken, ErrorCode, Obstacle, PlantKind, PlantParameters
 
 # Answered ------------------------------------------------------------------------------------------
 #
@@ -186,15 +186,16 @@ _RELEASE = Part("The release of a push", "Press STOP if the joint is still pushe
 class ActuatorService:
     """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
 
-    ``on_new_ring`` is told the ring of a loop process that was started anew. ``occupied`` says what has the rig for
-    itself, if anything: nothing else starts then. ``starting`` is held from that question until what starts shows.
-    ``in_effect`` says what the next loop is to start with; ``recording`` is what is played in place of a plant.
+    ``on_new_ring`` is told the ring of a loop process that was started anew. ``starting`` is held from the question
+    what has the rig for itself until what starts shows. ``database`` says what the next loop is to start with;
+    ``recording`` is what is played in place of a plant.
     """
 
     def __init__(
         self,
         supervisor: Supervisor,
         present: LiveState,
+        database: Database,
         session_runs: SessionRuns,
         journal: EventLog,
         kept: TuningStore,
@@ -205,8 +206,7 @@ class ActuatorService:
         recording: PlayedRecording | None = None,
     ) -> None:
         self.present = present
-        self.occupied: Callable[[], str] = str
-        self.in_effect: Callable[[], BroughtUp] = lambda: supervisor.setup.brought_up
+        self._database = database
         self._supervisor, self._session_runs, self._journal = supervisor, session_runs, journal
         self._on_new_ring = on_new_ring
         self._supervision, self._hands = supervision, hands
@@ -216,6 +216,15 @@ class ActuatorService:
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._events = events
         self._turn, self.starting = asyncio.Lock(), asyncio.Lock()
+        self.touching = Touching(
+            supervisor=supervisor,
+            present=present,
+            journal=journal,
+            command=self._command,
+            changed=self.changed,
+            starting=self.starting,
+            events=events,
+        )
         self.retuning = TuningService(
             supervisor=supervisor,
             present=present,
@@ -225,18 +234,10 @@ class ActuatorService:
             send=self._command,
             turn=self._turn,
             changed=self.changed,
-        )
-        self.touching = Touching(
-            supervisor=supervisor,
-            present=present,
-            journal=journal,
-            command=self._command,
-            changed=self.changed,
-            starting=self.starting,
-            forgotten=self.retuning.leave_pushes,
+            touching=self.touching,
+            events=events,
         )
         self.player = RecordingPlayer(recording, self._command, self.changed)
-        present.touch, present.player = self.touching.view, self.player.view
         supervisor.listen(self._hear)
 
     def changed(self) -> None:
@@ -275,7 +276,7 @@ class ActuatorService:
         self._journal.note(MarkKind.NOTE, text, self.present.tick, who)
         self.changed()
 
-    async def reset(self, who: str) -> State:
+    async def reset(self, who: str) -> None:
         """Clear the latched fault after its cause is gone.
 
         Starts the loop anew where it failed by itself, and where it, its watchdog or its card died.
@@ -290,7 +291,7 @@ class ActuatorService:
                 self.require_unoccupied()  # a new loop has another zero, and a step works with this one
                 await self._start_anew("after its end", "loop started again", who)
         self.present.forget_stop()
-        return await self._state_once(lambda: self.present.fault is Fault.NONE)
+        await self._until_shown(lambda: self.present.fault is Fault.NONE)
 
     async def take_up(self, take: Callable[[], None], found: str, who: str) -> None:
         """Start the loop anew with what was ``found``, once ``take`` has.
@@ -312,8 +313,8 @@ class ActuatorService:
                 self.changed()
 
     async def _start_anew(self, purpose: str, text: str, who: str) -> None:
-        before = self._supervisor.setup.brought_up
-        brought_up = await asyncio.to_thread(self.in_effect)
+        plant, before = self._supervisor.setup.plant, self._supervisor.setup.brought_up
+        brought_up = await asyncio.to_thread(find_for_next_start, self._database, plant, before)
         if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
             self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
         self.touching.forget("the control loop was started anew")
@@ -323,15 +324,16 @@ class ActuatorService:
         self.present.starts += 1
         self._journal.note(MarkKind.NOTE, text, 0, who)
 
-    async def set_mode(self, mode: Mode, who: str) -> State:
+    async def set_mode(self, mode: Mode, who: str) -> None:
         """Move to another mode; one in which a person moves the joint is recorded as a session."""
         if mode in _STILL:
-            return await self._moved_to(mode, who)
+            await self._move_to(mode, who)
+            return
         async with self.starting:
             self.require_unoccupied()
-            return await self._moved_to(mode, who)
+            await self._move_to(mode, who)
 
-    async def _moved_to(self, mode: Mode, who: str) -> State:
+    async def _move_to(self, mode: Mode, who: str) -> None:
         async with self._turn:
             require_legal(self.present, mode, loop_alive=self._supervisor.is_alive)
             sessions, run = self._session_runs, 0
@@ -345,13 +347,12 @@ class ActuatorService:
                 if run:
                     await asyncio.to_thread(sessions.abandon, run)
                 raise
-        return await self._state_once(lambda: self.present.mode is mode)
+        await self._until_shown(lambda: self.present.mode is mode)
 
     def require_unoccupied(self) -> None:
         """Raise RequestRejectedError while something has the rig for itself."""
-        occupied = self.occupied()
-        if occupied:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{occupied}: wait for its end, or cancel it")
+        if self.present.occupied:
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{self.present.occupied}: wait for its end, or cancel it")
 
     async def switch_drives(self, on: bool, who: str) -> None:
         """Take the drives away, at any time, or give them back.
@@ -438,12 +439,11 @@ class ActuatorService:
     async def _command(self, command: Command) -> Accepted:
         return raise_if_rejected(await self._supervisor.send(command))
 
-    async def _state_once(self, reached: Callable[[], bool]) -> State:
-        """Return the state as soon as the samples show what was accepted, a moment later at most."""
+    async def _until_shown(self, reached: Callable[[], bool]) -> None:
+        """Wait until the samples show what was accepted, a moment at most."""
         with suppress(TimeoutError, LoopExitedError):
             await self._supervisor.advance_until(reached, timeout_s=_SHOWN_S)
         self.changed()
-        return self.present.state()
 
     def _hear(self, event: Event | LoopExited) -> None:
         self.present.hear(event)

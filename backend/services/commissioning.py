@@ -30,8 +30,6 @@ from backend.schemas import BringUpStep, BringUpView, DrivesLeft, RunningStep, S
 from backend.services.actuator import ActuatorService
 from backend.storage import Database, StoredStepResult
 from plant import (
-    NOT_BROUGHT_UP,
-    BroughtUp,
     ErrorCode,
     PlantError,
     PlantKind,
@@ -107,7 +105,6 @@ class CommissioningResults:
         self._database = database
         self._disproving: set[asyncio.Task[None]] = set()
         supervisor.listen(self._hear)
-        actuator.in_effect = self._in_effect
 
     def why_not(self) -> str:
         """Return why there is nothing to be brought up; empty where there is."""
@@ -163,18 +160,6 @@ class CommissioningResults:
             "the wiring file has changed since the loop was started, which goes by the old one: start the service anew"
         )
 
-    def _in_effect(self) -> BroughtUp:
-        """Return what the next loop starts with: what was found with the wiring file that it will read."""
-        known = self._supervisor.setup.brought_up
-        if self.why_not():
-            return known
-        try:
-            wiring = self.wiring()
-        except PlantError:
-            return NOT_BROUGHT_UP  # the loop says itself why it does not start
-        # a start with the wiring of before waits for no database
-        return known if wiring_fingerprint(wiring) == known.wired else status.in_effect(self._database, wiring)
-
 
 # Bring up ------------------------------------------------------------------------------------------
 #
@@ -217,8 +202,6 @@ class BringUp:
         self._findings = CommissioningResults(actuator, supervisor, database)
         self._running: _Running | None = None
         self._started = actuator.present.starts, datetime.now(UTC)
-        actuator.occupied = actuator.present.occupied = self._occupies
-        actuator.present.provoked_trip = self._provoked_trip
 
     @property
     def problem(self) -> str:
@@ -291,6 +274,7 @@ class BringUp:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, blocked)
             self._findings.problem = ""
             running = self._running = _Running(step)
+            self._occupy(running)
             running.task = asyncio.create_task(self._run(running, wiring, wanted, who))
         self._actuator.changed()
         return await self.view()
@@ -384,6 +368,7 @@ class BringUp:
                     await self._supervisor.send(ProveDirections(proven=False))
         finally:
             self._running = None
+            self._occupy(None)
             self._actuator.changed()
 
     def _states(self, kept: Kept, wiring: Wiring | None) -> dict[StepId, StepStatus]:
@@ -397,12 +382,12 @@ class BringUp:
                     found[step] = found[step]._replace(state=StepState.OUT_OF_DATE, why=f"what was measured {NOT_YET}")
         return found
 
-    def _provoked_trip(self) -> Fault:
-        tries_module = self._running is not None and self._running.step is StepId.SAFETY_MODULE
-        return Fault.SAFETY_MODULE if tries_module else Fault.NONE
-
-    def _occupies(self) -> str:
-        return "" if self._running is None else f"{STEP[self._running.step].title} of the bring-up is under way"
+    def _occupy(self, running: _Running | None) -> None:
+        """Say in the state what has the rig for itself, and which trip it provokes."""
+        present = self._actuator.present
+        present.occupied = "" if running is None else f"{STEP[running.step].title} of the bring-up is under way"
+        tries_module = running is not None and running.step is StepId.SAFETY_MODULE
+        present.provoked_trip = Fault.SAFETY_MODULE if tries_module else Fault.NONE
 
     def _blocked(self, step: CommissioningStep, states: dict[StepId, StepStatus]) -> str:
         present = self._actuator.present

@@ -3,14 +3,16 @@
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from backend.control import disturbance_observer
 from backend.errors import RequestRejectedError, check_range
+from backend.event_bus import EventBus
 from backend.realtime import (
     CONTACT_MAX_N,
     CONTACT_MIN_N,
@@ -111,6 +113,7 @@ _LOG = logging.getLogger(__name__)
 class TouchSweep:
     """Belongs to the service's event loop. ``learn`` learns at the stiffness that is held, of samples since a tick.
 
+    ``gives_way`` tells whether the joint gives way to contacts: then it is not held for learning.
     ``problem`` says that the last one died, until another is begun.
     """
 
@@ -121,10 +124,11 @@ class TouchSweep:
         journal: EventLog,
         command: Callable[[Command], Awaitable[Accepted]],
         learn: Callable[[int], Awaitable[None]],
+        gives_way: Callable[[], bool],
         changed: Callable[[], None],
     ) -> None:
         self._supervisor, self._present, self._journal = supervisor, present, journal
-        self._command, self._learn, self._changed = command, learn, changed
+        self._command, self._learn, self._gives_way, self._changed = command, learn, gives_way, changed
         self._view: SweepView | None = None
         self._task: asyncio.Task[None] | None = None
         self._held = (0.0, 0.0)
@@ -260,7 +264,7 @@ class TouchSweep:
             return f"run {task.run}, {task.kind}, is under way: wait for its end or stop it"
         if self._present.mode is not Mode.RUN:
             return f"the joint has to be held in run, and the mode is {self._present.mode}"
-        if self._present.touch().contact_N:
+        if self._gives_way():
             return "the joint gives way to contacts: let it hold on first"
         if not np.all(np.isfinite(rows[-1:, INDEX["F_ext_hat"]])):
             return "the outside force is not known yet, the motors' zeros come with pretension"
@@ -287,10 +291,15 @@ def _restless(rows: NDArray[np.float64], S_ref: float) -> str:
 # learned and gives way to nothing.
 
 
+@dataclass(frozen=True)
+class TouchForgotten:
+    """The loop knows nothing of the outside force any more."""
+
+
 class Touching:
     """Learns, arms and shows. Belongs to the service's event loop.
 
-    ``changed`` is called when there is news, ``forgotten`` when the loop knows nothing any more.
+    ``changed`` is called when there is news. Publishes TouchForgotten.
     """
 
     def __init__(
@@ -301,7 +310,7 @@ class Touching:
         command: Callable[[Command], Awaitable[Accepted]],
         changed: Callable[[], None],
         starting: asyncio.Lock,
-        forgotten: Callable[[], None],
+        events: EventBus,
     ) -> None:
         self.sweep = TouchSweep(
             supervisor=supervisor,
@@ -309,19 +318,25 @@ class Touching:
             journal=journal,
             command=command,
             learn=self._learn_on,
+            gives_way=lambda: self._contact_N != 0.0,
             changed=changed,
         )
         self._supervisor = supervisor
         self._journal = journal
         self._command = command
         self._changed = changed
-        self._forgotten = forgotten
+        self._events = events
         self._turn, self._starting = asyncio.Lock(), starting
         self._points: list[TouchPoint] = []
         self._contact_N = 0.0
         self._felt: ContactView | None = None
         self._since = 0
         supervisor.listen(self._hear)
+
+    @property
+    def learned(self) -> Sequence[TouchPoint]:
+        """What is known of the outside force, by stiffness; empty for nothing."""
+        return self._points
 
     def view(self) -> TouchView:
         """Return what is learned and armed, and the contact that the joint gives way to."""
@@ -419,7 +434,7 @@ class Touching:
         """Begin with nothing learned, as a new loop does, and ``why``."""
         self.sweep.break_off(why)
         self._points, self._contact_N, self._felt, self._since = [], 0.0, None, 0
-        self._forgotten()
+        self._events.publish(TouchForgotten())
 
 
 def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:

@@ -677,7 +677,7 @@ class JobManager:
         if (task := self._actuator.present.task) is not None:
             remedy = "wait for its end or stop it"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"run {task.run}, {task.kind}, is under way: {remedy}")
-        if self._actuator.present.trial() is not None:
+        if self._actuator.retuning.trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
 
     async def _start(self, bank: Bank | None, *orders: RunRequest) -> int:

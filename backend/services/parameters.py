@@ -302,7 +302,7 @@ class Applied:
         self._actuator.require_unoccupied()
         if present.task is not None or present.own_tuning is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a run is under way: parameters change when it is over")
-        if present.trial() is not None:
+        if self._actuator.retuning.trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
         if present.mode is not Mode.OFF:
             raise RequestRejectedError(

@@ -4,6 +4,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, assert_never
 
 from backend import __version__
@@ -325,25 +326,17 @@ F_PUSH_MAX = 30.0
 
 
 class LiveState:
-    """The present state.
+    """What the actuator does at present.
 
-    Whoever changes them sets ``tuning``, ``task``, ``trial``, ``trigger``, ``touch``, ``holder``, ``people`` and
-    ``wishes``; the rest is seen and heard. ``own_tuning`` is what the operator had chosen while a run has the tuning,
-    else None; ``tuning_problem`` says why a tuning that should be back in force is not; ``earlier`` is what the
-    operator had before the last change.
+    Whoever changes them sets ``tuning``, ``task``, ``occupied`` and ``provoked_trip``; the rest is seen and heard.
+    ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
+    tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
     ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
-    ``occupied`` says what has the rig for itself, ``provoked_trip`` the fault that it provokes, ``wall`` is what is in
-    a simulated joint's way, ``player`` where a recording stands in a tick. ``problems`` tells what is wrong with the
-    service without being a fault of the loop.
+    ``occupied`` says what has the rig for itself, empty for nothing, ``provoked_trip`` the fault that it provokes,
+    ``wall`` is what is in a simulated joint's way.
     """
 
-    def __init__(
-        self,
-        supervisor: Supervisor,
-        parameters: PlantParameters,
-        tuning: ActiveTuning,
-        problems: Callable[[], list[str]],
-    ) -> None:
+    def __init__(self, supervisor: Supervisor, parameters: PlantParameters, tuning: ActiveTuning) -> None:
         self.own_tuning: ActiveTuning | None = None
         self.tuning_problem = ""
         self.on_the_way: Sequence[ResolvedTuning] = ()
@@ -351,21 +344,13 @@ class LiveState:
         self.undo_stack: deque[ResolvedTuning] = deque(maxlen=UNDO_STEPS)
         self.redo_stack: deque[ResolvedTuning] = deque(maxlen=UNDO_STEPS)
         self.task: TaskView | None = None
-        self.trial: Callable[[], TrialView | None] = lambda: None
-        self.trigger: Callable[[], TriggerView | None] = lambda: None
-        self.holder: Callable[[], HolderView | None] = lambda: None
-        self.touch: Callable[[], TouchView] = lambda: TouchView(contact_N=0.0, learned=[], felt=None)
-        self.people: Callable[[], list[PersonView]] = list
-        self.wishes: Callable[[], list[WishView]] = list
         self.starts = 1
-        self.occupied: Callable[[], str] = str
-        self.provoked_trip: Callable[[], Fault] = lambda: Fault.NONE
+        self.occupied = ""
+        self.provoked_trip = Fault.NONE
         self.wall: Obstacle | None = None
-        self.player: Callable[[int], PlayerView | None] = lambda _tick: None
         self._unready = ""
         self.use(parameters, tuning)
         self._supervisor = supervisor
-        self._problems = problems
         self._observation = Observation(lambda: supervisor.ring)
         self._pretension_done = False
         self._stop: Stopped | None = None
@@ -396,7 +381,7 @@ class LiveState:
     @property
     def unready(self) -> str:
         """What has to come before pretension; empty where nothing has."""
-        return self.occupied() or self._unready
+        return self.occupied or self._unready
 
     @property
     def mode(self) -> Mode:
@@ -496,11 +481,11 @@ class LiveState:
             version=__version__,
         )
 
-    def state(self) -> State:
-        """Return everything the status line and the controls show."""
+    def state(self, parts: "ServiceState") -> State:
+        """Return everything the status line and the controls show; ``parts`` tells what the other parts show."""
         sample = self._observation.sample()
         mode = mode_of(sample)
-        holder = self.holder()
+        holder = parts.holder()
         link = self._observation.link(self._supervisor.is_alive, self.starts, self._supervisor.restarting)
         return State(
             mode=mode,
@@ -513,25 +498,25 @@ class LiveState:
             references=self.references,
             tuning=self._tuning_view(entry_of(sample)),
             limits=self._limits(),
-            touch=self.touch(),
+            touch=parts.touch(),
             fault=self._fault_view(sample),
             unready=self.unready,
             pretension_done=self._pretension_done,
             stop_proof=None if self._stop is None else self.proof_of(self._stop),
             holder=holder,
-            people=self.people(),
-            wishes=self.wishes(),
+            people=parts.people(),
+            wishes=parts.wishes(),
             chain=chain(self._supervisor, holder, link, fault_of(sample)),
             task=self.task,
-            trial=self.trial(),
-            trigger=self.trigger(),
+            trial=parts.trial(),
+            trigger=parts.trigger(),
             own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
             wall=wall_view(self.wall),
-            player=self.player(self.tick),
+            player=parts.player(self.tick),
             earlier=chosen_view(self.undo_stack[-1]) if self.undo_stack else None,
             later=chosen_view(self.redo_stack[-1]) if self.redo_stack else None,
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
-            problems=[*self._problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
+            problems=[*parts.problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
         )
 
     def begin_steps(self, earlier: ResolvedTuning | None) -> None:
@@ -594,7 +579,30 @@ class LiveState:
 
     def is_expected(self, fault: Fault) -> bool:
         """Tell whether a stop with this fault is no alarm: provoked by the bring-up, or the pause of a recording."""
-        return fault is not Fault.NONE and (fault is self.provoked_trip() or self.plant.kind is PlantKind.REPLAY)
+        return fault is not Fault.NONE and (fault is self.provoked_trip or self.plant.kind is PlantKind.REPLAY)
+
+
+@dataclass(frozen=True)
+class ServiceState:
+    """The state of the service: what the actuator does at ``present``, and what the other parts show.
+
+    ``player`` tells where a recording stands in a tick, ``problems`` what is wrong with the service without being a
+    fault of the loop.
+    """
+
+    present: LiveState
+    touch: Callable[[], TouchView]
+    trial: Callable[[], TrialView | None]
+    trigger: Callable[[], TriggerView | None]
+    player: Callable[[int], PlayerView | None]
+    holder: Callable[[], HolderView | None]
+    people: Callable[[], list[PersonView]]
+    wishes: Callable[[], list[WishView]]
+    problems: Callable[[], list[str]]
+
+    def view(self) -> State:
+        """Return everything the status line and the controls show."""
+        return self.present.state(self)
 
 
 def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from backend.banks import TuningSettings, saved_tuning_key
 from backend.errors import RequestRejectedError, check_range
+from backend.event_bus import EventBus
 from backend.models import SAVED_TUNING, SavedParts
 from backend.realtime import BIAS_NOT_CALIBRATED, Accepted, LoopExitedError, SetTuning, Supervisor
 from backend.schemas import (
@@ -16,14 +17,15 @@ from backend.schemas import (
     MotorPreview,
     RobustTuning,
     SavedTuning,
-    State,
     TrialRequest,
+    TrialView,
     TuningPreview,
     TuningRequest,
     TuningView,
 )
 from backend.services import background_work
 from backend.services.background_work import AskedTuning, Compute
+from backend.services.contact import TouchForgotten, Touching
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
 from backend.services.tuning_state import ActiveTuning, ResolvedTuning, TuningStore, TuningTrial, parts_of
@@ -60,6 +62,8 @@ class TuningService:
         send: Callable[[SetTuning], Awaitable[Accepted]],
         turn: asyncio.Lock,
         changed: Callable[[], None],
+        touching: Touching,
+        events: EventBus,
     ) -> None:
         self._supervisor = supervisor
         self._present = present
@@ -68,9 +72,14 @@ class TuningService:
         self._send = send
         self._turn = turn
         self._changed = changed
+        self._touching = touching
         self._trial = TuningTrial(self._end_trial_by_itself, supervision)
-        present.trial = self._trial.view
+        events.subscribe(TouchForgotten, lambda _: self._leave_pushes())
         present.begin_steps(kept.earlier(present.tuning))
+
+    def trial(self) -> TrialView | None:
+        """Return what is on trial; None for nothing."""
+        return self._trial.view()
 
     async def set(self, request: TuningRequest, who: str) -> TuningView:
         """Change the tuning while the loop runs. Raises OutOfRangeError; nothing changes then."""
@@ -78,15 +87,14 @@ class TuningService:
         await self._keep(who)
         return view
 
-    async def try_out(self, request: TrialRequest, who: str) -> State:
+    async def try_out(self, request: TrialRequest, who: str) -> None:
         """Change the tuning for a while. Raises OutOfRangeError. A trial of a trial goes back to before the first."""
         before = self._trial.before or self._present.tuning
         await self._change(request, who, self._put_in_force)
         self._trial.begin(before, request.duration_s)
         self._changed()
-        return self._present.state()
 
-    async def end_trial(self, keep: bool, who: str) -> State:
+    async def end_trial(self, keep: bool, who: str) -> None:
         """Keep what is tried, or go back at once. Raises RequestRejectedError when nothing is on trial."""
         before = self._trial.before
         if before is None:
@@ -99,7 +107,6 @@ class TuningService:
         else:
             await self._end_trial(before, who)
         self._changed()
-        return self._present.state()
 
     def leave_trial(self, cause: str) -> None:
         """End a trial because of ``cause``; returns at once, and does nothing where nothing is on trial."""
@@ -224,7 +231,7 @@ class TuningService:
             self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
         return after.view(self._present.entry)
 
-    def leave_pushes(self) -> None:
+    def _leave_pushes(self) -> None:
         """Show that pushes are left to the position loop: what was learned is gone, and the loop does so by itself."""
         present = self._present
         if present.tuning.choice.k_ext == 0.0:
@@ -236,13 +243,13 @@ class TuningService:
 
     def _as_learned(self, tuning: ActiveTuning) -> ActiveTuning:
         """Return what can come back into force of a tuning."""
-        return tuning if self._present.touch().learned else tuning.without_rejection()
+        return tuning if self._touching.learned else tuning.without_rejection()
 
     def _require_felt(self, tuning: ActiveTuning) -> None:
         """Raise RequestRejectedError for a rejection of a force that is not known, or not well enough."""
         if tuning.choice.k_ext == 0.0:
             return
-        points = self._present.touch().learned
+        points = self._touching.learned
         if not points:
             raise RequestRejectedError(ErrorCode.NOT_NOW, BIAS_NOT_CALIBRATED)
         noise = max(point.std_N for point in points)

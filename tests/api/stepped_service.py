@@ -18,6 +18,7 @@ from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import EventListener, LoopExitedError, Supervisor
 from backend.recording.recorder import Recorder
 from backend.schemas.session import Role
+from backend.schemas.state import State
 from backend.services.actuator import ActuatorService, SafeStop, SessionRuns
 from backend.services.background_work import TextWork
 from backend.services.banks import StoredBanks
@@ -27,7 +28,7 @@ from backend.services.jobs import JobManager
 from backend.services.library import OwnExperiments
 from backend.services.queue import DryRuns
 from backend.services.runs import StoredRuns
-from backend.services.state import LiveState
+from backend.services.state import LiveState, ServiceState
 from backend.services.tuning import SavedTunings
 from backend.services.tuning_state import TuningStore
 from backend.storage.database import Database
@@ -89,6 +90,7 @@ class Parts:
 
     supervisor: Stepped
     present: LiveState
+    service_state: ServiceState
     actuator: ActuatorService
     ordered_runs: JobManager
     saved_tunings: SavedTunings
@@ -98,6 +100,10 @@ class Parts:
     journal: EventLog
     events: EventBus
     database: Database
+
+    def state(self) -> State:
+        """Return the state as the page is shown it."""
+        return self.service_state.view()
 
     async def ended(self) -> None:
         """Wait until no task is under way and the queue has nothing to start."""
@@ -122,11 +128,22 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
     loop.listen(recorder.on_event)
     supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
     events = EventBus()
-    present, journal = LiveState(supervisor, parameters, tuning, list), EventLog(database, events)
+    present, journal = LiveState(supervisor, parameters, tuning), EventLog(database, events)
     sessions = SessionRuns(database, "simulator")
     hands = KeptHands(database, SIMULATOR)
     actuator = ActuatorService(
-        supervisor, present, sessions, journal, kept, recorder.follow, supervision, hands, events
+        supervisor, present, database, sessions, journal, kept, recorder.follow, supervision, hands, events
+    )
+    service_state = ServiceState(
+        present=present,
+        touch=actuator.touching.view,
+        trial=actuator.retuning.trial,
+        trigger=lambda: None,
+        player=actuator.player.view,
+        holder=lambda: None,
+        people=list,
+        wishes=list,
+        problems=list,
     )
     here = Here(lambda _cause: None)
     ordered_runs = JobManager(
@@ -146,6 +163,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
         yield Parts(
             supervisor,
             present,
+            service_state,
             actuator,
             ordered_runs,
             SavedTunings(database),

@@ -27,7 +27,7 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
 
     async def ordered(parts: Parts) -> None:
         assert isinstance(await parts.supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
-        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+        await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         told = await parts.ordered_runs.predict_identification(ORDER)
         began = parts.supervisor.ring.count
         seen: list[TaskView] = []
@@ -36,7 +36,7 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
             if not seen or parts.present.task != seen[-1]:
                 seen.append(parts.present.task)
             await asyncio.sleep(0)
-        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+        await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         took_s = (parts.supervisor.ring.count - began) / 1000.0
         # The service looks ten times a second whether a run is over, and whether the next one can start.
         assert told.duration_s == pytest.approx(took_s, abs=0.6)

@@ -25,6 +25,7 @@ from backend.realtime.supervisor import Supervisor
 from backend.realtime.timing import RealTimeStatus
 from backend.schemas.commissioning import BringUpStep
 from backend.schemas.identification import ActuatorRequest
+from backend.services import actuator
 from backend.services.commissioning import BringUp
 from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import open_database
@@ -237,19 +238,18 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         database.close()
 
 
-def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path) -> None:
+def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A start of the loop, or a disk that is slow, is waited for by the answer, not by the drives."""
     database = open_database(tmp_path)
     rig = VirtualRig(load_wiring("pcie-6323"), Simulator(IDEAL, 0))
     asked, let_go = threading.Event(), threading.Event()
 
-    def slowly() -> BroughtUp:
+    def slowly(*_arguments: Any) -> BroughtUp:
         asked.set()
         assert let_go.wait(60.0)
         raise StorageError("the disk has failed")
 
     async def work(parts: Parts) -> None:
-        parts.actuator.in_effect = slowly
         start = asyncio.create_task(parts.actuator.take_up(lambda: None, "nothing new", "Ada"))
         while not asked.is_set():
             await asyncio.sleep(0.001)
@@ -264,6 +264,7 @@ def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path) -> None:
         await off
         assert not rig.card_state().drive_enabled
 
+    monkeypatch.setattr(actuator, "find_for_next_start", slowly)
     try:
         stepped(database, IDEAL, work, rig)
     finally:

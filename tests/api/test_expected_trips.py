@@ -36,13 +36,13 @@ def test_only_the_trip_that_is_provoked_is_expected(database: Database, provoked
         supervisor.listen(recorder.on_event)
         marks: list[tuple[MarkKind, str]] = []
         parts.events.subscribe(MarkAdded, lambda added: marks.append((added.mark.kind, added.mark.text)))
-        present.provoked_trip = lambda: provoked
+        present.provoked_trip = provoked
         await supervisor.send(SetMode(Mode.PRETENSION))
         await supervisor.advance(0.1)
         await supervisor.send(Inject(Broken(Breakage.SAFETY_TRIP)))
         await supervisor.advance(0.1)
 
-        fault = present.state().fault
+        fault = parts.state().fault
         assert fault is not None
         assert (fault.code, fault.expected) == (Fault.SAFETY_MODULE, expected)
         assert "F_A = " in fault.message

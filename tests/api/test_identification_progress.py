@@ -46,7 +46,7 @@ class Seen:
 
 async def pretension(parts: Parts) -> None:
     assert isinstance(await parts.supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
-    await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+    await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
 
 
 async def follow(
@@ -200,7 +200,7 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
             if task.phase is RunPhase.PROGRAM and task.number == 2:
                 with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
                     pause.ask(True)
-            state = parts.present.state()
+            state = parts.state()
             if task.phase is RunPhase.PAUSED:
                 assert (task.number, task.following, task.part) == (1, 1, None)
                 waited.append((state.mode, state.recording_run))
@@ -208,10 +208,10 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
         async def goes_on() -> None:
             while not waited:
                 await asyncio.sleep(0)
-            await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+            await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
             assert parts.present.task is not None
             assert parts.present.task.phase is RunPhase.PAUSED
-            assert parts.present.state().legal_modes == [Mode.STOPPING, Mode.OFF]
+            assert parts.state().legal_modes == [Mode.STOPPING, Mode.OFF]
             for mode in (Mode.RUN, Mode.COMPLIANCE):
                 with pytest.raises(RequestRejectedError, match="go on, or stop softly; legal now: stopping, off"):
                     await parts.actuator.set_mode(mode, OPERATOR.name)

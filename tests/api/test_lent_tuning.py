@@ -80,7 +80,7 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
         await started(parts, bank)
         run = await parts.ordered_runs.start_experiment(sequence(**ASKED), WHO)
         during.append(parts.present.tuning.choice)
-        shown = parts.present.state()
+        shown = parts.state()
         assert (shown.tuning.b, shown.tuning.bank) == (1.0, None)
         assert shown.own_tuning is not None
         assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, bank.id)
@@ -88,7 +88,7 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
             await parts.actuator.retuning.set(TuningRequest(lam_q=0.9), WHO)
         await parts.ended()
         assert parts.present.tuning.choice == own(bank)
-        assert parts.present.state().own_tuning is None
+        assert parts.state().own_tuning is None
         assert parts.supervisor.setup.tuning == parts.present.tuning.command()
         await parts.actuator.retuning.set(TuningRequest(), WHO)  # and it can be changed again
         view = parts.runs.experiment(run)
@@ -152,7 +152,7 @@ def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, ban
 
 def test_a_tuning_that_does_not_come_back_is_told_until_it_does(database: Database, bank: Bank) -> None:
     async def until(problems: bool, parts: Parts) -> list[str]:
-        while bool(found := parts.present.state().problems) is not problems:
+        while bool(found := parts.state().problems) is not problems:
             await asyncio.sleep(0.01)
         return found
 

@@ -155,7 +155,7 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
 
     async def order(parts: Parts) -> tuple[list[str], Mode]:
         await parts.supervisor.send(SetMode(Mode.PRETENSION))
-        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+        await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
 
         async def died(_seconds: float) -> None:
             raise LoopExitedError("the loop process was killed")

@@ -34,7 +34,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 async def in_run(parts: Parts) -> None:
     await parts.actuator.set_mode(Mode.PRETENSION, OPERATOR.name)
-    await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+    await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
     await parts.actuator.set_mode(Mode.RUN, OPERATOR.name)
 
 
@@ -101,12 +101,12 @@ def test_a_push_is_bounded_and_refused_where_nothing_can_push(database: Database
             with pytest.raises(OutOfRangeError) as refused_value:
                 await parts.actuator.push(push, OPERATOR.name)
             assert refused_value.value.quantity == quantity
-        assert parts.present.state().limits.F_push_max == 30.0
+        assert parts.state().limits.F_push_max == 30.0
         for kind, words in ((PlantKind.REPLAY, "is the replay$"), (PlantKind.RIG, "is the rig: push it by hand$")):
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
             with pytest.raises(RequestRejectedError, match=words):
                 await parts.actuator.push(PushRequest(F_push=5.0), OPERATOR.name)
-        assert parts.present.state().limits.F_push_max == 0.0
+        assert parts.state().limits.F_push_max == 0.0
         await parts.supervisor.advance(0.01)
         assert pushed_by(parts) == 0.0
 

@@ -84,7 +84,7 @@ def test_what_is_lost_takes_it_along_and_what_comes_back_comes_without_it(
         await retuning.set(TuningRequest(k_ext=0.7), WHO)
         parts.actuator.touching._hear(how)
         assert parts.present.tuning.choice.k_ext == 0.0
-        assert parts.present.state().tuning.k_ext == 0.0
+        assert parts.state().tuning.k_ext == 0.0
         assert parts.supervisor.setup.tuning.k_ext == 0.0
         assert "k_ext" in (await retuning.undo(WHO)).model_dump()  # to before it was on
 

@@ -85,7 +85,7 @@ def test_walls_put_up_in_flight(database: Database) -> None:
 
     async def session(parts: Parts) -> None:
         await in_run(parts)
-        run = parts.present.state().recording_run
+        run = parts.state().recording_run
         assert run is not None
         runs.append(run)
         await parts.supervisor.advance(0.1)
@@ -95,9 +95,9 @@ def test_walls_put_up_in_flight(database: Database) -> None:
             await parts.supervisor.advance(2.0)
         await set_obstacle(parts.actuator, WallOrder(wall=above), WHO)
         await parts.actuator.set_mode(Mode.PRETENSION, WHO)
-        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+        await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         await parts.actuator.set_mode(Mode.COMPLIANCE, WHO)
-        second = parts.present.state().recording_run
+        second = parts.state().recording_run
         assert second is not None
         runs.append(second)
         await parts.supervisor.advance(1.5)
@@ -117,7 +117,7 @@ def test_walls_of_a_program_and_a_run_that_keeps_none(database: Database) -> Non
         await in_run(parts)
         # The joint meets the walls at speed, so that few samples read a force near that of a contact in the view.
         await parts.actuator.retuning.set(TuningRequest(motion="time-optimal"), WHO)
-        bare = parts.present.state().recording_run
+        bare = parts.state().recording_run
         assert bare is not None
         runs.append(bare)
         await parts.supervisor.advance(0.5)

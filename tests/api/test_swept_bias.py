@@ -104,7 +104,7 @@ def test_the_bias_is_known_between_the_points_and_S_is_as_it_was(database: Datab
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.4))
         assert parts.present.mode is Mode.RUN
-        points = parts.present.state().touch.learned
+        points = parts.state().touch.learned
         assert [point.S for point in points] == pytest.approx(np.linspace(8.0, 15.0, SWEEP_POINTS), abs=0.1)
         assert all(0.0 < point.std_N < 0.2 for point in points)
         bias = np.array([(point.S, point.F) for point in points])

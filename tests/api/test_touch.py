@@ -32,7 +32,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 async def at_rest(parts: Parts, S_ref: float = 10.0) -> None:
     if parts.present.mode is Mode.OFF:
         await parts.actuator.set_mode(Mode.PRETENSION, WHO)
-        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+        await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
     if parts.present.mode is Mode.PRETENSION:
         await parts.actuator.set_mode(Mode.RUN, WHO)
     await parts.actuator.set_references(0.2, S_ref, WHO)
@@ -72,7 +72,7 @@ def test_what_is_learned_is_taken_off_at_its_stiffness(database: Database) -> No
         again = (await touching.order(TouchOrder(learn=True), WHO)).learned
         assert [round(one.S) for one in again] == [10, 14]  # in the place of the one before
         assert pytest.approx(both[1].F, abs=0.1) == again[1].F
-        assert parts.present.state().touch.learned == again
+        assert parts.state().touch.learned == again
         assert (await touching.order(TouchOrder(forget=True), WHO)).learned == []
         await parts.supervisor.advance(0.5)
         assert newest(parts, "F_ext_hat") == pytest.approx(both[1].F, abs=0.3)
@@ -89,13 +89,13 @@ def test_nothing_is_learned_where_something_acts_or_moves(database: Database) ->
         async def why() -> str:
             with pytest.raises(RequestRejectedError) as told:
                 await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=2.0), WHO)
-            assert parts.present.state().touch.learned == []
-            assert parts.present.state().touch.contact_N == 0.0
+            assert parts.state().touch.learned == []
+            assert parts.state().touch.contact_N == 0.0
             return str(told.value)
 
         assert "not known yet" in await why()
         await parts.actuator.set_mode(Mode.PRETENSION, WHO)
-        await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+        await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         await parts.supervisor.advance(1.5)
         assert "held in run" in await why()
         await at_rest(parts)
@@ -127,7 +127,7 @@ def test_a_joint_is_armed_only_where_its_estimate_is_known_well_enough(database:
         assert armed.contact_N == 1.5
         with pytest.raises(RequestRejectedError, match="learn it at rest first"):
             await touching.order(TouchOrder(forget=True), WHO)
-        assert parts.present.state().touch == armed
+        assert parts.state().touch == armed
         assert (await touching.order(TouchOrder(forget=True, contact_N=0.0), WHO)).contact_N == 0.0
         await push(parts, 5.0)
         assert parts.present.mode is Mode.RUN
@@ -139,9 +139,9 @@ def test_a_contact_is_told_until_a_mode_is_chosen(database: Database) -> None:
     async def touched(parts: Parts) -> None:
         await at_rest(parts)
         await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=1.5), WHO)
-        recorded = parts.present.state().recording_run
+        recorded = parts.state().recording_run
         await push(parts, 5.0)
-        state = parts.present.state()
+        state = parts.state()
         assert state.mode is Mode.COMPLIANCE
         assert state.recording_run == recorded
         assert state.touch.felt is not None
@@ -149,7 +149,8 @@ def test_a_contact_is_told_until_a_mode_is_chosen(database: Database) -> None:
         assert state.touch.felt.contact_N == 1.5
         with pytest.raises(RequestRejectedError, match="gives way to a contact"):
             await parts.actuator.set_references(0.0, 10.0, WHO)
-        state = await parts.actuator.set_mode(Mode.RUN, WHO)
+        await parts.actuator.set_mode(Mode.RUN, WHO)
+        state = parts.state()
         assert state.touch.felt is None
         assert state.touch.contact_N == 1.5
         await parts.actuator.set_references(0.0, 10.0, WHO)
@@ -174,7 +175,7 @@ def test_zeros_found_anew_and_a_new_loop_begin_with_nothing_learned(database: Da
             await parts.supervisor.advance(0.5)
             await parts.actuator.reset(WHO)
             await at_rest(parts)
-            touch = parts.present.state().touch
+            touch = parts.state().touch
             assert (touch.contact_N == 1.5, len(touch.learned) == 1) == (is_known, is_known)
         await push(parts, 5.0)
         assert parts.present.mode is Mode.RUN
@@ -182,6 +183,6 @@ def test_zeros_found_anew_and_a_new_loop_begin_with_nothing_learned(database: Da
         await parts.actuator.touching.order(TouchOrder(learn=True, contact_N=1.5), WHO)
         parts.supervisor.dead = True
         parts.actuator.touching._hear(LoopExited("killed"))
-        assert parts.present.state().touch == TouchView(contact_N=0.0, learned=[], felt=None)
+        assert parts.state().touch == TouchView(contact_N=0.0, learned=[], felt=None)
 
     stepped(database, load_parameters("lab"), anew)

@@ -40,7 +40,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 def sweep_of(parts: Parts) -> SweepView:
-    sweep = parts.present.state().touch.sweep
+    sweep = parts.state().touch.sweep
     assert sweep is not None
     return sweep
 
@@ -60,7 +60,7 @@ async def learned_two(parts: Parts) -> None:
 
 
 def reference(parts: Parts) -> tuple[float, float | None]:
-    references = parts.present.state().references
+    references = parts.state().references
     return references.q_ref, references.S_ref
 
 
@@ -73,7 +73,7 @@ def test_a_person_stops_it_and_S_is_put_back(database: Database) -> None:
         assert told.sweep == SweepView(under_way=False, point=3, points=5, S_ref=11.5, why="it was stopped")
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.0))
-        assert len(parts.present.state().touch.learned) == 2
+        assert len(parts.state().touch.learned) == 2
         assert (await parts.actuator.touching.order(TouchOrder(forget=True), WHO)).sweep is None
 
     stepped(database, load_parameters("lab"), stop)
@@ -107,20 +107,20 @@ def test_what_else_moves_the_joint_ends_it_and_what_was_learned_stays(database: 
             (by_stop, "the mode is tripped now", None),
         ):
             await learned_two(parts)
-            known = parts.present.state().touch.learned
+            known = parts.state().touch.learned
             assert len(known) == 2
             await end()
             sweep = await until(parts)
             assert why in sweep.why
             assert (sweep.under_way, sweep.point) == (False, 3)
-            assert parts.present.state().touch.learned == known
+            assert parts.state().touch.learned == known
             await parts.supervisor.advance(0.5)
             if then is not None:
                 assert reference(parts) == pytest.approx(then)
             if parts.present.mode is not Mode.TRIPPED:
                 await parts.actuator.touching.order(TouchOrder(forget=True), WHO)
                 await parts.actuator.set_mode(Mode.PRETENSION, WHO)
-                await parts.supervisor.advance_until(lambda: parts.present.state().pretension_done, 20.0)
+                await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         assert parts.present.fault is Fault.STOP_PRESSED
         assert parts.actuator.touching.sweep.problem == ""
 
@@ -155,7 +155,7 @@ def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(dat
         assert "presses on a wall" in await why()
         await parts.supervisor.send(commands.Obstruct(None))
         await parts.supervisor.advance(2.0)
-        assert parts.present.state().touch.sweep is None
+        assert parts.state().touch.sweep is None
         await parts.actuator.touching.order(BEGIN, WHO)
         assert "under way already" in await why()
         assert (await parts.actuator.touching.order(TouchOrder(), WHO)).sweep == sweep_of(parts)
@@ -218,7 +218,7 @@ def test_its_death_is_told(database: Database, monkeypatch: pytest.MonkeyPatch, 
         assert cause in touching.sweep.problem
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.0))
-        assert len(parts.present.state().touch.learned) == 2
+        assert len(parts.state().touch.learned) == 2
         monkeypatch.undo()
         await parts.supervisor.advance(2.0)
         await touching.order(BEGIN, WHO)
@@ -238,7 +238,7 @@ def test_a_loop_that_dies_ends_it_and_nothing_is_put_back(database: Database) ->
         parts.actuator.touching._hear(LoopExited("killed"))
         sweep = sweep_of(parts)
         assert (sweep.under_way, sweep.point, sweep.why) == (False, 3, "the control loop died")
-        assert parts.present.state().touch.learned == []  # as in a new loop
+        assert parts.state().touch.learned == []  # as in a new loop
         await asyncio.sleep(0.1)
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 11.5))

@@ -53,12 +53,12 @@ def in_force(parts: Parts) -> TuningSettings:
 
 def earlier(parts: Parts) -> TuningSettings | None:
     """What the page shows as what undoing puts back."""
-    return settings_of(parts.present.state().earlier)
+    return settings_of(parts.state().earlier)
 
 
 def later(parts: Parts) -> TuningSettings | None:
     """What the page shows as what is done again."""
-    return settings_of(parts.present.state().later)
+    return settings_of(parts.state().later)
 
 
 def settings_of(shown: ChosenTuning | None) -> TuningSettings | None:
@@ -131,9 +131,9 @@ def test_all_changes_are_undone_one_after_the_other_and_done_again(database: Dat
 def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         retuning = parts.actuator.retuning
-        assert parts.present.state().tuning.entry_name == ""
+        assert parts.state().tuning.entry_name == ""
         await retuning.use_bank(bank, WHO)
-        assert parts.present.state().tuning.entry_name == "10 N"
+        assert parts.state().tuning.entry_name == "10 N"
         view = await retuning.use_bank(None, WHO)
         assert (view.bank, in_force(parts).bank) == (None, 0)
         await retuning.undo(WHO)

@@ -44,16 +44,16 @@ def pressed(parts: Parts) -> float:
 def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database: Database) -> None:
     async def session(parts: Parts) -> None:
         await in_run(parts)
-        assert parts.present.state().wall is None
+        assert parts.state().wall is None
         assert await set_obstacle(parts.actuator, UP, "Ana") == UP
         assert parts.present.wall == Obstacle(1.0, 0.05, 20000.0, 1.0)
-        assert parts.present.state().wall == UP.wall
+        assert parts.state().wall == UP.wall
         await parts.actuator.set_references(0.08, 10.0, "Ana")
         await parts.supervisor.advance(1.5)
         assert pressed(parts) < -1.0
         await set_obstacle(parts.actuator, WallOrder(wall=None), "Ana")
         await parts.supervisor.advance(0.2)
-        assert (pressed(parts), parts.present.state().wall) == (0.0, None)
+        assert (pressed(parts), parts.state().wall) == (0.0, None)
         with pytest.raises(RequestRejectedError, match=r"in a wall at 0\.05 rad: bring it below that first"):
             await set_obstacle(parts.actuator, UP, "Ana")
         assert parts.present.wall is None
@@ -76,7 +76,7 @@ def test_a_programs_wall_is_shown_while_it_stands_and_the_operators_after_it(dat
         seen = []
         for _ in range(80):
             await parts.supervisor.advance(0.01)
-            seen.append(parts.present.state().wall)
+            seen.append(parts.state().wall)
         above = WallView(q_wall=0.3)
         assert [wall for n, wall in enumerate(seen) if n == 0 or seen[n - 1] != wall] == [below, above, below]
 
@@ -85,7 +85,7 @@ def test_a_programs_wall_is_shown_while_it_stands_and_the_operators_after_it(dat
 
 def test_it_is_bounded_and_refused_where_nothing_is_simulated(database: Database) -> None:
     async def session(parts: Parts) -> None:
-        limits = parts.present.state().limits
+        limits = parts.state().limits
         await in_run(parts)
         for k_wall, c_wall in ((limits.k_wall_min, 0.0), (limits.k_wall_max, limits.c_wall_max)):
             await set_obstacle(
@@ -104,7 +104,7 @@ def test_it_is_bounded_and_refused_where_nothing_is_simulated(database: Database
             assert refused.value.path == ("wall", quantity)
         for kind in (PlantKind.REPLAY, PlantKind.RIG):
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
-            offered = parts.present.state().limits
+            offered = parts.state().limits
             assert (offered.k_wall_min, offered.k_wall_max, offered.c_wall_max) == (0.0, 0.0, 0.0)
             for order in (UP, WallOrder(wall=None)):
                 with pytest.raises(RequestRejectedError, match=f"what is simulated, and what is driven is the {kind}"):

@@ -107,7 +107,7 @@ operate_router = APIRouter(prefix="/api", tags=["operate"], route_class=ThreadRo
 @operate_router.get("/state")
 async def get_state(service: ServiceInUse, _person: SignedIn) -> State:
     """Return everything the status line and the controls show."""
-    return service.actuator.present.state()
+    return service.state.view()
 
 
 @operate_router.post("/stop")
@@ -122,13 +122,15 @@ async def stop(service: ServiceInUse, person: MayStop) -> StopProof:
 @operate_router.post("/reset")
 async def reset(service: ServiceInUse, person: HoldsControl) -> State:
     """Clear the latched fault after its cause is gone."""
-    return await service.actuator.reset(person.name)
+    await service.actuator.reset(person.name)
+    return service.state.view()
 
 
 @operate_router.post("/mode")
 async def set_mode(body: ModeRequest, service: ServiceInUse, person: InControl) -> State:
     """Move to another mode; an illegal move is refused with the legal ones."""
-    return await service.actuator.set_mode(body.mode, person.name)
+    await service.actuator.set_mode(body.mode, person.name)
+    return service.state.view()
 
 
 @operate_router.put("/references")

@@ -159,19 +159,22 @@ async def redo_change(service: ServiceInUse, person: InControl) -> TuningView:
 @tuning_router.post("/trial")
 async def try_tuning(body: TrialRequest, service: ServiceInUse, person: InControl) -> State:
     """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""
-    return await service.actuator.retuning.try_out(body, person.name)
+    await service.actuator.retuning.try_out(body, person.name)
+    return service.state.view()
 
 
 @tuning_router.delete("/trial")
 async def revert_trial(service: ServiceInUse, person: InControl) -> State:
     """Put the tuning before the trial back at once."""
-    return await service.actuator.retuning.end_trial(False, person.name)
+    await service.actuator.retuning.end_trial(False, person.name)
+    return service.state.view()
 
 
 @tuning_router.post("/trial/keep")
 async def keep_trial(service: ServiceInUse, person: InControl) -> State:
     """Keep what is on trial."""
-    return await service.actuator.retuning.end_trial(True, person.name)
+    await service.actuator.retuning.end_trial(True, person.name)
+    return service.state.view()
 
 
 @tuning_router.get("/saved")
@@ -186,7 +189,7 @@ async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
     present = service.actuator.present
     if present.own_tuning is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "what is in force belongs to a run: save when it is over")
-    if present.trial() is not None:
+    if service.actuator.retuning.trial() is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
     return await in_thread(service.saved_tunings.save, present.tuning, person.name)
 

@@ -72,7 +72,7 @@ def swept(parameters: PlantParameters, seed: int) -> tuple[tuple[float, float], 
             await asyncio.sleep(0)
         assert not sweep_of(parts).why, sweep_of(parts).why
         await parts.supervisor.advance(0.01)
-        points = parts.present.state().touch.learned
+        points = parts.state().touch.learned
         bias = np.array([(point.S, point.F) for point in points])
         truth = Truth(parameters, plant)
         for S in STIFFNESSES:
