@@ -5,7 +5,7 @@ import logging
 from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fastapi import APIRouter
 
@@ -93,10 +93,6 @@ from backend.storage import (
 from backend.supervision import KeptThread, Part, Supervision
 from backend.workers import SCIENCE, Processes
 from plant import ParameterError, PlantKind, PlantParameters, load_parameters
-
-if TYPE_CHECKING:
-    pass
-
 
 # Foundation ----------------------------------------------------------------------------------------
 #

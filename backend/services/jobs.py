@@ -653,9 +653,7 @@ class JobManager:
             told.require_within_range(parameters)
             return await self._start(bank, *(RunRequest(plan, loop, who) for plan in plans))
 
-    async def predict_identification(
-        self, request: IdentificationRequest, compute: Compute = asyncio.to_thread
-    ) -> Prediction:
+    async def predict_identification(self, request: IdentificationRequest, compute: Compute) -> Prediction:
         """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
         tuning, start = self._actuator.present.tuning, read_start(self._station.loop.ring.newest())
         told: Prediction = await compute(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor, start)

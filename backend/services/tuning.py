@@ -190,7 +190,7 @@ class TuningService:
         u_plan: float | None = None,
         k_ext: float | None = None,
         printed: bool = False,
-        compute: Compute = asyncio.to_thread,
+        compute: Compute,
     ) -> TuningPreview:
         """Predict what λ, a motion, its limit [V] and a share of pushes would do at S [N·m/rad]; None: as now.
 
@@ -206,14 +206,14 @@ class TuningService:
         previewed: TuningPreview = await compute(background_work.preview_tuning, asked, *wanted)
         return previewed
 
-    async def motor(self, lam_motor: float, compute: Compute = asyncio.to_thread) -> MotorPreview:
+    async def motor(self, lam_motor: float, compute: Compute) -> MotorPreview:
         """Tell how robust the motor loops are at a λ."""
         found: MotorPreview = await compute(
             background_work.preview_motor, AskedTuning.of(self._present.tuning), lam_motor
         )
         return found
 
-    async def robust(self, M_s: float, compute: Compute = asyncio.to_thread) -> RobustTuning:
+    async def robust(self, M_s: float, compute: Compute) -> RobustTuning:
         """Find the λ of each loop for a wanted M_s."""
         found: RobustTuning = await compute(
             background_work.compute_robustness, AskedTuning.of(self._present.tuning), M_s

@@ -28,7 +28,7 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
     async def ordered(parts: Parts) -> None:
         assert isinstance(await parts.supervisor.send(SetMode(Mode.PRETENSION)), Accepted)
         await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
-        told = await parts.ordered_runs.predict_identification(ORDER)
+        told = await parts.ordered_runs.predict_identification(ORDER, asyncio.to_thread)
         began = parts.supervisor.ring.count
         seen: list[TaskView] = []
         first = await parts.ordered_runs.start_identification(ORDER, OPERATOR.name)

@@ -1,7 +1,9 @@
 """Pushes that are rejected, through the service: learned first, forgotten with what was learned, previewed beside λ."""
 
+import asyncio
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -112,7 +114,7 @@ def test_a_start_begins_without_it(database: Database) -> None:
 
 def test_what_it_does_is_previewed_before_it_is_chosen(database: Database) -> None:
     async def operate(parts: Parts) -> None:
-        preview = parts.actuator.retuning.preview
+        preview = partial(parts.actuator.retuning.preview, compute=asyncio.to_thread)
         plain = (await preview(2.0, 0.5)).pushed
         assert (plain.k_ext, plain.rejected) == (0.0, None)
         pushed = (await preview(2.0, 0.5, k_ext=1.0)).pushed
