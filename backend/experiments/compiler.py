@@ -177,7 +177,8 @@ class Numbers:
 
     def _amplitudes(self, q: float | str, S: float | str) -> tuple[float, float]:
         """Return the amplitudes; the references stay within their bounds on both sides."""
-        room_q, room_S = Q_REF_MAX - abs(self._q), min(S_HIGHEST - self._S, self._S - S_LOWEST)
+        room_q = max(Q_REF_MAX - abs(self._q), 0.0)  # a crest may have swung further to the other side
+        room_S = max(min(S_HIGHEST - self._S, self._S - S_LOWEST), 0.0)
         about = f"around {self._q:.6g} rad" if self._q else ""
         amplitude_q = self._number(
             name="q_amplitude",
@@ -208,10 +209,12 @@ def require_reach(laid: CompiledExperiment, parameters: PlantParameters, lines: 
     And for a wall that cannot stand in this plant's way.
     """
     bounds = compute_bounds(parameters)
-    q, S = 0.0, 0.0
+    q, S, placed = 0.0, 0.0, False
     for segment, place in zip(laid.segments, laid.places, strict=True):
         asked = [(segment.q_ref, segment.S_ref)]
-        if segment.shape in OSCILLATING:
+        if segment.shape not in OSCILLATING:
+            placed = True
+        elif placed:  # around which references it goes that plays first, the loop alone knows
             asked.append((2.0 * q - segment.q_ref, 2.0 * S - segment.S_ref))
         for q_ref, S_ref in asked:
             with error_context(place, lines):
@@ -356,6 +359,8 @@ _K_WALL_MAX, _C_WALL_MAX = 1e5, 100.0
 """Of any plant; its own bounds of a wall are looked at before a start."""
 _FASTEST_HZ = 50.0
 _MOST_PARTS = 4 * MAX_SEGMENTS
+_FROM_REST = (schema.Measure.COMPLIANCE, schema.Measure.DISTURBANCE, schema.Measure.PUSHES)
+"""Measures of pushes, which count from the rest before each."""
 _TUNED = {setting.name: setting for setting in describe_settings(TuningSettings)}
 
 
@@ -373,6 +378,7 @@ class _Layout(Numbers):
         self._changes: list[Mapping[str, Value]] = []
         self._change_places: list[Path] = []
         self._unused_change = False
+        self._placed = False
         self._F = 0.0
         self._duration_s = 0.0
         self._parts = 0
@@ -428,12 +434,13 @@ class _Layout(Numbers):
     @_lay.register
     def _step(self, part: schema.Step) -> None:
         self._aim(part.q_ref, part.S_ref)
-        self._stay(self._time(part.duration_s))
+        self._stay(self._time(part.duration_s), self._pushed(part.F_push))
 
     @_lay.register
     def _ramp(self, part: schema.Ramp) -> None:
         self._aim(part.q_ref, part.S_ref)
-        self._add(Segment(self._time(part.duration_s), self._q, self._S, shape=Shape.RAMP))
+        F = self._pushed(part.F_push)
+        self._add(Segment(self._time(part.duration_s), self._q, self._S, F, Shape.RAMP))
 
     @_lay.register
     def _pulse(self, part: schema.Pulse) -> None:
@@ -447,10 +454,23 @@ class _Layout(Numbers):
     def _sine(self, part: schema.Sine) -> None:
         period_s = self._number("period_s", part.period_s, 0.02, LONGEST_PART_S, "s")
         duration_s = self._time(part.duration_s)
+        F = self._pushed(part.F_push)
+        q_before, S_before, F_before = self._q, self._S, self._F
+        if part.q_ref is None or part.S_ref is None:
+            self._require_placed()
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
-        self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.SINE, period_s=period_s))
+        for name, amplitude, crest in (("q_amplitude", q, part.q_ref), ("S_amplitude", S, part.S_ref)):
+            if amplitude and crest is not None:
+                raise self._refused("its crest is said twice, by the reference as well", (*self._path, name))
+        self._q, self._S = q_before + q, S_before + S
+        self._aim(part.q_ref, part.S_ref)
+        self._add(Segment(duration_s, self._q, self._S, F, Shape.SINE, period_s))
+        q = q if part.q_ref is None else self._q - q_before
+        S = S if part.S_ref is None else self._S - S_before
         end = math.sin(2.0 * math.pi * duration_s / period_s)
-        self._q, self._S = self._q + end * q, self._S + end * S
+        self._q, self._S = q_before + end * q, S_before + end * S
+        if F:
+            self._F = F_before + end * (F - F_before)
 
     @_lay.register
     def _sweep(self, part: schema.Sweep) -> None:
@@ -458,6 +478,7 @@ class _Layout(Numbers):
         from_Hz = self._number("from_Hz", part.from_Hz, low, _FASTEST_HZ, "Hz")
         to_Hz = self._number("to_Hz", part.to_Hz, low, _FASTEST_HZ, "Hz")
         duration_s = self._time(part.duration_s)
+        self._require_placed()
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
         end_s = 1.0 / to_Hz
         swept = Segment(
@@ -476,6 +497,7 @@ class _Layout(Numbers):
         chip_s = round(self._number("chip_s", part.chip_s, 0.001, 60.0, "s"), 3)
         bits = self._whole("bits", part.bits, MIN_BITS, MAX_BITS)
         periods = self._whole("periods", part.periods, 1, 1000)
+        self._require_placed()
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
         duration_s = self._time(periods * (2**bits - 1) * chip_s, "chip_s", "time of all chips")
         self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.PRBS, period_s=chip_s, count=bits))
@@ -496,6 +518,7 @@ class _Layout(Numbers):
                 words="highest frequency",
             )
         periods = self._whole("periods", part.periods, 1, 1000)
+        self._require_placed()
         q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
         duration_s = self._time(periods * period_s, "periods", "time of all periods")
         peak, shape = peak_of(lines), Shape.MULTISINE
@@ -624,12 +647,27 @@ class _Layout(Numbers):
             self._F = float(piece.F_push)
             self._add(Segment(round(piece.duration_s, 3), self._q, self._S, self._F, piece.shape), pushed=True)
 
-    def _stay(self, duration_s: float) -> None:
-        self._add(Segment(duration_s, self._q, self._S))
+    def _pushed(self, F_push: float | str) -> float:
+        """Return the push [N] beside a motion; what is measured from rest takes none."""
+        F = self._number("F_push", F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
+        measured = [measure for measure in _FROM_REST if measure in self._experiment.measures]
+        if F and measured:
+            why = f"{measured[0]} measures pushes from rest: take a part `do: push`"
+            raise self._refused(why, (*self._path, "F_push"))
+        return F
+
+    def _require_placed(self) -> None:
+        """Refuse to oscillate around references that nothing before has said."""
+        if not self._placed:
+            raise self._refused("nothing says around which references it goes: begin with a step", self._path)
+
+    def _stay(self, duration_s: float, F_push: float = 0.0) -> None:
+        self._add(Segment(duration_s, self._q, self._S, F_push))
 
     def _add(self, segment: Segment, *, pushed: bool = False) -> None:
+        self._placed = self._placed or segment.shape not in OSCILLATING
         if not pushed:
-            self._F = 0.0
+            self._F = segment.F_push
         if len(self._segments) == MAX_SEGMENTS:
             raise self._refused(
                 f"its parts are more than {MAX_SEGMENTS}, all repetitions counted: repeat less, or split it", self._path

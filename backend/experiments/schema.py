@@ -49,22 +49,24 @@ class Hold:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Step:
-    """Jump to the references that are named, and stay there."""
+    """Jump to the references that are named, and stay there; the joint is pushed with ``F_push`` meanwhile."""
 
     do: Literal["step"]
     duration_s: Number
     q_ref: Number | None = None
     S_ref: Number | None = None
+    F_push: Number = 0.0
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Ramp:
-    """Move evenly to the references that are named, and arrive at the end."""
+    """Move evenly to the references that are named, and arrive at the end; so does the push, at ``F_push``."""
 
     do: Literal["ramp"]
     duration_s: Number
     q_ref: Number | None = None
     S_ref: Number | None = None
+    F_push: Number = 0.0
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
@@ -80,13 +82,19 @@ class Pulse:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Sine:
-    """Oscillate around the references as they are."""
+    """Oscillate around the references as they are, by an amplitude or up to ``q_ref`` and ``S_ref`` at the crest.
+
+    So does the push, around the one before, up to ``F_push`` at the crest.
+    """
 
     do: Literal["sine"]
     duration_s: Number
     period_s: Number
     q_amplitude: Number = 0.0
     S_amplitude: Number = 0.0
+    q_ref: Number | None = None
+    S_ref: Number | None = None
+    F_push: Number = 0.0
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)

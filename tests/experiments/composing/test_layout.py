@@ -126,3 +126,33 @@ def test_parts_that_no_contact_ends_are_played_as_if_they_stood_alone() -> None:
     held = "{do: hold, duration_s: 1}"
     within = plan_of(with_parts(LEAD_IN, f"{{do: until_contact, contact_N: 0, parts: [{held}]}}")).program()
     assert within == plan_of(with_parts(LEAD_IN, held)).program()
+
+
+def test_a_push_goes_with_a_step_a_ramp_and_a_sine() -> None:
+    step, ramp, sine, held = after_lead_in(
+        "{do: step, q_ref: 0.2, duration_s: 1, F_push: 3}",
+        "{do: ramp, q_ref: 0.3, duration_s: 2, F_push: -4 / 2}",
+        "{do: sine, q_amplitude: 0.1, period_s: 4, duration_s: 3, F_push: 5}",
+        "{do: hold, duration_s: 1}",
+    )
+    assert step == Segment(1.0, 0.2, 10.0, 3.0)
+    assert ramp == Segment(2.0, 0.3, 10.0, -2.0, Shape.RAMP)
+    assert sine == Segment(3.0, 0.4, 10.0, 5.0, Shape.SINE, 4.0)
+    assert held.F_push == 0.0
+    sine, first, *_ = after_lead_in(
+        "{do: sine, q_amplitude: 0.1, period_s: 4, duration_s: 3, F_push: 5}",
+        "{do: push, F_push: 0, duration_s: 0.4, shape: smooth}",
+    )
+    assert sine.F_push == 5.0
+    assert -5.0 < first.F_push < -4.5  # on from where three quarters of a turn have left it
+
+
+def test_a_sine_goes_to_a_crest_that_is_named() -> None:
+    sine, held = after_lead_in(
+        "{do: sine, q_ref: -0.2, S_amplitude: 1, period_s: 4, duration_s: 1}", "{do: hold, duration_s: 1}"
+    )
+    assert (sine.q_ref, sine.S_ref) == (-0.2, 11.0)
+    assert (held.q_ref, held.S_ref) == (pytest.approx(-0.2), pytest.approx(11.0))
+    sine, held = after_lead_in("{do: sine, S_ref: 12, period_s: 4, duration_s: 4}", "{do: hold, duration_s: 1}")
+    assert (sine.q_ref, sine.S_ref) == (0.1, 12.0)
+    assert held.S_ref == pytest.approx(10.0)

@@ -52,6 +52,12 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
         ("{do: step, S_ref: 16, duration_s: 1}", "stiffness reference: 16 N·m/rad is outside 8 to 15 N·m/rad"),
         ("{do: sine, q_amplitude: 1.45, period_s: 1, duration_s: 1}", "1.45 rad is outside"),
         ("{do: sine, S_amplitude: 3, period_s: 1, duration_s: 1}", "3 N·m/rad is outside -2 to 2 N·m/rad"),
+        (
+            "{do: sine, q_amplitude: 0.1, q_ref: 0.1, period_s: 1, duration_s: 1}",
+            "q_amplitude: its crest is said twice, by the reference as well",
+        ),
+        ("{do: sine, q_ref: 1.5, period_s: 1, duration_s: 1}", "q_ref: position reference: 1.5 rad is outside"),
+        ("{do: ramp, q_ref: 0.1, duration_s: 1, F_push: 31}", "31 N is outside -30 to 30 N"),
         ("{do: hold, duration_s: -1}", "duration_s: time: -1 s is outside 0.01 to 600 s"),
         ("{do: hold, duration_s: 601}", "601 s is outside 0.01 to 600 s"),
         ("{do: hold}", "duration_s: it is missing"),
@@ -205,3 +211,27 @@ def test_nothing_is_kept_of_what_is_refused(own: OwnExperiments, tmp_path: Path)
     with pytest.raises(ExperimentError):
         own.keep(with_parts("{do: hold, duration_s: -1}"), "A. Operator", load_parameters("lab"), TuningSettings())
     assert own.views() == []
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        "{do: sine, q_ref: 0.1, period_s: 1, duration_s: 1}",
+        "{do: sine, q_amplitude: 0.1, S_ref: 10, period_s: 1, duration_s: 1}",
+        "{do: multisine, q_amplitude: 0.1, period_s: 2, lines: 4}",
+    ],
+)
+def test_nothing_oscillates_around_what_is_not_known(own: OwnExperiments, part: str) -> None:
+    told = str(refusal(own, with_parts(part, LEAD_IN)))
+    assert told == "line 8: phases 1, parts 1: nothing says around which references it goes: begin with a step"
+    crest = "{do: sine, q_ref: 0.1, S_ref: 10, period_s: 1, duration_s: 1}"
+    assert own.checked(with_parts(crest, LEAD_IN), load_parameters("lab"), TuningSettings()).segments == 2
+    assert "parts 2: nothing says around which" in str(refusal(own, with_parts(crest, part, LEAD_IN)))
+
+
+@pytest.mark.parametrize("measure", ["compliance", "disturbance", "pushes"])
+def test_what_is_measured_from_rest_takes_no_push_beside_a_motion(own: OwnExperiments, measure: str) -> None:
+    parts, more = (LEAD_IN, "{do: step, q_ref: 0.1, duration_s: 1, F_push: 2}"), f"measures: [steps, {measure}]\n"
+    told = str(refusal(own, with_parts(*parts, more=more)))
+    assert told == f"line 9: phases 1, parts 2, F_push: {measure} measures pushes from rest: take a part `do: push`"
+    assert own.checked(with_parts(*parts), load_parameters("lab"), TuningSettings()).segments == 2
