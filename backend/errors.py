@@ -20,7 +20,7 @@ _DIGITS_OF_BOUND = 3
 """Significant digits of a bound that is no whole number: enough to choose by."""
 
 Path = tuple[str | int, ...]
-"""Where a value stands in what was asked for: names, and places in lists from 0; ("segments", 2, "q_ref")."""
+"""Where a value stands in what was asked for: names, and places in lists from 0; ("phases", 0, "parts", 2, "q_ref")."""
 
 WORDS = {
     "q_ref": "position reference",

@@ -1,5 +1,6 @@
 """What a refused number is answered with, in the operator's words and unit."""
 
+import json
 import math
 import pickle
 import re
@@ -9,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from backend.errors import InvalidValueError, OutOfRangeError, RequestRejectedError, bound_text, check_range
-from backend.experiments.library import build_ready_plan
+from backend.experiments.library import build_ready_plan, find_experiment
 from backend.experiments.parser import ExperimentError
-from backend.experiments.plans import SequencePlan
 from backend.models.settings import SettingError
 from backend.units import AngleUnit
 from plant.errors import ErrorCode
@@ -23,11 +23,11 @@ def said(refused: InvalidValueError, angles: AngleUnit = DEG) -> str:
     return refused.sentence(angles)
 
 
-def test_a_segment_is_named_as_the_editor_numbers_it() -> None:
+def test_a_segment_is_named_as_it_was_numbered() -> None:
     """Typed 120 degrees in the third segment: its place, the quantity and the bounds as the operator reads them."""
     segments = [{"duration_s": 4, "q_ref": math.radians(angle), "S_ref": 10} for angle in (0, 30, 120)]
     with pytest.raises(OutOfRangeError) as refused:
-        SequencePlan(str(segments).replace("'", '"'))
+        find_experiment("sequence").make({"segments": json.dumps(segments)})
     assert refused.value.path == ("segments", 2, "q_ref")
     assert said(refused.value) == (
         "segment 3, position reference: 120° is outside -80.2 to 80.2°; choose a value between the two"

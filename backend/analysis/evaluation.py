@@ -64,7 +64,6 @@ from backend.experiments import (
     Measure,
     MotorIdentificationPlan,
     Plan,
-    SequencePlan,
     SpringIdentificationPlan,
     evaluate_number,
     find_line,
@@ -379,16 +378,8 @@ def compute_result(
                 raise NoSamplesError("the run holds no samples of its program")
             in_force = EvaluationContext(parameters, plan, load_initial_tuning(run.set_to.loop), points)
             metrics, criteria = evaluate_experiment(columns, in_force, outline, missed)
-        case SequencePlan():
-            metrics = _followed(columns, parameters, plan)
     metrics = replace(metrics, missing_samples=missed, problem=problem)
     return NewResult(run.id, metrics, criteria, __version__), estimate
-
-
-def _followed(columns: ReaderColumns, parameters: PlantParameters, plan: SequencePlan) -> Metrics:
-    bound = partial(least_reach_time, parameters)
-    metrics = tracking_metrics(columns, plan.program(), plan.phases(), bound, parameters.sensors.joint_step)
-    return tracking_document(metrics, plan.phases())
 
 
 def _points(database: Database, run: Run) -> tuple[PointModel, ...]:

@@ -335,9 +335,19 @@ def entry_of(name: str, settings: Settings) -> "ExperimentDefinition":
     if Path(name).suffix in (".yaml", ".yml", ".json"):
         return library.build_library_entry(*parser.read(text_in(Path(name))))
     if name in library.experiments_by_name():
+        tell_deprecated(name)
         return library.find_experiment(name)
     with database_of(settings, reading=True) as database:
         return OwnExperiments(database).entry(name)
+
+
+def tell_deprecated(name: str) -> None:
+    """Say of an experiment that is not offered any more what to order in its place."""
+    from backend.experiments import experiments_by_name
+
+    entry = experiments_by_name().get(name)
+    if entry is not None and entry.instead:
+        errors.print(f"{name} is deprecated: {entry.instead}", highlight=False, markup=False)
 
 
 def text_in(file: Path) -> str:
@@ -504,7 +514,9 @@ def add(
     """Put an experiment at the end; it waits with the tuning that is in force now. Nothing starts by that."""
     service = running_service(load_settings(data=data))
     request = {"name": name, "settings": values_of(values or [])}
-    _show(service, _queue(service, "POST", "", request), as_json=as_json)
+    waiting = _queue(service, "POST", "", request)
+    tell_deprecated(name)
+    _show(service, waiting, as_json=as_json)
 
 
 @queue_app.command()

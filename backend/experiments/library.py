@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.errors import InvalidValueError, OutOfRangeError
 from backend.experiments import parser
 from backend.experiments.compiler import LONGEST_PART_S
 from backend.experiments.parser import ExperimentError, Lines, read
@@ -20,12 +21,20 @@ from backend.experiments.plans import (
     IdentificationPlan,
     MotorIdentificationPlan,
     Plan,
-    SequencePlan,
     SpringIdentificationPlan,
     composed,
 )
 from backend.experiments.schema import Experiment
-from backend.models import DeclaredValue, Setting, SettingError, Value, build_plan, describe_settings, describe_values
+from backend.models import (
+    DeclaredValue,
+    Setting,
+    SettingError,
+    Value,
+    build_plan,
+    describe_settings,
+    describe_values,
+    upgrades,
+)
 from backend.realtime import MAX_SEGMENTS
 from plant import T_s
 
@@ -302,8 +311,7 @@ def _ramped(ways: Sequence[tuple[Column, float, float]], at: int, share: float) 
 
 
 KINDS: dict[str, type[Any]] = {
-    plan.kind: plan
-    for plan in (SequencePlan, ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan)
+    plan.kind: plan for plan in (ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan)
 }
 """Plans that are written in Python, by the kind of their runs."""
 
@@ -351,6 +359,8 @@ def parse_stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
         plan: Plan = build_plan(KINDS[kind], kept)
         return plan
     if "experiment" not in kept:
+        if kind not in OF_THE_PAPER:
+            raise ExperimentError("what it played is kept in no form that is known")
         return build_ready_plan(kind, **kept)
     experiment = parser.parse_canonical(str(kept["experiment"]))
     return composed(experiment, {name: value for name, value in kept.items() if name != "experiment"}, kind)
@@ -365,7 +375,8 @@ def parse_stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
 class ExperimentDefinition:
     """An experiment that can be ordered: the words that present it, its settings, and what makes a plan of values.
 
-    ``run_kind`` is the kind of its runs; ``written`` the experiment where it is data.
+    ``run_kind`` is the kind of its runs; ``written`` the experiment where it is data; ``instead`` what to order in the
+    place of one that is deprecated: it is taken, and not offered.
     """
 
     name: str
@@ -375,6 +386,7 @@ class ExperimentDefinition:
     make: Callable[[Mapping[str, Any]], Plan]
     run_kind: str
     written: Experiment | None = None
+    instead: str = ""
 
     @cached_property
     def usual(self) -> Plan:
@@ -402,19 +414,70 @@ def build_library_entry(
 
 @cache
 def experiments_by_name() -> Mapping[str, ExperimentDefinition]:
-    """Return the experiments that come with Sinew, by name."""
+    """Return the experiments that come with Sinew, by name, and what is taken in their place."""
     ready = {
         name: build_library_entry(*ready_made(name), run_kind=name if name in OF_THE_PAPER else KIND) for name in NAMES
     }
-    sequence = ExperimentDefinition(
-        name=SequencePlan.kind,
+    return {**ready, upgrades.SEQUENCE: _sequence_entry()}
+
+
+_SEGMENTS = Setting(
+    name=upgrades.SEGMENTS,
+    kind="text",
+    symbol="segments",
+    unit="1",
+    meaning='JSON list of segments: duration_s [s], q_ref [rad], S_ref [N·m/rad], F_push [N], shape "step", "ramp" or '
+    '"sine" around the values before, period_s [s] of a sine',
+    default="""[
+  {"duration_s": 4, "q_ref": 0, "S_ref": 10},
+  {"duration_s": 4, "q_ref": 0.5, "S_ref": 10},
+  {"duration_s": 4, "q_ref": -0.5, "S_ref": 12, "shape": "ramp"},
+  {"duration_s": 8, "q_ref": -0.2, "S_ref": 12, "shape": "sine", "period_s": 4}
+]""",
+    maximum=parser.MAX_CHARACTERS,
+)
+
+
+def _sequence_entry() -> ExperimentDefinition:
+    """Return what takes a list of segments, as own experiments were once written, and makes an experiment of it."""
+
+    def make(values: Mapping[str, Any]) -> ExperimentPlan:
+        segments = _SEGMENTS.parse(values.get(_SEGMENTS.name, _SEGMENTS.default))
+        document = upgrades.sequence_experiment(segments)
+        if document is None:
+            raise SettingError(_SEGMENTS.name, str(segments)[:40], f"it needs a {_SEGMENTS.meaning}")
+        try:
+            return composed(parser.of_document(document, {}), {}, upgrades.SEQUENCE)
+        except ExperimentError as error:
+            raise _of_segment(error) from None
+
+    return ExperimentDefinition(
+        name=upgrades.SEQUENCE,
         title="Own sequence",
         description="Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
-        settings=describe_settings(SequencePlan),
-        make=lambda values: build_plan(SequencePlan, values),
-        run_kind=SequencePlan.kind,
+        settings=(_SEGMENTS,),
+        make=make,
+        run_kind=upgrades.SEQUENCE,
+        instead="write an experiment: its parts step, ramp and sine take the same numbers (docs/experiments.md)",
     )
-    return {**ready, sequence.name: sequence}
+
+
+def _of_segment(error: ExperimentError) -> InvalidValueError:
+    """Return the error that names a segment in place of the part that it became."""
+    match error.path, error.why:
+        case ("phases", 0, "parts", int(place), *rest), OutOfRangeError() as why:
+            return OutOfRangeError(
+                quantity=why.quantity,
+                value=why.value,
+                minimum=why.minimum,
+                maximum=why.maximum,
+                unit=why.unit,
+                remedy=why.remedy,
+                words=f"segment {place + 1}, {why.words}",
+                path=(_SEGMENTS.name, place, *rest),
+            )
+        case _:
+            return error
 
 
 @dataclass(frozen=True)

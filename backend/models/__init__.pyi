@@ -93,7 +93,6 @@ from .settings import (
     describe_values,
     integer_setting,
     number_setting,
-    text_setting,
 )
 
 __all__ = [
@@ -190,7 +189,6 @@ __all__ = [
     "number_setting",
     "renumber_banks",
     "replace_non_finite",
-    "text_setting",
     "upgrades",
     "wall_record",
 ]

@@ -1,7 +1,7 @@
 """Declared settings: what a plan may be told, each with symbol, unit, bounds and default, said once.
 
 A plan is a frozen dataclass whose fields are made by ``number_setting``, ``integer_setting``, ``boolean_setting``,
-``choice_setting`` and ``text_setting``. The command line, the HTTP interface and the page read the same declaration
+``choice_setting``. The command line, the HTTP interface and the page read the same declaration
 through ``describe_settings``; ``build_plan`` is the only way in from outside.
 """
 
@@ -129,11 +129,6 @@ def choice_setting(default: str, choices: tuple[str, ...], symbol: str, meaning:
 def boolean_setting(default: bool, symbol: str, meaning: str) -> Any:
     """Declare a setting that is on or off."""
     return _declare("boolean", default, {"unit": "1", "symbol": symbol, "meaning": meaning})
-
-
-def text_setting(default: str, max_length: int, symbol: str, meaning: str) -> Any:
-    """Declare a setting that is a text of so many characters at most."""
-    return _declare("text", default, {"maximum": max_length, "unit": "1", "symbol": symbol, "meaning": meaning})
 
 
 def describe_settings(plan: type[Any]) -> tuple[Setting, ...]:

@@ -4,6 +4,7 @@ For the migration and for imports. Each function returns the document that it wa
 or cannot be read in any.
 """
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import fields
@@ -31,6 +32,10 @@ from backend.models.run import (
 from plant import SIDES
 
 OLDER = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
+SEQUENCE, SEGMENTS = "sequence", "segments"
+"""What an own sequence of references was called, and its one setting."""
+
+_OF_SEGMENT = ("duration_s", "q_ref", "S_ref", "F_push", "period_s")
 _LOOP = tuple(item.name for item in fields(StoredLoopSettings))
 _BEFORE_KEPT: dict[str, Any] = {
     "b": 0.0,
@@ -61,9 +66,10 @@ def upgrade_record(kind: str, document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def upgrade_run_settings(document: Any) -> Any:
-    """Return the settings of a run with its tuning, and the motion, in ``loop``.
+    """Return the settings of a run with its tuning, and the motion, in ``loop``, and with its plan as it is written.
 
-    A session had its tuning beside the mode, and ``u_plan`` alone said how references are followed.
+    A session had its tuning beside the mode, ``u_plan`` alone said how references are followed, and a sequence had a
+    list of segments for an experiment.
     """
     if not isinstance(document, Mapping):
         return document
@@ -73,7 +79,57 @@ def upgrade_run_settings(document: Any) -> Any:
         rest = {name: part for name, part in document.items() if name not in _LOOP}
     if not isinstance(loop, Mapping):
         return document
-    return _readable(SETTINGS, {**rest, "loop": complete_motion(loop)}, document)
+    return _readable(SETTINGS, {**_with_experiment(rest), "loop": complete_motion(loop)}, document)
+
+
+def sequence_experiment(segments: object) -> dict[str, Any] | None:
+    """Return the experiment that plays what a sequence did, tick by tick; None for what was no sequence.
+
+    A sequence is a text in JSON: a list of segments with ``duration_s``, ``q_ref``, ``S_ref`` and, where they are not
+    the default, ``F_push``, ``shape`` and ``period_s``.
+    """
+    try:
+        listed = json.loads(segments) if isinstance(segments, str) else None
+        parts = [_part_of_sequence(one) for one in listed] if isinstance(listed, list) else []
+    except (ValueError, RecursionError, OverflowError):
+        return None
+    section = {"name": SEQUENCE, "title": "Own sequence", "parts": parts}
+    return {"format": 1, "name": SEQUENCE, "title": "Own sequence", "phases": [section]} if parts else None
+
+
+def _part_of_sequence(segment: Any) -> dict[str, Any]:
+    """Return the part that a segment is. Raises ValueError, OverflowError."""
+    if not isinstance(segment, Mapping) or not {*_OF_SEGMENT[:3]} <= set(segment) <= {*_OF_SEGMENT, "shape"}:
+        raise ValueError
+    shape = segment.get("shape", "step")
+    numbers = {name: segment[name] for name in _OF_SEGMENT if name in segment}
+    if shape not in ("step", "ramp", "sine") or not all(map(_is_finite, numbers.values())):
+        raise ValueError
+    if shape == "sine":
+        numbers = {"duration_s": numbers["duration_s"], "period_s": 1.0, **numbers}
+    else:
+        numbers.pop("period_s", None)
+    return {"do": shape, **{name: number for name, number in numbers.items() if name != "F_push" or number != 0.0}}
+
+
+def _is_finite(number: Any) -> bool:
+    return isinstance(number, int | float) and not isinstance(number, bool) and math.isfinite(number)
+
+
+def _with_experiment(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the settings of a run of a sequence with an experiment in its place."""
+    plan, declared = document.get("plan"), document.get("declared")
+    if not isinstance(plan, Mapping) or set(plan) != {SEGMENTS}:
+        return document
+    experiment = sequence_experiment(plan[SEGMENTS])
+    if experiment is None:
+        return document
+    text = json.dumps(experiment, ensure_ascii=False, separators=(",", ":"))
+    document = {**document, "plan": {"experiment": text}}
+    if isinstance(declared, list):
+        others = [one for one in declared if not isinstance(one, Mapping) or one.get("name") != SEGMENTS]
+        document = {**document, "declared": others}
+    return document
 
 
 def upgrade_metrics(document: Any) -> Any:

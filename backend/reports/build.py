@@ -50,6 +50,7 @@ _BUILDERS = {
     RunKind.COMPLIANCE: compliance_report,
     RunKind.ROBUSTNESS: robustness_report,
     RunKind.EXPERIMENT: composed_report,
+    RunKind.SEQUENCE: composed_report,
     RunKind.ACTUATOR_IDENTIFICATION: actuator_identification_report,
     RunKind.MOTOR_IDENTIFICATION: motor_identification_report,
     RunKind.SPRING_IDENTIFICATION: spring_identification_report,

@@ -1,6 +1,5 @@
 """Reports of experiments, by what they measure."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,7 +20,6 @@ from backend.analysis import (
     load_initial_tuning,
     measure_holds,
     measure_pushes,
-    select_used_settings,
 )
 from backend.banks import BankError, TuningSettings, entry_points
 from backend.experiments import KIND, ExperimentPlan, Measure, parse_stored_plan
@@ -29,7 +27,7 @@ from backend.models import Metrics, StepFigures
 from backend.realtime import Law
 from backend.recording import Columns
 from backend.reports import sections
-from backend.reports.model import Column, Figure, Paragraph, Report, ReportSection, Table, exact, format_measured
+from backend.reports.model import Column, Figure, Paragraph, Report, ReportSection, Table, format_measured
 from backend.reports.plotting import (
     COLOURS,
     CUT_OFF,
@@ -57,19 +55,15 @@ from backend.reports.provenance import (
     facts,
     format_figure,
     lineage,
-    make_settings_table,
     parameter_section,
     read_or_none,
-    reproduction,
     results_section,
     settings_table,
     subtitle,
     tuning_facts,
-    verdict,
 )
 from backend.reports.run_data import RunData
 from backend.reports.sections import CAPTION, impact_panels, impact_tables
-from backend.storage import RunKind
 from backend.tuning import TuningError, make_cascade_tuning, simulate_cascade
 from backend.units import AngleUnit, read, reading_of, with_unit
 from plant import SIDES, ParameterError, T_s, parse_parameters
@@ -254,74 +248,31 @@ def _to_90_percent_s(step: StepFigures, law: PapersLaw) -> float | None:
 
 # Recording -----------------------------------------------------------------------------------------
 #
-# The report of what was played or done by hand without criteria: its curves, and figures where
-# there are some.
-
-
-_TITLES = {RunKind.SESSION: "Session", RunKind.SEQUENCE: "Own sequence"}
+# The report of what was done by hand: its curves.
 
 
 def recording_report(source: RunData) -> Report:
-    """Build the report of a session or of an own sequence."""
-    run = source.run
-    title = _TITLES.get(RunKind(run.kind), "Recording")
-    outcome, sentence = verdict(source)
-    again = () if run.kind == RunKind.SESSION else reproduction(source)
-    if run.kind == RunKind.SESSION:
-        outcome, sentence = "neutral", "Recorded by hand: no program was played, nothing is judged."
+    """Build the report of a session."""
     sections = [
         *results_section(source),
-        ReportSection("How it was made", (*_make_settings_tables(source), *again, *lineage(source))),
+        ReportSection("How it was made", (*_make_settings_tables(source), *lineage(source))),
     ]
     if source.columns["t"].size:
         sections += [_recording_figures(source), ReportSection("Notes", (Paragraph(S_NOTE),))]
     return Report(
-        title=title,
+        title="Session",
         subtitle=subtitle(source),
-        outcome=outcome,
-        verdict=sentence,
+        outcome="neutral",
+        verdict="Recorded by hand: no program was played, nothing is judged.",
         facts=(*facts(source), *tuning_facts(source)),
         sections=(*sections, parameter_section(source)),
-        footer=f"Sinew {run.software} · {title.lower()} · run {run.id}",
-        date=run.started_at,
+        footer=f"Sinew {source.run.software} · session · run {source.run.id}",
+        date=source.run.started_at,
     )
 
 
 def _make_settings_tables(source: RunData) -> tuple[Table, ...]:
-    """Return the settings that are stored, own segments as a table of their own: nobody reads JSON."""
-    if not source.run.set_to.declared:
-        return ()
-    declared = select_used_settings(source.run)
-    sequence = next((item.value for item in declared if item.name == "segments"), None)
-    if sequence is None:
-        return (settings_table(source),)
-    others = [item for item in declared if item.name != "segments"]
-    return _segments_table(json.loads(str(sequence)), source.angles), make_settings_table(others, source)
-
-
-def _segments_table(segments: list[dict[str, Any]], angles: AngleUnit) -> Table:
-    columns = (
-        Column("Segment"),
-        Column("Shape", number=False),
-        Column("Length", "s"),
-        Column("q_ref", reading_of("rad", angles).unit),
-        Column("S_ref", "N·m/rad"),
-        Column("Push", "N"),
-        Column("Period", "s"),
-    )
-    rows = tuple(
-        (
-            str(number),
-            str(segment.get("shape", "step")),
-            exact(segment["duration_s"]),
-            exact(read(segment["q_ref"], "rad", angles)),
-            exact(segment["S_ref"]),
-            exact(segment.get("F_push", 0.0)),
-            exact(segment["period_s"]) if segment.get("shape") == "sine" and "period_s" in segment else "",
-        )
-        for number, segment in enumerate(segments, start=1)
-    )
-    return Table("Segments of the sequence, in order.", columns, rows)
+    return (settings_table(source),) if source.run.set_to.declared else ()
 
 
 def _recording_figures(source: RunData) -> ReportSection:

@@ -537,8 +537,6 @@ def _ready_made(experiment: str) -> str:
 def _quote_option(name: str, value: Value) -> str:
     if isinstance(value, bool):
         return f"{name}={str(value).lower()}"
-    if isinstance(value, str) and value.startswith("["):  # parts of a sequence: a line for each
-        return shlex.quote(f"{name}=[\n" + ",\n".join(json.dumps(item) for item in json.loads(value)) + "\n]")
     return shlex.quote(f"{name}={value if isinstance(value, str) else repr(value)}")
 
 

@@ -54,7 +54,12 @@ class ExperimentKindList(Schema):
 class ExperimentRequest(Schema):
     """Which experiment to start, with settings that differ from the defaults."""
 
-    name: str = Field(min_length=1, max_length=60)
+    name: str = Field(
+        min_length=1,
+        max_length=60,
+        description="of one that is offered, or of a version, name@2; deprecated is sequence, of which the setting "
+        "segments is a list of segments as JSON: keep an experiment in its place",
+    )
     settings: dict[SettingName, SettingValue] = Field(default_factory=dict, max_length=50)
 
 

@@ -40,7 +40,6 @@ from backend.experiments import (
     MotorIdentificationPlan,
     Plan,
     PredictedRun,
-    SequencePlan,
     SpringIdentificationPlan,
     Stage,
     Start,
@@ -381,8 +380,6 @@ def describe_identification_kinds() -> list[IdentificationKind]:
 
 def _beyond(entry: ExperimentDefinition) -> str:
     """Return why nothing but its motors moving a plant is not enough for an experiment; empty where it is."""
-    if entry.name == SequencePlan.kind:  # whether it pushes is a person's choice, and the loop tells
-        return ""
     try:
         program = entry.usual.program()
         if program.walls:
@@ -591,7 +588,9 @@ class JobManager:
         tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
         await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
         await self._texts.order(_require_playable, self._station.database, tuning.parameters, plan, wanted.tuning)
-        return ExperimentRequest(name=name, settings={**list_setting_values(plan), **asdict(wanted)})
+        return ExperimentRequest(
+            name=name, settings={**request.settings, **list_setting_values(plan), **asdict(wanted)}
+        )
 
     async def check_experiment(self, asked: ExperimentToCheck, person: User, has_left: HasLeft) -> CheckedExperiment:
         """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.

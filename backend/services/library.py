@@ -120,10 +120,11 @@ class OwnExperiments:
         self._database = database
 
     def all(self) -> list[ExperimentDefinition]:
-        """Return every experiment that can be ordered, own ones in their newest version, after the ready-made."""
+        """Return every experiment that is offered, own ones in their newest version, after the ready-made."""
         with self._database.reading() as session:
             own = stored.newest(session)
-        return [*experiments_by_name().values(), *(entry for kept in own if (entry := _readable(kept)) is not None)]
+        ready_made = (entry for entry in experiments_by_name().values() if not entry.instead)
+        return [*ready_made, *(entry for kept in own if (entry := _readable(kept)) is not None)]
 
     def views(self) -> list[OwnExperiment]:
         """Return the newest version of each own experiment."""

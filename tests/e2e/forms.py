@@ -3,7 +3,6 @@
 Fields are found by the name that they carry in the form; what is read of them is what is seen: words, unit and value.
 """
 
-import json
 import math
 import re
 from collections.abc import Mapping
@@ -37,12 +36,6 @@ _FIELDS = """form => [...form.elements].filter(box => box.name !== "").map(box =
         .map(id => document.getElementById(id)?.innerText ?? "").join("; "),
     disabled: box.disabled,
 }))"""
-_SEGMENT = re.compile(r"^(?:(?P<words>.+?)(?: \[(?P<unit>[^\]]+)\])?) of segment (?P<number>\d+)$")
-_SEGMENT_NAMES = {"Shape": "shape", "Time": "duration_s", "q_ref": "q_ref", "S_ref": "S_ref", "Push": "F_push"}
-_SEGMENT_COLUMNS = ("", "shape", "duration_s", "q_ref", "S_ref", "F_push", "period_s")
-_UNIT_OF_COLUMN = re.compile(r"^[^\[(]*[\[(]?(?P<unit>[^\])]*)[\])]?$", re.DOTALL)
-_SEGMENT_BOXES = """form => [...form.querySelectorAll("fieldset input, fieldset select")]
-    .filter(box => !box.disabled).map(box => [box.getAttribute("aria-label"), box.value])"""
 
 
 @dataclass(frozen=True)
@@ -72,22 +65,8 @@ def fields(form: Locator) -> dict[str, Field]:
 
 
 def shown(form: Locator) -> Values:
-    """Return all that a form shows, by name in SI; own sequences as the list of segments that its rows make."""
-    values: Values = {name: field.value for name, field in fields(form).items()}
-    if rows := segments(form):
-        values["segments"] = json.dumps(rows)
-    return values
-
-
-def segments(form: Locator) -> list[dict[str, Any]]:
-    """Return the rows of an own sequence, in SI."""
-    rows: dict[int, dict[str, Any]] = {}
-    for label, text in form.evaluate(_SEGMENT_BOXES):
-        at = _SEGMENT.match(label)
-        assert at is not None, label
-        name = _SEGMENT_NAMES.get(at["words"], "period_s")
-        rows.setdefault(int(at["number"]), {})[name] = _in_si(text, at["unit"] or "")
-    return [rows[number] for number in sorted(rows)]
+    """Return all that a form shows, by name in SI."""
+    return {name: field.value for name, field in fields(form).items()}
 
 
 def fill(form: Locator, changes: Mapping[str, bool | float | str]) -> None:
@@ -105,16 +84,6 @@ def fill(form: Locator, changes: Mapping[str, bool | float | str]) -> None:
             box.fill(f"{value / factor:.12g}")
 
 
-def fill_segment(form: Locator, number: int, **values: float) -> None:
-    """Type into the row of an own sequence, in SI."""
-    for name, value in values.items():
-        for label, _ in form.evaluate(_SEGMENT_BOXES):
-            at = _SEGMENT.match(label)
-            if at is not None and int(at["number"]) == number and _SEGMENT_NAMES.get(at["words"]) == name:
-                _, factor = TO_SI.get(at["unit"] or "", ("", 1.0))
-                form.get_by_label(label, exact=True).fill(f"{value / factor:.12g}")
-
-
 def pressed(page: Page, button: Locator, path: str) -> tuple[Any, Any]:
     """Press a button; return what the browser really sent to ``path``, and the answer."""
     with page.expect_request(lambda request: request.method != "GET" and request.url.endswith(path)) as caught:
@@ -125,25 +94,14 @@ def pressed(page: Page, button: Locator, path: str) -> tuple[Any, Any]:
     return caught.value.post_data_json, answer.json()
 
 
-def reported(browser: Browser, page: Page, url: str) -> tuple[list[tuple[str, Any]], list[dict[str, Any]]]:
-    """Return what the report of a run prints, in SI: its settings with the words at them, and its segments if any."""
+def reported(browser: Browser, page: Page, url: str) -> list[tuple[str, Any]]:
+    """Return the settings that the report of a run prints, in SI, with the words at them."""
     context = browser.new_context(storage_state=page.context.storage_state())
     report = context.new_page()
     report.goto(url, wait_until="domcontentloaded", timeout=REPORT_TIMEOUT_MS)
     settings = _rows(report, "Settings of the run.")
-    table = _rows(report, "Segments of the sequence")
     context.close()
-    heads = [_UNIT_OF_COLUMN.match(title) for title in table[0]] if table else []
-    units = [(head and head["unit"]) or "" for head in heads]
-    segments = [
-        {
-            name: _in_si(text, unit)
-            for name, text, unit in zip(_SEGMENT_COLUMNS, row, units, strict=True)
-            if name and text
-        }
-        for row in table[1:]
-    ]
-    return [(words, _in_si(text, unit)) for words, _symbol, text, unit in settings[1:]], segments
+    return [(words, _in_si(text, unit)) for words, _symbol, text, unit in settings[1:]]
 
 
 def _rows(report: Page, caption: str) -> list[list[str]]:
@@ -156,22 +114,12 @@ def _rows(report: Page, caption: str) -> list[list[str]]:
 
 
 def same(one: object, other: object, relative: float = 1e-9) -> bool:
-    """Return whether two values are the same; own sequences are, when their segments are."""
-    if isinstance(one, str) and isinstance(other, str) and one.startswith("["):
-        return all(
-            same(a.get(name, _LEFT_OUT.get(name)), b.get(name, _LEFT_OUT.get(name)), relative)
-            for a, b in zip(json.loads(one), json.loads(other), strict=True)
-            for name in a.keys() | b.keys()
-        )
+    """Return whether two values are the same."""
     if isinstance(one, bool) or isinstance(other, bool) or isinstance(one, str) or isinstance(other, str):
         return one == other
     if not (isinstance(one, int | float) and isinstance(other, int | float)):
         return one == other
     return math.isclose(one, other, rel_tol=relative, abs_tol=1e-12)
-
-
-_LEFT_OUT = {"shape": "step", "F_push": 0.0}
-"""What a segment means that says nothing of them."""
 
 
 SETTLED = {"seed": 0}

@@ -6,7 +6,6 @@ restart of the service. They follow each other on one data folder.
 
 import csv
 import json
-import math
 import re
 from contextlib import ExitStack
 from pathlib import Path
@@ -69,7 +68,7 @@ CHANGED: Values = {
 }
 """Every field of a form at another value than what is in force or usual."""
 
-EXPERIMENTS = ("tracking", "compliance", "robustness", "lambda_sweep", "sequence")
+EXPERIMENTS = ("tracking", "compliance", "robustness", "lambda_sweep")
 """Those that are started; the forms of the others are looked at."""
 
 OTHERS = (
@@ -88,7 +87,6 @@ LASTING: dict[str, Values] = {
     "compliance": {"profile": "steps", "hold_s": 5.0},
     "robustness": {"hold_s": 10.0},
     "lambda_sweep": {"hold_s": 9.0},
-    "sequence": {},
     "actuator": {"tension_N": 12.0, "bits": 4.0, "periods": 1.0, "settle_s": 20.0},
     "motor": {"levels": 2.0, "step_s": 0.3, "settle_s": 5.0},
     "spring": {"sweep_s": 20.0, "cycles": 1.0, "settle_s": 0.5},
@@ -233,7 +231,7 @@ class Stage:
         shown = forms.shown(form)
         assert differences(CHANGED, {name: shown[name] for name in CHANGED}, ROUNDED) == []
         start(self, form, "/api/experiments")
-        let_go(self, "tracking")
+        let_go(self)
         discard_changes(self, "tracking")
 
     def _script(self) -> httpx.Client:
@@ -253,11 +251,6 @@ def form_of(stage: Stage, kind: str, changes: Values) -> Locator:
         page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
         form = page.get_by_role("form", name=title, exact=True)
     expect(form).to_be_visible()
-    if kind == "sequence":
-        second = form.get_by_role("button", name="Remove segment 2", exact=True)
-        while second.count():  # the form keeps what was last written in it
-            second.click()
-        forms.fill_segment(form, 1, duration_s=0.5, q_ref=math.radians(8.0))
     forms.fill(form, changes)
     return form
 
@@ -288,11 +281,10 @@ def start(stage: Stage, form: Locator, path: str) -> tuple[int, Values, list[str
     return int(answer["id"]), sent, differences(forms.as_sent(shown, sent), sent, ROUNDED)
 
 
-def let_go(stage: Stage, kind: str) -> None:
-    """Let the program move, then end it, and give up control; an own sequence is short enough to end by itself."""
-    if kind != "sequence":
-        stage.operator.wait(lambda: stage.get("/api/state")["mode"] in ("experiment", "identify"))
-        stage.operator.go("Operate")
-        stage.operator.press("Pretension")
+def let_go(stage: Stage) -> None:
+    """Let the program move, then end it, and give up control."""
+    stage.operator.wait(lambda: stage.get("/api/state")["mode"] in ("experiment", "identify"))
+    stage.operator.go("Operate")
+    stage.operator.press("Pretension")
     stage.operator.wait(lambda: stage.get("/api/state")["task"] is None)
     stage.rest()

@@ -1,4 +1,4 @@
-"""Own sequences, dry run and queue; then the runs they leave: lineage, marks, replay, two on the same axes; set-up."""
+"""Own experiments, dry run and queue; then the runs they leave: lineage, marks, replay, a comparison; set-up."""
 
 import math
 from collections.abc import Iterator
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, expect
 
+from tests.api.conftest import client_with
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 from tests.e2e.service import Service
@@ -15,8 +16,22 @@ DRY_RUN_TIMEOUT_MS = 120_000
 """The simulator's process starts with the first dry run and gives way to everything else."""
 
 
+SHORT = """format: 1
+name: short
+title: Short
+phases:
+  - name: all
+    title: All
+    parts:
+      - {do: step, q_ref: 0.2, S_ref: 10, duration_s: 1}
+      - {do: step, q_ref: 0.5, S_ref: 10, duration_s: 2}
+"""
+
+
 @pytest.fixture(scope="module")
 def service(fresh_service: Service) -> Service:
+    with client_with(fresh_service, "token") as script:
+        script.post("/api/experiments/own", json={"text": SHORT}).raise_for_status()
     return fresh_service
 
 
@@ -47,17 +62,11 @@ def test_somebody_new_is_shown_around_once(operator: Operator) -> None:
     expect(tour).to_be_hidden()
 
 
-def test_a_sequence_is_tried_dry_then_queued_and_run(operator: Operator) -> None:
+def test_an_own_experiment_is_tried_dry_then_queued_and_run(operator: Operator) -> None:
     page = operator.page
     operator.go("Experiments")
     bring_to_run(operator.service)  # nobody has control: a page too busy to speak while it is tried dry stops nothing
-    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("sequence")
-    for _ in range(2):
-        page.get_by_role("button", name="Remove segment 2", exact=True).click()
-    operator.fill("Time [s] of segment 1", 1)
-    operator.fill("q_ref [°] of segment 1", 12)
-    operator.fill("Time [s] of segment 2", 2)
-    expect(page.get_by_role("group", name="Segments, 3.0 s")).to_be_visible()
+    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("short@1")
 
     page.get_by_role("button", name="Dry run", exact=True).click()
     dry = page.get_by_role("region", name="Dry run", exact=True)
@@ -81,15 +90,15 @@ def test_a_sequence_is_tried_dry_then_queued_and_run(operator: Operator) -> None
 
 
 def ended(operator: Operator) -> list[str]:
-    """How the sequences have ended, or that they are running, as the service tells."""
-    runs = operator.page.evaluate("fetch('./api/runs?kind=sequence').then(answer => answer.json())")["runs"]
+    """How the experiments have ended, or that they are running, as the service tells."""
+    runs = operator.page.evaluate("fetch('./api/runs?kind=experiment').then(answer => answer.json())")["runs"]
     return [run["end_state"] for run in runs]
 
 
 def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
     page = operator.page
     operator.go("Runs")
-    page.get_by_role("combobox", name="Kind", exact=True).select_option("sequence")
+    page.get_by_role("combobox", name="Kind", exact=True).select_option("experiment")
     table = page.get_by_role("table", name="Runs", exact=True)
     expect(table.get_by_role("row").filter(has_text="session")).to_have_count(0)  # those of before stay until then
     table.get_by_role("link").first.click()

@@ -65,7 +65,7 @@ def run_of(kind: str) -> Callable[[Stage], None]:
         form = form_of(stage, kind, LASTING[kind])
         assert undeclared(stage, form, declared(stage, kind)["settings"], own) == []
         number, settings, wrong = start(stage, form, path)
-        let_go(stage, kind)
+        let_go(stage)
         # an identification runs with the tuning in force, which its form tells in words
         with_tuning = settings if kind in EXPERIMENTS else {**settings, **own, "seed": 0}
         assert [*wrong, *not_kept(stage, number, path, with_tuning)] == []
@@ -179,7 +179,7 @@ def a_wall(stage: Stage) -> None:
 DONE: dict[str, tuple[Callable[[Stage], None], ...]] = {
     "fresh": (all_forms, run_of("robustness"), run_of("motor"), lambda_on_operate("λ_S", 0.66)),
     "bank in force": (all_forms, run_of("tracking"), run_of("spring"), a_trial),
-    "after an experiment": (all_forms, run_of("compliance"), run_of("sequence"), a_push),
+    "after an experiment": (all_forms, run_of("compliance"), a_push),
     "after a restart": (
         all_forms,
         run_of("tracking"),
@@ -218,10 +218,8 @@ def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(st
         form = page.get_by_role("form", name=about["title"], exact=True)
         assert undeclared(stage, form, about["settings"], own) == []
         deciding = [one.inner_text() for one in form.get_by_role("button").all() if one.inner_text()]
-        assert set(deciding) <= {"Dry run", "Add segment"}
-    for number in (4, 3, 2):
-        form.get_by_role("button", name=f"Remove segment {number}", exact=True).click()
-    forms.fill_segment(form, 1, duration_s=0.5)
+        assert set(deciding) <= {"Dry run"}
+    forms.fill(form, {"count": 2.0, "hold_s": 1.0})
     shown = forms.shown(form)
     page.set_default_timeout(DRY_RUN_TIMEOUT_MS)
     sent, played = forms.pressed(page, form.get_by_role("button", name="Dry run"), "/dry-run")

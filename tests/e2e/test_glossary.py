@@ -18,6 +18,7 @@ from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
 from tests.e2e.test_accessibility import PHONE, violations
+from tests.e2e.test_experiments_and_runs import SHORT
 
 STOP = "button[aria-label=STOP]"
 ENTRIES = glossary()
@@ -115,13 +116,11 @@ def test_a_fault_explains_itself_as_the_state_tells_it(operator: Operator) -> No
 
 def test_figures_and_verdicts_of_a_result_explain_themselves(operator: Operator) -> None:
     page = operator.page
+    with client_with(operator.service, "token") as script:
+        script.post("/api/experiments/own", json={"text": SHORT}).raise_for_status()
     bring_to_run(operator.service)
     operator.go("Experiments")
-    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("sequence")
-    for _ in range(2):
-        page.get_by_role("button", name="Remove segment 2", exact=True).click()
-    operator.fill("Time [s] of segment 1", 1)
-    operator.fill("Time [s] of segment 2", 2)
+    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("short@1")
     page.locator("main form").first.get_by_role("button", name=re.compile("^Start ")).click()
     done = page.get_by_role("region", name="Result", exact=True)
     expect(done.get_by_role("table", name="Metrics")).to_be_visible(timeout=3 * MOTION_TIMEOUT_MS)

@@ -1,6 +1,5 @@
 """What is told of a form otherwise than it should be: on the page, in the queue, by run, database and report."""
 
-import json
 import time
 from typing import Any
 
@@ -29,7 +28,7 @@ def undeclared_now(form: Locator, settings: list[dict[str, Any]], in_force: Valu
     wrong = []
     for setting in settings:
         name = setting["name"]
-        if name == "segments" or (name not in fields and setting["minimum"] == setting["maximum"]):
+        if name not in fields and setting["minimum"] == setting["maximum"]:
             continue  # nothing to choose: no field is offered
         field = fields[name]
         unit = TO_SI.get(field.unit, (field.unit, 1.0))[0]
@@ -62,16 +61,13 @@ def not_kept(stage: Stage, run: int, path: str, settings: Values) -> list[str]:
     told, kept = told_of["settings"], stage.stored(run)
     written = kept.pop("experiment", None)
     url = f"{stage.service.url}/api/runs/{run}/report.html"
-    printed, segments = forms.reported(stage.browser, stage.page, url)
-    in_rows = [one for one in told if one["name"] != "segments"]
-    in_print = {one["name"]: value for one, (_, value) in zip(in_rows, printed, strict=True)}
+    printed = forms.reported(stage.browser, stage.page, url)
+    in_print = {one["name"]: value for one, (_, value) in zip(told, printed, strict=True)}
     meant = [
         f"{words} for {one['meaning']}"
-        for one, (words, _) in zip(in_rows, printed, strict=True)
+        for one, (words, _) in zip(told, printed, strict=True)
         if words.replace("_", "") != one["meaning"].replace("_", "")
     ]
-    if segments:
-        in_print["segments"] = json.dumps(segments)
     used = _used(settings, told_of["title"], is_identification="identifications" in path)
     return [
         f"{where}: {wrong}"

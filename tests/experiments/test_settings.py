@@ -6,8 +6,8 @@ from dataclasses import asdict
 import pytest
 
 from backend.errors import OutOfRangeError
-from backend.experiments.library import build_ready_plan
-from backend.experiments.plans import ActuatorIdentificationPlan, Plan, SequencePlan
+from backend.experiments.library import build_ready_plan, find_experiment
+from backend.experiments.plans import ActuatorIdentificationPlan, Plan
 from backend.models.settings import SettingError, build_plan, describe_settings
 from backend.realtime.program import Law, Segment, Shape
 
@@ -101,52 +101,12 @@ def test_identification_program_is_the_default_experiment_of_the_method() -> Non
     assert program.duration_s == pytest.approx(program.settle_s + 20.32)
 
 
-def sequence(*segments: object) -> SequencePlan:
-    return build_plan(SequencePlan, {"segments": json.dumps(segments)})
-
-
-def test_own_sequences_are_read_from_json() -> None:
-    plan = sequence(
-        {"duration_s": 2, "q_ref": 0.5, "S_ref": 10},
-        {"duration_s": 4, "q_ref": 0.8, "S_ref": 10, "shape": "sine", "period_s": 2.0},
-    )
-    assert plan.program().segments == (
-        Segment(2.0, 0.5, 10.0),
-        Segment(4.0, 0.8, 10.0, shape=Shape.SINE, period_s=2.0),
-    )
-    assert SequencePlan().program().duration_s == 20.0
-
-
-def test_own_sequences_are_checked_segment_by_segment() -> None:
-    good = {"duration_s": 600, "q_ref": 0, "S_ref": 10}
-    with pytest.raises(OutOfRangeError) as refused:
-        sequence(good, {**good, "S_ref": 20})
-    assert (refused.value.quantity, refused.value.path) == ("S_ref", ("segments", 1, "S_ref"))
-    assert str(refused.value).startswith("segment 2, stiffness reference: 20 N·m/rad is outside 8 to 15 N·m/rad; ")
-    assert (refused.value.value, refused.value.maximum, refused.value.unit) == (20.0, 15.0, "N·m/rad")
-    for segment, complaint in (
-        ({**good, "q_ref": "left"}, "needs a number in rad"),
-        ({**good, "q_reff": 1}, "needs duration_s, q_ref, S_ref"),
-        ({"duration_s": 1}, "needs duration_s, q_ref, S_ref"),
-        ({**good, "shape": "jump"}, "step, ramp, sine"),
-        (3, "needs duration_s"),
-    ):
-        with pytest.raises(SettingError, match=complaint):
-            sequence(segment)
-    with pytest.raises(SettingError, match="1 to 1000"):
-        sequence()
-    with pytest.raises(SettingError, match="not JSON"):
-        SequencePlan("step 3")
-    with pytest.raises(OutOfRangeError, match="3600"):
-        sequence(*[good] * 7)
-
-
 @pytest.mark.parametrize(
     "plan",
     [
         build_ready_plan("tracking", q_duration_s=1.23456, S_duration_s=0.98765),
         build_ready_plan("compliance", push_seed=4),
-        SequencePlan('[{"duration_s": 0.12345, "q_ref": 0, "S_ref": 10}]'),
+        find_experiment("sequence").make({"segments": '[{"duration_s": 0.12345, "q_ref": 0, "S_ref": 10}]'}),
     ],
 )
 def test_segments_last_whole_milliseconds_as_the_loop_plays_them(plan: Plan) -> None:

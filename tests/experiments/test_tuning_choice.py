@@ -1,7 +1,6 @@
 """One tuning, however it is spelled: whatever decides a gain is compared, kept, shown and stored."""
 
 from dataclasses import asdict, fields, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,8 @@ import pytest
 from backend.banks import tuning_settings
 from backend.banks.builder import build_tuning_command
 from backend.banks.tuning_settings import TuningSettings, parse_changes
-from backend.experiments.plans import LoopSettings, SequencePlan, split_values
-from backend.models.settings import build_plan, describe_settings
+from backend.experiments.library import find_experiment
+from backend.experiments.plans import LoopSettings, split_values
 from backend.schemas.state import TrialView
 from backend.schemas.tuning import ChosenTuning, Motion, SavedTuning, TuningParts, TuningRequest, TuningView
 from backend.storage.database import open_database
@@ -59,7 +58,8 @@ def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Pat
     assert TuningSettings.of(after.document()) == after
     assert LoopSettings(**after.document(), seed=4).tuning == after
     assert TuningSettings.of(asdict(LoopSettings(**after.document(), seed=4))) == after
-    _, ordered = split_values(describe_settings(SequencePlan), partial(build_plan, SequencePlan), {name: OTHER[name]})
+    entry = find_experiment("tracking")
+    _, ordered = split_values(entry.settings, entry.make, {name: OTHER[name]})
     assert ordered.tuning == after
     parameters, database = load_parameters("ideal"), open_database(tmp_path)
     tuning_settings.store_tuning(database, after, parameters, "A. Operator")

@@ -1,6 +1,5 @@
 """Reports of compliance runs, sessions and own sequences, from records made by formula."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 from backend.analysis.disturbance_metrics import compliance_figures
 from backend.analysis.evaluation import figure_documents
-from backend.experiments.library import build_ready_plan
+from backend.experiments.library import build_ready_plan, find_experiment, plan_values
 from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.model import Figure, Report, Table, to_html
@@ -93,8 +92,13 @@ def test_the_report_says_the_whole_tuning_or_what_is_not_known_of_it(settings: d
 def test_an_own_sequence_has_figures_but_no_criteria() -> None:
     tracked = source_of(samples(PLAN))
     assert tracked.result is not None
+    plan = find_experiment("sequence").make({"segments": '[{"duration_s": 1, "q_ref": 0.1, "S_ref": 10}]'})
+    settings = {**tracked.run.settings, "plan": plan_values(plan)}
     sequence = RunData(
-        replace(tracked.run, kind="sequence"), replace(tracked.result, criteria=()), tracked.columns, None
+        replace(tracked.run, kind="sequence", settings=settings),
+        replace(tracked.result, criteria=()),
+        tracked.columns,
+        None,
     )
     report = build_report(sequence)
     assert (report.title, report.outcome) == ("Own sequence", "neutral")
@@ -102,24 +106,3 @@ def test_an_own_sequence_has_figures_but_no_criteria() -> None:
     assert [block.caption.split(".")[0] for block in report.sections[0].blocks if isinstance(block, Table)] == [
         "Metrics on measured signals"
     ]
-
-
-def test_an_own_sequence_is_told_segment_by_segment() -> None:
-    tracked = source_of(samples(PLAN))
-    segments = [
-        {"duration_s": 0.5, "q_ref": 0.13962634015954636, "S_ref": 10},
-        {"duration_s": 8, "q_ref": -0.2, "S_ref": 12.5, "shape": "sine", "period_s": 4, "F_push": -3},
-    ]
-    declared = [
-        {"name": "segments", "symbol": "segments", "unit": "1", "meaning": "list", "value": json.dumps(segments)},
-        {"name": "b", "symbol": "b", "unit": "1", "meaning": "weight", "value": 0.25},
-    ]
-    run = replace(tracked.run, kind="sequence", settings={"plan": {}, "loop": {}, "declared": declared})
-    report = build_report(replace(tracked, run=run))
-    tables = [block for section in report.sections for block in section.blocks if isinstance(block, Table)]
-    told = {table.caption: table.rows for table in tables}
-    assert told["Segments of the sequence, in order."] == (
-        ("1", "step", "0.5", "8", "10", "0", ""),
-        ("2", "sine", "8", "−11.4592", "12.5", "−3", "4"),
-    )
-    assert [row[0] for row in told["Settings of the run."]] == ["weight"]

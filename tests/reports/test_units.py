@@ -1,7 +1,6 @@
 """Every text of a report and every axis is in the unit of who asked for it, converted here a second time."""
 
 import copy
-import json
 import math
 import re
 from collections.abc import Iterator
@@ -126,18 +125,3 @@ def test_what_somebody_wrote_or_named_stays_as_it_was_written(tracking_source: R
     assert source in list(texts(report))
     assert any("parameters “bent by 0.1 rad”" in fact.text for fact in report.facts)
     assert any("q = 91.7918°" in fact.text for fact in report.facts)
-
-
-def test_segments_are_a_table_and_not_json(tracking_source: RunData) -> None:
-    segments = [
-        {"duration_s": 4, "q_ref": math.pi / 3, "S_ref": 10},
-        {"duration_s": 8, "q_ref": -math.pi / 6, "S_ref": 12, "shape": "sine", "period_s": 4},
-    ]
-    declared = {"name": "segments", "meaning": "list", "symbol": "segments", "unit": "1", "value": json.dumps(segments)}
-    settings = {**tracking_source.run.settings, "declared": [declared]}
-    run = replace(tracking_source.run, kind="sequence", settings=settings)
-    report = build_report(replace(tracking_source, run=run, result=None))
-    rows = table(report, "Segments")
-    assert [row["q_ref [°]"] for row in rows] == ["60", "−30"]
-    assert [row["Shape"] for row in rows] == ["step", "sine"]
-    assert not any("{" in text for text in texts(report))

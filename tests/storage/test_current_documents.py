@@ -7,6 +7,7 @@ from typing import Any
 
 from sqlalchemy import text
 
+from backend.experiments.library import find_experiment, plan_values
 from backend.models.upgrades import OLDER, upgrade_quality
 from backend.storage import identifications, results, runs
 from backend.storage.database import Database
@@ -111,3 +112,33 @@ def test_a_document_that_is_damaged_does_not_end_the_migration(sqlite: Database,
     with closing(migrated(sqlite, tmp_path, BEFORE)) as opened, opened.reading() as session:
         assert session.scalar(text("SELECT settings FROM run WHERE id = 1")) == '{"loop": {'
         assert runs.get(session, 2).set_to.loop.motion == "time-optimal"
+
+
+def test_a_sequence_is_an_experiment_and_goes_back_to_a_list_of_segments(database: Database, tmp_path: Path) -> None:
+    segments = json.dumps(
+        [
+            {"duration_s": 1.5, "q_ref": 0, "S_ref": 10},
+            {"duration_s": 2, "q_ref": 0.25, "S_ref": 12.5, "F_push": -3.25, "shape": "ramp"},
+            {"duration_s": 8, "q_ref": -0.2, "S_ref": 12, "shape": "sine", "period_s": 4},
+        ]
+    )
+    other = {"name": "b", "symbol": "b", "unit": "1", "meaning": "weight", "value": 0.5}
+    declared = [{**other, "name": "segments", "value": segments}, other]
+    told = {"plan": {"segments": segments}, "loop": {"b": 0.5}, "declared": declared, "version": 1}
+    put_run(database, 1, "sequence", told)
+    put_run(database, 2, "sequence", {**told, "plan": {"segments": "step 3"}})
+    put_run(database, 3, "tracking", BUDGET)
+    put_run(database, 4, "sequence", {**told, "plan": {"segments": "[" * 10_000}})
+    before = rows(database)["run"]
+
+    database = migrated(database, tmp_path, "0016_current_documents")
+    once = rows(database)["run"]
+    assert [one["id"] for one, was in zip(once, before, strict=True) if one != was] == [1]
+    with database.reading() as session:
+        kept = runs.get(session, 1).set_to
+    assert kept.plan == plan_values(find_experiment("sequence").make({"segments": segments}))
+    assert [one.name for one in kept.declared or ()] == ["b"]
+    assert found_by(database, "b") == {1: 0.5, 2: 0.5, 4: 0.5}
+    database = migrated(database, tmp_path, "0016_current_documents")
+    with closing(database):
+        assert rows(database)["run"] == once

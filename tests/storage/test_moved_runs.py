@@ -13,8 +13,8 @@ import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_station
-from backend.experiments.library import NAMES, build_ready_plan, settings_of
-from backend.experiments.plans import LoopSettings, Plan, SequencePlan
+from backend.experiments.library import NAMES, build_ready_plan, find_experiment, settings_of
+from backend.experiments.plans import LoopSettings, Plan
 from backend.recording.codec import compute_recording_digest
 from backend.recording.reader import read_samples
 from backend.sample import STORED_NAMES
@@ -54,7 +54,7 @@ class Moved:
 def shortest(name: str) -> Plan:
     """Return an experiment whose times are the shortest and whose repetitions the fewest that it can have."""
     if name == "sequence":
-        return SequencePlan()
+        return find_experiment("sequence").usual
     small: dict[str, float] = {
         setting.name: setting.minimum
         for setting in settings_of(build_ready_plan(name))

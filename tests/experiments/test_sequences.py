@@ -1,0 +1,211 @@
+"""What takes the place of a sequence plays the same, is measured the same, and reads what was stored of one.
+
+``sequences.json`` has what the version before experiments were the only form made of sequences: the segments of their
+programs, and of one that was played its metrics and each hundredth sample.
+"""
+
+import asyncio
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from backend.analysis.evaluation import reevaluate_run
+from backend.errors import OutOfRangeError
+from backend.execution.runner import RunRequest, compile_program, run_experiment
+from backend.execution.simulation import open_headless_station
+from backend.experiments.library import find_experiment, parse_stored_plan
+from backend.experiments.parser import ExperimentError
+from backend.experiments.plans import ExperimentPlan, LoopSettings, split_values
+from backend.models.settings import SettingError
+from backend.models.upgrades import sequence_experiment, upgrade_run_settings
+from backend.realtime.program import Law, Program, Segment, Shape
+from backend.recording.reader import read_recorded_columns
+from backend.reports.build import build_metrics_document
+from backend.reports.evidence import (
+    ACCOUNT,
+    LAYOUT,
+    ReportManifest,
+    account_hash,
+    compute_hashes,
+    find_element,
+    read_accounts,
+    to_element,
+)
+from backend.reports.rendering import render_report
+from backend.reports.run_data import load_source
+from backend.reports.verification import AccompanyingFiles, verify_report
+from backend.storage import results
+from backend.storage.database import Database, open_database
+from backend.storage.imports import RUN, build_record_document, parse_required_record
+from plant.parameters import load_parameters
+from tests.migrations.old_schema import migrated
+
+BEFORE = "0016_current_documents"
+"""The last revision with sequences."""
+KNOWN = json.loads(Path(__file__).with_name("sequences.json").read_text(encoding="utf-8"))
+RECORDED = KNOWN["recorded"]
+GOOD: dict[str, Any] = {"duration_s": 600, "q_ref": 0, "S_ref": 10}
+IDEAL = load_parameters("ideal")
+
+
+def plan_of(*segments: object) -> ExperimentPlan:
+    return written(json.dumps(segments))
+
+
+def written(segments: str) -> ExperimentPlan:
+    entry = find_experiment("sequence")
+    plan, _ = split_values(entry.settings, entry.make, {"segments": segments})
+    assert isinstance(plan, ExperimentPlan)
+    return plan
+
+
+def played(told: list[Any]) -> Segment:
+    duration_s, q_ref, S_ref, F_push, shape, period_s = told
+    period_s = period_s if shape == Shape.SINE else 1.0  # of anything else it meant nothing
+    return Segment(duration_s, q_ref, S_ref, F_push, Shape(shape), period_s)
+
+
+@pytest.mark.parametrize("known", KNOWN["programs"])
+def test_it_plays_what_the_sequence_did(known: dict[str, Any]) -> None:
+    plan = written(known["segments"])
+    assert plan.program() == Program(Law.CASCADE, tuple(map(played, known["played"])))
+    (phase,) = plan.phases()
+    assert (phase.name, phase.title, phase.start_s, phase.end_s) == (
+        "sequence",
+        "Own sequence",
+        0.0,
+        plan.program().duration_s,
+    )
+    assert parse_stored_plan("sequence", plan.stored()) == plan
+
+
+def test_one_that_begins_with_a_sine_or_swings_far_is_read_and_only_the_second_not_started() -> None:
+    def start(plan: ExperimentPlan) -> Program:
+        return compile_program(lambda number: pytest.fail(f"bank {number}"), IDEAL, plan, LoopSettings().tuning)
+
+    first, far = written(KNOWN["programs"][1]["segments"]), written(KNOWN["programs"][2]["segments"])
+    assert start(first) == first.program()
+    with pytest.raises(ExperimentError, match="parts 2: position reference: 3 rad is outside"):
+        start(far)
+
+
+def test_the_one_that_was_offered_is_the_default() -> None:
+    entry = find_experiment("sequence")
+    assert entry.usual.program().duration_s == 20.0
+    assert entry.usual == written(KNOWN["programs"][0]["segments"])
+    assert entry.instead
+
+
+def test_what_is_no_list_of_segments_is_refused() -> None:
+    for segment in ({**GOOD, "q_ref": "left"}, {**GOOD, "q_reff": 1}, {"duration_s": 1}, {**GOOD, "shape": "jump"}, 3):
+        with pytest.raises(SettingError, match="JSON list of segments: duration_s"):
+            plan_of(segment)
+    for words in ("step 3", "[]", "{}", '[{"duration_s": 1, "q_ref": 1e999, "S_ref": 10}]', "[" * 10_000):
+        with pytest.raises(SettingError, match="JSON list of segments"):
+            written(words)
+    with pytest.raises(ExperimentError, match="1000"):
+        plan_of(*[{**GOOD, "duration_s": 1}] * 1001)
+    with pytest.raises(OutOfRangeError, match="segment 7, time of all parts up to here: 4200 s is more than 3600 s"):
+        plan_of(*[GOOD] * 7)
+    words = "segment 2, stiffness reference: 20 N·m/rad is outside 8 to 15 N·m/rad; "
+    with pytest.raises(OutOfRangeError, match=words) as refused:
+        plan_of(GOOD, {**GOOD, "S_ref": 20})
+    assert (refused.value.quantity, refused.value.path) == ("S_ref", ("segments", 1, "S_ref"))
+    assert (refused.value.value, refused.value.maximum, refused.value.unit) == (20.0, 15.0, "N·m/rad")
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        {"segments": "step 3"},
+        {"segments": '[{"duration_s": 1}]'},
+        {"segments": json.dumps([GOOD]), "more": 1.0},
+        {"segments": 7},
+    ],
+)
+def test_settings_that_are_of_no_sequence_stay_and_are_refused_by_their_reader(plan: dict[str, Any]) -> None:
+    settings = {"plan": plan, "loop": {}, "declared": []}
+    assert upgrade_run_settings(settings) == settings
+    with pytest.raises(ExperimentError, match="no form that is known"):
+        parse_stored_plan("sequence", plan)
+
+
+def test_settings_get_the_experiment_and_lose_the_list_of_what_was_declared() -> None:
+    segments, other = json.dumps([GOOD]), {"name": "b", "symbol": "b", "unit": "1", "meaning": "weight", "value": 0.0}
+    declared = {"name": "segments", "symbol": "segments", "unit": "1", "meaning": "list", "value": segments}
+    settings = {"plan": {"segments": segments}, "loop": {"b": 0.0}, "declared": [declared, other], "version": 1}
+    upgraded = upgrade_run_settings(settings)
+    assert json.loads(upgraded["plan"]["experiment"]) == sequence_experiment(segments)
+    assert upgraded == {**settings, "plan": {"experiment": upgraded["plan"]["experiment"]}, "declared": [other]}
+    assert upgrade_run_settings(upgraded) == upgraded
+
+
+# A run that was recorded before --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
+    """A database with the run 1 of a sequence, as the version before has left it, opened by this one."""
+    folder, settings = tmp_path_factory.mktemp("recorded"), LoopSettings(seed=7)
+    opened = open_database(folder)
+    with open_headless_station(opened, IDEAL, settings) as station:
+        request = RunRequest(written(RECORDED["segments"]), settings, "A. Operator")
+        outcome = asyncio.run(run_experiment(station, request))
+    assert (outcome.run.kind, outcome.run.end_state) == ("sequence", "completed")
+    again = migrated(opened, folder, BEFORE)
+    yield again
+    again.close()
+
+
+def test_its_samples_and_figures_are_those_of_the_sequence(database: Database) -> None:
+    columns, missed = read_recorded_columns(database, 1)
+    assert (columns["t"].size, missed) == (RECORDED["samples"], 0)
+    for name, known in RECORDED["columns"].items():
+        np.testing.assert_allclose(columns[name][:: RECORDED["every"]], known, rtol=1e-9, atol=1e-12, err_msg=name)
+    with database.reading() as session:
+        before = results.newest(session, 1)
+    again = reevaluate_run(database, 1).result
+    assert before is not None
+    assert again is not None
+    assert (again.metrics, again.criteria) == (before.metrics, ())
+    known = RECORDED["metrics"]
+    assert [(one.name, one.reason) for one in again.metrics.figures] == [
+        (one["name"], one["reason"]) for one in known["figures"]
+    ]
+    for figure, told in zip(again.metrics.figures, known["figures"], strict=True):
+        assert figure.value == (None if told["value"] is None else pytest.approx(told["value"], rel=1e-9)), figure.name
+    assert again.metrics.steps is not None
+    assert [(step.start_s, step.before, step.after) for step in again.metrics.steps] == [
+        (step["start_s"], step["before"], step["after"]) for step in known["steps"]
+    ]
+
+
+def test_a_report_and_a_record_of_before_are_read_and_hold(database: Database) -> None:
+    """Their settings are put back to what they were, with the hashes of that."""
+    columns, _ = read_recorded_columns(database, 1)
+    source = load_source(database, 1)
+    earlier = {**source.run.settings, "plan": {"segments": RECORDED["segments"]}}
+    page = render_report(source, "html").decode()
+    assert verify_report(page, columns).holds
+    account = read_accounts(page)
+    assert isinstance(account, ReportManifest)
+    account = replace(
+        account, run=replace(account.run, settings=earlier), made_with={**account.made_with, LAYOUT: "0" * 16}
+    )
+    hashes = compute_hashes(account, columns)
+    assert hashes["settings"] != account.hashes["settings"]
+    account = replace(account, hashes=hashes)
+    account = replace(account, hashes={**hashes, ACCOUNT: account_hash(account)})
+    metrics = json.dumps(build_metrics_document(source) | {"settings": earlier})
+    beside = AccompanyingFiles(metrics=metrics, stored=columns, stored_as="run 1")
+    found = verify_report(page.replace(find_element(page), to_element(account)), columns, beside)
+    assert (found.holds, found.differences) == (None, ())
+    assert ["the page as it is read" in one for one in found.left_out] == [True]
+    with database.reading() as session:
+        record = build_record_document(session, RUN, 1)
+    assert parse_required_record(RUN, {**record, "settings": earlier}) == record
