@@ -393,7 +393,7 @@ def show_experiment(name: Name, data: DataFolder = None, as_json: AsJson = False
         return
     out.print(f"{entry.title}. {' '.join(entry.description.split())}", highlight=False, markup=False)
     rows = [
-        (s.name, f"{s.default}", ", ".join(s.choices) or f"{s.minimum} to {s.maximum}", s.unit, s.meaning)
+        (s.name, f"{s.default}", ", ".join(s.choices or ()) or f"{s.minimum} to {s.maximum}", s.unit, s.meaning)
         for s in entry.settings
     ]
     print_table(("setting", "default", "bounds", "unit", "meaning"), rows)

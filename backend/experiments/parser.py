@@ -400,7 +400,7 @@ def _setting(declared: Declared) -> Setting:
         default=int(default) if declared.kind == "integer" else default,
         minimum=None if declared.minimum is None else evaluate_number(declared.minimum, {}),
         maximum=None if declared.maximum is None else evaluate_number(declared.maximum, {}),
-        choices=declared.choices,
+        choices=declared.choices or None,
     )
 
 

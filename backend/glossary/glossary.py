@@ -95,7 +95,7 @@ class GlossaryTerm:
 # describe each field.
 #
 # Settings of experiments and identifications describe themselves where they are offered
-# (``SettingView``).
+# (``Setting``).
 
 
 FORMS: dict[str, type[Schema]] = {

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from backend.documented import described
 from backend.models.document import ABSENT, Document, DocumentCodec, replace_non_finite
 from plant import Obstacle
 
@@ -324,7 +325,7 @@ class DeclaredValue:
 
     name: str
     symbol: str
-    unit: str
+    unit: str = field(metadata=described("SI, 1 for what has none"))
     meaning: str
     value: Value
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
+from backend.documented import ANSWER, HIDDEN
 from backend.errors import InvalidValueError, Path, check_range
 from backend.models.run import DeclaredValue, Value
 from backend.units import AngleUnit, reading_of, typed
@@ -59,18 +60,20 @@ class SettingError(InvalidValueError):
 class Setting:
     """Declaration of one setting. ``unit`` is SI, "1" for counts; ``kind`` is number, integer, boolean, choice or text.
 
-    ``maximum`` of a text is its longest length in characters.
+    ``maximum`` of a text is its longest length in characters. Forms are sent all of it but the kind.
     """
 
+    __pydantic_config__ = ANSWER
+
     name: str
-    kind: str
+    kind: str = field(metadata=HIDDEN)
     symbol: str
     unit: str
     meaning: str
     default: Value
     minimum: float | None = None
     maximum: float | None = None
-    choices: tuple[str, ...] = ()
+    choices: tuple[str, ...] | None = None
 
     def parse(self, value: object) -> Value:
         """Turn a JSON value or a command-line word into the setting's type, inside its bounds.
@@ -78,8 +81,9 @@ class Setting:
         Raises SettingError or OutOfRangeError.
         """
         if self.kind == "choice":
-            if value not in self.choices:
-                raise self._refused(value, f"choose one of {', '.join(self.choices)}", self.choices)
+            choices = self.choices or ()
+            if value not in choices:
+                raise self._refused(value, f"choose one of {', '.join(choices)}", choices)
             return str(value)
         if self.kind == "text":
             if not isinstance(value, str):

@@ -60,7 +60,6 @@ from .experiment import (
     QueueView,
     RecordedExperiment,
     SettingValue,
-    SettingView,
     StudyAxis,
     StudyDetail,
     StudyFigure,
@@ -148,7 +147,6 @@ from .run import (
     TagRequest,
     Timeline,
     TimelineEntry,
-    UsedSetting,
 )
 from .session import (
     FreshTokens,
@@ -445,7 +443,6 @@ __all__ = [
     "SearchWords",
     "SessionView",
     "SettingValue",
-    "SettingView",
     "SheetToPrint",
     "SignIn",
     "SignalEnvelope",
@@ -501,7 +498,6 @@ __all__ = [
     "TuningView",
     "UndoRequest",
     "UnseenView",
-    "UsedSetting",
     "WallOrder",
     "WallView",
     "WishAnswer",

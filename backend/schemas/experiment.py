@@ -7,7 +7,7 @@ from pydantic import Field
 
 from backend.execution import RunPhase
 from backend.experiments import MAX_CHARACTERS
-from backend.models import Outcome, Value
+from backend.models import Outcome, Setting, Value
 from backend.schemas.base import Finite, Schema, quantity
 from backend.schemas.run import SamplesView
 
@@ -20,19 +20,6 @@ SettingName = Annotated[str, Field(max_length=40)]
 SettingValue = bool | Finite | Annotated[str, Field(max_length=100_000)]
 
 
-class SettingView(Schema):
-    """One setting of an experiment."""
-
-    name: str
-    symbol: str
-    meaning: str
-    unit: str
-    default: SettingValue | None
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: list[str] | None = None
-
-
 class ExperimentKind(Schema):
     """A kind of experiment that can be started."""
 
@@ -41,7 +28,7 @@ class ExperimentKind(Schema):
     description: str
     run_kind: str = Field(description="kind of its runs")
     duration_s: float = quantity("s", "length with the settings at their defaults")
-    settings: list[SettingView]
+    settings: list[Setting]
     why_not: str = Field(description="why what is driven cannot play it, only a dry run; empty where it can")
 
 

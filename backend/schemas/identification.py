@@ -7,10 +7,10 @@ from pydantic import Discriminator, Field, Tag
 
 from backend.experiments import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.identification import Grade, Method
-from backend.models import describe_settings
+from backend.models import Setting, describe_settings
 from backend.plain_text import ONE_LINE
 from backend.schemas.base import Finite, Schema, quantity
-from backend.schemas.experiment import Metric, SettingValue, SettingView
+from backend.schemas.experiment import Metric, SettingValue
 
 # Compared models -----------------------------------------------------------------------------------
 #
@@ -294,7 +294,7 @@ class IdentificationKind(Schema):
     kind: str
     title: str
     description: str
-    settings: list[SettingView]
+    settings: list[Setting]
 
 
 class IdentificationKindList(Schema):

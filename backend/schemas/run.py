@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field
 
-from backend.models import Outcome
+from backend.models import DeclaredValue, Outcome
 from backend.schemas.base import ANY_SIZE, HUGE, Schema, quantity
 from backend.storage import LONGEST, TAG_MAX, EventKind
 
@@ -200,16 +200,6 @@ class EvaluationView(StrEnum):
     """it could not be computed; asked for again, it may be"""
 
 
-class UsedSetting(Schema):
-    """What a run was set to in one respect."""
-
-    name: str
-    symbol: str
-    unit: str = Field(description="SI, 1 for what has none")
-    meaning: str
-    value: bool | float | str
-
-
 class Headline(Schema):
     """The figure of a result that a list of runs shows beside the verdict."""
 
@@ -241,7 +231,7 @@ class RunView(Schema):
         "while it recorded, so that how many were still to be stored is not known"
     )
     samples_deleted: datetime | None = Field(description="when a person had the samples deleted to make room")
-    settings: list[UsedSetting]
+    settings: list[DeclaredValue]
     note: str
     tags: list[str]
     station: str = Field(description="the rig whose service made it; empty where a database has one only")

@@ -71,7 +71,6 @@ from backend.schemas import (
     PartView,
     PathPoint,
     Prediction,
-    SettingView,
     SpringRequest,
     TaskView,
     TuningView,
@@ -348,7 +347,7 @@ def experiment_kinds(
     }
     values = asdict(in_force)
     of_the_loop = [
-        _view(_within(setting, offered), values[setting.name]) for setting in describe_settings(LoopSettings)
+        replace(_within(setting, offered), default=values[setting.name]) for setting in describe_settings(LoopSettings)
     ]
     moved_by_motors_alone = plant in _MOVED_BY_MOTORS_ALONE
     return [
@@ -358,7 +357,7 @@ def experiment_kinds(
             description=entry.description,
             run_kind=entry.run_kind,
             duration_s=entry.usual.program().duration_s,
-            settings=[*views_of(entry.settings), *of_the_loop],
+            settings=[*entry.settings, *of_the_loop],
             why_not=_beyond(entry) if moved_by_motors_alone else "",
         )
         for entry in entries
@@ -372,7 +371,7 @@ def describe_identification_kinds() -> list[IdentificationKind]:
             kind=kind,
             title=entry.title,
             description=entry.description,
-            settings=views_of(describe_settings(entry.plan)),
+            settings=list(describe_settings(entry.plan)),
         )
         for kind, entry in IDENTIFICATIONS.items()
     ]
@@ -394,24 +393,6 @@ def _beyond(entry: ExperimentDefinition) -> str:
 def _within(setting: Setting, offered: Mapping[str, tuple[float, float]]) -> Setting:
     low, high = offered.get(setting.name, (setting.minimum, setting.maximum))
     return replace(setting, minimum=low, maximum=high)
-
-
-def _view(setting: Setting, default: float | int | str) -> SettingView:
-    return SettingView(
-        name=setting.name,
-        symbol=setting.symbol,
-        meaning=setting.meaning,
-        unit=setting.unit,
-        default=default,
-        minimum=setting.minimum,
-        maximum=setting.maximum,
-        choices=list(setting.choices) or None,
-    )
-
-
-def views_of(settings: Iterable[Setting]) -> list[SettingView]:
-    """Return declared settings as a form shows them."""
-    return [_view(setting, setting.default) for setting in settings]
 
 
 # Run progress --------------------------------------------------------------------------------------

@@ -71,7 +71,6 @@ from backend.schemas import (
     TaskView,
     Timeline,
     TimelineEntry,
-    UsedSetting,
 )
 from backend.services.lineage import marks_of
 from backend.storage import (
@@ -577,7 +576,7 @@ def run_view(
     headline = find_headline(metrics, criteria, fits)
     settings, problem = [], run.evaluation_problem
     try:
-        settings = [UsedSetting(**asdict(item)) for item in select_used_settings(run)]
+        settings = list(select_used_settings(run))
     except UnreadableDocumentError as error:
         problem = problem or str(error)
     return RunView(

@@ -19,7 +19,7 @@ def test_every_setting_says_unit_bounds_default_and_meaning() -> None:
             assert setting.symbol
             assert setting.meaning
             if setting.kind == "choice":
-                assert setting.default in setting.choices
+                assert setting.default in (setting.choices or ())
             else:
                 assert setting.minimum is not None
                 assert setting.maximum is not None

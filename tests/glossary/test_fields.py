@@ -7,11 +7,10 @@ from backend.errors import InvalidValueError
 from backend.experiments.library import experiments_by_name
 from backend.experiments.plans import LoopSettings
 from backend.glossary.glossary import FORMS, TermKind, bounds, fields
-from backend.models.settings import describe_settings
+from backend.models.settings import Setting, describe_settings
 from backend.schemas.base import UNITS
-from backend.schemas.experiment import SettingView
 from backend.schemas.identification import IdentificationRequest
-from backend.services.jobs import describe_identification_kinds, views_of
+from backend.services.jobs import describe_identification_kinds
 
 REQUEST: TypeAdapter[IdentificationRequest] = TypeAdapter(IdentificationRequest)
 NAMED = ("kind",)
@@ -47,7 +46,7 @@ def test_bounds_that_are_told_are_those_that_the_request_takes(form: str) -> Non
                 adapter.validate_python(value)
 
 
-def shown(setting: SettingView) -> None:
+def shown(setting: Setting) -> None:
     """A setting has words, a unit and, for a number, both bounds."""
     assert setting.meaning.strip()
     assert setting.unit
@@ -72,14 +71,16 @@ def test_settings_of_an_identification_take_their_ends_and_nothing_beyond(kind: 
 @pytest.mark.parametrize("name", experiments_by_name())
 def test_settings_of_an_experiment_take_their_ends_and_nothing_beyond(name: str) -> None:
     declared = [*experiments_by_name()[name].settings, *describe_settings(LoopSettings)]
-    for setting, view in zip(declared, views_of(declared), strict=True):
-        shown(view)
-        assert view.symbol == setting.symbol
+    for setting in declared:
+        shown(setting)
         if setting.kind not in ("number", "integer"):
             continue
-        assert view.minimum is not None
-        assert view.maximum is not None
-        assert [setting.parse(value) for value in (view.minimum, view.maximum)] == [view.minimum, view.maximum]
-        for value in (view.minimum - 1, 2 * abs(view.maximum) + 1):
+        assert setting.minimum is not None
+        assert setting.maximum is not None
+        assert [setting.parse(value) for value in (setting.minimum, setting.maximum)] == [
+            setting.minimum,
+            setting.maximum,
+        ]
+        for value in (setting.minimum - 1, 2 * abs(setting.maximum) + 1):
             with pytest.raises(InvalidValueError):
                 setting.parse(round(value) if setting.kind == "integer" else value)
