@@ -2,6 +2,7 @@ from . import builder, tuning_settings
 from .builder import (
     MODEL_NAMES,
     BankEntryChange,
+    BankEntryFigures,
     BankError,
     HasEntries,
     OuterLoopFigures,
@@ -33,6 +34,7 @@ __all__ = [
     "MODEL_NAMES",
     "NAMES",
     "BankEntryChange",
+    "BankEntryFigures",
     "BankError",
     "DefaultTuning",
     "HasEntries",

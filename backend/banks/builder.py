@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from math import isfinite
 from typing import Any, Protocol
 
 from backend.banks.tuning_settings import TuningSettings, default_lam_motor
 from backend.control import build_decoupler, pid, stiffness_slope
+from backend.documented import described
 from backend.identification import MAX_GAIN_ERROR_PERCENT
 from backend.models import ENTRY, PLANT_NUMBERS, EntryModel, StoredPlantNumber
 from backend.plain_text import PlainTextError, as_line, require_line, require_plain_texts
@@ -245,20 +246,20 @@ class OuterLoopFigures:
     ``M_s`` is None where the loop would be unstable.
     """
 
-    K: float
-    T: float
-    k_p: float
-    k_i: float
-    M_s: float | None
+    K: float = field(metadata=described("gain of the model"))
+    T: float = field(metadata=described("time constant of the model", "s"))
+    k_p: float = field(metadata=described("proportional gain, through the decoupler"))
+    k_i: float = field(metadata=described("integral gain, through the decoupler", "1/s"))
+    M_s: float | None = field(metadata=described("sensitivity peak on the high-order model; null when unstable"))
 
 
 @dataclass(frozen=True)
 class BankEntryFigures:
     """Both loops of one entry, at its stiffness [N·m/rad] and tension [N]."""
 
-    S_nominal: float
-    tension_N: float | None
-    estimate: int | None
+    S_nominal: float = field(metadata=described("stiffness of the point", "N·m/rad"))
+    tension_N: float | None = field(metadata=described("tendon tension of the point", "N"))
+    estimate: int | None = field(metadata=described("number of the stored estimate; null for an imported entry"))
     position: OuterLoopFigures
     stiffness: OuterLoopFigures
 

@@ -14,8 +14,8 @@ from backend.cli.output import AsJson, angle_unit, errors, fail, out, print_json
 from backend.units import counted, digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
-    from backend.schemas import StudyDetail, StudyFigure, StudyView
-    from backend.studies import Crew, Map, StudyBase
+    from backend.schemas import StudyDetail, StudyView
+    from backend.studies import Crew, Map, Spreading, StudyBase
     from backend.studies import Progress as Done
 
 app = typer.Typer(
@@ -261,18 +261,18 @@ def _say(found: "StudyDetail", *, as_json: bool) -> None:
         print_table(("run", *names, "end", "detail"), rows)
 
 
-def _mean(item: "StudyFigure") -> tuple[object, ...]:
+def _mean(item: "Spreading") -> tuple[object, ...]:
     runs = f"{item.count} of {item.count + item.missing}"
     unit = reading_of(item.unit, angle_unit()).unit
     return item.name, runs, _statistic(item, item.mean), _statistic(item, item.deviation), unit
 
 
-def _percentiles(item: "StudyFigure") -> tuple[object, ...]:
+def _percentiles(item: "Spreading") -> tuple[object, ...]:
     values = (item.least, item.p5, item.median, item.p95, item.largest)
     return item.name, *(_statistic(item, value) for value in values)
 
 
-def _statistic(item: "StudyFigure", value: float | None) -> float | str:
+def _statistic(item: "Spreading", value: float | None) -> float | str:
     from backend.studies import UNSTABLE
 
     if value is None:

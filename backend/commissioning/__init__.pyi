@@ -9,7 +9,7 @@ from .status import (
     find_completed_commissioning,
     find_for_next_start,
 )
-from .steps import INSTEAD, MORE_WEIGHTS, STEP, STEPS, CommissioningStep, StepId
+from .steps import INSTEAD, MORE_WEIGHTS, STEP, STEPS, CommissioningStep, Input, StepId
 
 __all__ = [
     "INSTEAD",
@@ -18,6 +18,7 @@ __all__ = [
     "STEPS",
     "BlockedError",
     "CommissioningStep",
+    "Input",
     "Kept",
     "KeptHands",
     "ProcedureContext",

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import singledispatchmethod
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from backend.banks import TuningSettings
 from backend.control import MAX_BITS, MAX_LINES, MIN_BITS, compute_bounds
+from backend.documented import described
 from backend.errors import Path, check_range
 from backend.experiments import schema
 from backend.experiments.parser import (
@@ -244,15 +245,15 @@ class PlayedPart:
     ``S_to`` and ``piece_s`` are that piece's own. ``end_s`` is the end of its last piece, all repetitions counted.
     """
 
-    path: Path
-    start_s: float
-    end_s: float
-    pieces: int
-    piece_s: float
-    q_from: float | None
-    S_from: float | None
-    q_to: float
-    S_to: float
+    path: Path = field(metadata=described("where it stands in the document"))
+    start_s: float = field(metadata=described("when it begins for the first time", "s"))
+    end_s: float = field(metadata=described("when it ends for the last time", "s"))
+    pieces: int = field(metadata=described("pieces that the loop plays of it, all repetitions counted"))
+    piece_s: float = field(metadata=described("length of its first piece", "s"))
+    q_from: float | None = field(metadata=described("joint reference before its first piece", "rad"))
+    S_from: float | None = field(metadata=described("stiffness reference before its first piece", "N·m/rad"))
+    q_to: float = field(metadata=described("joint reference of its first piece", "rad"))
+    S_to: float = field(metadata=described("stiffness reference of its first piece", "N·m/rad"))
 
 
 def list_played_parts(laid: CompiledExperiment) -> list[PlayedPart]:

@@ -12,7 +12,7 @@ from .estimation import (
     validate_on_record,
 )
 from .fitting import Method, fit_parameters
-from .friction import COLUMNS, LoadFrictionResult, TensionRun, estimate_load_friction
+from .friction import COLUMNS, LoadFrictionFit, LoadFrictionResult, TensionRun, estimate_load_friction
 from .importer import ImportSummary, Selection, TimeChoice, decode_text, import_record, read_mat, read_parquet
 from .models import (
     TABLE_1,
@@ -65,6 +65,7 @@ __all__ = [
     "Grade",
     "IdentificationError",
     "ImportSummary",
+    "LoadFrictionFit",
     "LoadFrictionResult",
     "Method",
     "Model",

@@ -2,11 +2,12 @@
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numba
 import numpy as np
 
+from backend.documented import described
 from backend.identification.models import DryFriction
 from backend.identification.records import NotConvergedError, Record, Signal
 from backend.identification.validation import sandwich, whiteness
@@ -253,16 +254,16 @@ class LoadFrictionFit:
     used, ``tensions_N`` their mean tensions, ``samples`` how many samples counted.
     """
 
-    c0: float
-    c1: float
-    K_t: float
-    c0_std: float
-    c1_std: float
-    K_t_std: float
-    c0_c1_covariance: float
-    runs: tuple[int, ...]
-    tensions_N: tuple[float, ...]
-    samples: int
+    c0: float = field(metadata=described("Coulomb friction without load", "N·m"))
+    c1: float = field(metadata=described("friction per load torque r_m F"))
+    K_t: float = field(metadata=described("torque per volt at rest, from the same fit", "N·m/V"))
+    c0_std: float = field(metadata=described("standard error of c0", "N·m"))
+    c1_std: float = field(metadata=described("standard error of c1"))
+    K_t_std: float = field(metadata=described("standard error of K_t", "N·m/V"))
+    c0_c1_covariance: float = field(metadata=described("covariance of c0 and c1 [N·m]"))
+    runs: tuple[int, ...] = field(metadata=described("runs that were used"))
+    tensions_N: tuple[float, ...] = field(metadata=described("their mean tensions", "N"))
+    samples: int = field(metadata=described("samples that counted"))
 
 
 @dataclass(frozen=True)

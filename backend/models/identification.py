@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from backend.documented import described
 from backend.identification import Grade
 from backend.models.document import ABSENT, DocumentCodec, UnreadableDocumentError
 from plant import Side
@@ -342,11 +343,11 @@ class StoredSpringFit:
     """A polynomial of one order and its errors; ``rising`` where it rises over all elongations that were measured."""
 
     order: int
-    k: tuple[float, ...]
+    k: tuple[float, ...] = field(metadata=described("coefficients, lowest power first [N/m^i]"))
     std_errors: tuple[float | None, ...]
-    rms_N: float | None
-    max_N: float | None
-    cross_validation_N: float | None
+    rms_N: float | None = field(metadata=described("RMS error", "N"))
+    max_N: float | None = field(metadata=described("largest error", "N"))
+    cross_validation_N: float | None = field(metadata=described("RMS error at pairs left out one at a time", "N"))
     rising: bool
 
 

@@ -5,10 +5,11 @@ import os
 import resource
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from backend.documented import described
 from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
 from plant import T_s
@@ -41,10 +42,10 @@ class RealTimeStatus:
     ``priority`` is that of SCHED_FIFO, 0 under ordinary scheduling.
     """
 
-    priority: int
+    priority: int = field(metadata=described("of SCHED_FIFO, 0 under ordinary scheduling"))
     memory_locked: bool
     timer_slack_ns: int
-    refusals: tuple[str, ...]
+    refusals: tuple[str, ...] = field(metadata=described("what was not granted, why, and the remedy"))
 
 
 def request_real_time() -> RealTimeStatus:

@@ -1,13 +1,14 @@
 """Derived signals: combinations of columns, and formulas of the station."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, reduce
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from backend.documented import COMPLETE_ANSWER, described
 from backend.models import UnreadableDocumentError
 from backend.sample import COMBINED_BY_NAME, STORED, UNIT_OF, Combined, Field, Term
 from backend.storage import Formula, Session, formulas, runs
@@ -38,10 +39,12 @@ class FormulaStep:
     ``number`` leaves ``value``, ``signal`` the column ``name``, ``length`` the length ``name`` of the geometry.
     """
 
+    __pydantic_config__ = COMPLETE_ANSWER
+
     op: Operation
     of: int = 0
-    value: float = 0.0
-    name: str = ""
+    value: float = field(default=0.0, metadata=described("of a number"))
+    name: str = field(default="", metadata=described("of a signal, or of a length of the geometry"))
 
 
 @dataclass(frozen=True)

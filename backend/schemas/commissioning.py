@@ -5,19 +5,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from backend.commissioning import StepId, StepState
+from backend.commissioning import Input, StepId, StepState
 from backend.schemas.base import Finite, Schema, quantity
-
-
-class StepInput(Schema):
-    """One number that a step asks for; bounds and default are in its unit."""
-
-    name: str
-    words: str
-    unit: str
-    default: float
-    minimum: float
-    maximum: float
 
 
 class StepFigure(Schema):
@@ -52,7 +41,7 @@ class BringUpStep(Schema):
     id: StepId
     title: str
     instruction: str
-    inputs: list[StepInput]
+    inputs: list[Input]
     state: StepState
     why: str
     blocked: str

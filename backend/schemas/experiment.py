@@ -6,10 +6,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from backend.execution import RunPhase
-from backend.experiments import MAX_CHARACTERS
+from backend.experiments import MAX_CHARACTERS, PlayedPart
 from backend.models import Outcome, Setting, Value
 from backend.schemas.base import Finite, Schema, quantity
 from backend.schemas.run import SamplesView
+from backend.storage import StudyPoint
+from backend.studies import Map, Share, Spreading
 
 # Experiment ----------------------------------------------------------------------------------------
 #
@@ -173,20 +175,6 @@ class RecordedExperiment(WrittenExperiment):
     left_out: list[str] = Field(description="what happened in the run that the experiment does not repeat")
 
 
-class PartPlayed(Schema):
-    """A part of an experiment as it plays; without a reference before it where the experiment begins."""
-
-    path: list[int | str] = Field(description="where it stands in the document")
-    start_s: float = quantity("s", "when it begins for the first time")
-    end_s: float = quantity("s", "when it ends for the last time")
-    pieces: int = Field(description="pieces that the loop plays of it, all repetitions counted")
-    piece_s: float = quantity("s", "length of its first piece")
-    q_from: float | None = quantity("rad", "joint reference before its first piece")
-    S_from: float | None = quantity("N·m/rad", "stiffness reference before its first piece")
-    q_to: float = quantity("rad", "joint reference of its first piece")
-    S_to: float = quantity("N·m/rad", "stiffness reference of its first piece")
-
-
 class CheckedExperiment(Schema):
     """What can be told of an experiment before it is kept or started, its settings at their defaults."""
 
@@ -203,7 +191,7 @@ class CheckedExperiment(Schema):
     not_predicted: str = Field(description="why there are no peaks, where there are none")
     busy: bool = Field(description="there was no place to play it dry: ask again")
     document: dict[str, Any] = Field(description="what its text says as plain data")
-    parts: list[PartPlayed] = Field(description="in the order in which they first play")
+    parts: list[PlayedPart] = Field(description="in the order in which they first play")
     dry_run: DryRunView | None = Field(description="how it went on the simulator, None where it was not played")
 
 
@@ -285,51 +273,6 @@ class StudyList(Schema):
     studies: list[StudyView]
 
 
-class StudyFigure(Schema):
-    """How a figure is spread over the runs that gave it, in SI; null where ``unstable`` ones leave no number.
-
-    ``deviation`` is the standard deviation (n - 1), null for a single run too; ``p5`` and ``p95`` are percentiles.
-    """
-
-    name: str
-    label: str
-    unit: str
-    count: int
-    missing: int = Field(description="how many computed runs gave no number")
-    unstable: int = Field(description="how many of those that gave one are of an unstable loop")
-    least: float | None
-    p5: float | None
-    median: float | None
-    mean: float | None
-    p95: float | None
-    largest: float | None
-    deviation: float | None
-
-
-class StudyShare(Schema):
-    """A share of runs with its 95 % confidence interval (Wilson score), null where there is no run to count."""
-
-    name: str
-    label: str
-    count: int = Field(description="runs that did not complete, or whose criteria do not all hold")
-    of: int = Field(description="runs of which that is known")
-    left_out: int = Field(description="computed runs of which it is not known: they were not judged")
-    percent: float | None = quantity("%", "share")
-    low: float | None = quantity("%", "lower end of the interval")
-    high: float | None = quantity("%", "upper end of the interval")
-
-
-class StudyPoint(Schema):
-    """A row of the table: what was varied, how the run ended, what it gave. Numbers are in SI."""
-
-    number: int
-    values: dict[str, Value]
-    state: str
-    detail: str
-    passed: bool | None
-    figures: dict[str, float | Literal["unstable"] | None]
-
-
 class StudyAxis(Schema):
     """What was gone through, and its values in SI."""
 
@@ -339,32 +282,13 @@ class StudyAxis(Schema):
     values: list[Value]
 
 
-class StudyMap(Schema):
-    """A figure over two axes; ``cells`` by place of y, then of x, null where no run gave a number."""
-
-    figure: str
-    pick: str = Field(
-        description="what a cell shows of several runs; where the worst was asked for, least, largest or mean, which "
-        "is the worst; of a share always share"
-    )
-    x: str
-    y: str
-    cells: list[list[float | None]]
-    unstable: list[list[bool]] = Field(description="by the same places, where null stands for an unstable loop")
-    counts: list[list[int]] = Field(description="by the same places, how many runs gave a number")
-    runs: list[list[int]] = Field(description="by the same places, how many runs are computed")
-    intervals: list[list[list[float] | None]] = Field(
-        description="by the same places, both ends of the 95 % confidence interval of a share [%]; null elsewhere"
-    )
-
-
 class StudyDetail(Schema):
     """A study with its figures, maps and the first rows of its table."""
 
     study: StudyView
     text: str
     axes: list[StudyAxis]
-    shares: list[StudyShare]
-    figures: list[StudyFigure]
-    maps: list[StudyMap]
+    shares: list[Share]
+    figures: list[Spreading]
+    maps: list[Map]
     rows: list[StudyPoint]

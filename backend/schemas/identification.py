@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from backend.experiments import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
-from backend.identification import Grade, Method
-from backend.models import Setting, describe_settings
+from backend.identification import Grade, LoadFrictionFit, Method
+from backend.models import Setting, StoredSpringFit, describe_settings
 from backend.plain_text import ONE_LINE
 from backend.schemas.base import Finite, Schema, quantity
 from backend.schemas.experiment import Metric, SettingValue
@@ -86,25 +86,10 @@ class Predicted(Schema):
     T_S: list[float] = quantity("s", "sum of lags of G_S")
 
 
-class LoadFrictionEstimate(Schema):
-    """Coulomb friction c0 + c1 r_m F of motor A at the gearbox outlet, with standard errors."""
-
-    c0: float = quantity("N·m", "Coulomb friction without load")
-    c0_std: float = quantity("N·m", "standard error of c0")
-    c1: float = Field(description="friction per load torque r_m F")
-    c1_std: float = Field(description="standard error of c1")
-    c0_c1_covariance: float = Field(description="covariance of c0 and c1 [N·m]")
-    K_t: float = quantity("N·m/V", "torque per volt at rest, from the same fit")
-    K_t_std: float = quantity("N·m/V", "standard error of K_t")
-    runs: list[int] = Field(description="runs that were used")
-    tensions_N: list[float] = quantity("N", "their mean tensions")
-    samples: int = Field(description="samples that counted")
-
-
 class LoadFriction(Schema):
     """What the newest run at each tension says of the friction over the load."""
 
-    estimate: LoadFrictionEstimate | None = Field(description="null where it is not measured")
+    estimate: LoadFrictionFit | None = Field(description="null where it is not measured")
     problem: str = Field(description="why it is not measured; empty where it is")
     sentence: str
     left_out: list[str] = Field(description="what was not used or not measured, each with the reason")
@@ -385,18 +370,6 @@ class MotorView(Schema):
     verdict: str
 
 
-class SpringFitView(Schema):
-    """A polynomial through the measured pairs."""
-
-    order: int
-    k: list[float] = Field(description="coefficients, lowest power first [N/m^i]")
-    std_errors: list[float]
-    rms_N: float = quantity("N", "RMS error")
-    max_N: float = quantity("N", "largest error")
-    cross_validation_N: float = quantity("N", "RMS error at pairs left out one at a time")
-    rising: bool
-
-
 class SpringView(Schema):
     """One spring: polynomials of several orders, and which of them to use."""
 
@@ -405,7 +378,7 @@ class SpringView(Schema):
     reason: str
     pairs: int
     hysteresis_N: float | None = quantity("N", "largest mean difference between the ways up and down")
-    fits: list[SpringFitView]
+    fits: list[StoredSpringFit]
 
 
 class SpringTableRequest(Schema):

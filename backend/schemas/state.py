@@ -10,8 +10,8 @@ from backend.execution import RunPhase
 from backend.experiments import MAX_LENGTH, Stage
 from backend.faults import Fault
 from backend.plain_text import ONE_LINE
-from backend.realtime import Mode
-from backend.recording import ConditionKind, Operation
+from backend.realtime import Mode, RealTimeStatus
+from backend.recording import ConditionKind, FormulaStep
 from backend.schemas.base import ANY_SIZE, HUGE, RowNumber, Schema, quantity
 from backend.schemas.run import PlayerView
 from backend.schemas.session import PersonView
@@ -164,15 +164,6 @@ class FaultList(Schema):
 # How the machine, the loop's timing, the disk and the database do; backups.
 
 
-class GrantedView(Schema):
-    """What the machine granted to the loop process."""
-
-    priority: int = Field(description="of SCHED_FIFO, 0 under ordinary scheduling")
-    memory_locked: bool
-    timer_slack_ns: int
-    refusals: list[str] = Field(description="what was not granted, why, and the remedy")
-
-
 class LatenessClass(Schema):
     """Ticks that began later than one bound and not later than the next."""
 
@@ -201,7 +192,7 @@ class BackupView(Schema):
 class SystemView(Schema):
     """What the System page shows beside the state."""
 
-    granted: GrantedView | None = Field(description="null while no loop runs")
+    granted: RealTimeStatus | None = Field(description="null while no loop runs")
     lateness: list[LatenessClass] = Field(description="of the last minute's ticks")
     versions: dict[str, str]
     database: DatabaseView
@@ -316,15 +307,6 @@ class FormulaText(Schema):
     meaning: Annotated[str, Field(max_length=100), ONE_LINE] = Field(default="", description="what it is, in words")
 
 
-class StepView(Schema):
-    """One step of a formula in postfix order: it takes the last ``of`` values and leaves one."""
-
-    op: Operation
-    of: int
-    value: float = Field(description="of a number")
-    name: str = Field(description="of a signal, or of a length of the geometry")
-
-
 class FormulaView(FormulaText):
     """A formula as it is in force."""
 
@@ -332,7 +314,7 @@ class FormulaView(FormulaText):
     who: str
     at: datetime
     signals: list[str] = Field(description="the signals that it is made of")
-    steps: list[StepView]
+    steps: list[FormulaStep]
 
 
 class FormulaList(Schema):

@@ -5,9 +5,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from backend.identification import Grade
+from backend.banks import BankEntryChange, BankEntryFigures
 from backend.plain_text import ONE_LINE
 from backend.schemas.base import ANY_SIZE, Finite, RowNumber, Schema, quantity
+from backend.storage import StoredFit
 
 # Bank ----------------------------------------------------------------------------------------------
 #
@@ -57,35 +58,6 @@ class BankList(Schema):
     banks: list[BankView]
 
 
-class LoopFigures(Schema):
-    """One outer loop of an entry at the λ in force."""
-
-    K: float = Field(description="gain of the model")
-    T: float = quantity("s", "time constant of the model")
-    k_p: float = Field(description="proportional gain, through the decoupler")
-    k_i: float = quantity("1/s", "integral gain, through the decoupler")
-    M_s: float | None = Field(description="sensitivity peak on the high-order model; null when unstable")
-
-
-class EntryFigures(Schema):
-    """Models, gains and robustness of one entry."""
-
-    S_nominal: float = quantity("N·m/rad", "stiffness of the point")
-    tension_N: float | None = quantity("N", "tendon tension of the point")
-    estimate: int | None = Field(description="number of the stored estimate; null for an imported entry")
-    position: LoopFigures
-    stiffness: LoopFigures
-
-
-class ChannelFit(Schema):
-    """How good a model is; a figure that could not be had is null."""
-
-    grade: Grade | None = Field(description="null where the identification cannot be read")
-    fit_percent: float | None = Field(description="simulated fit on data not used for fitting")
-    K_error_percent: float | None = Field(description="standard error of the gain")
-    T_error_percent: float | None = Field(description="standard error of the time constant")
-
-
 class EntryLineage(Schema):
     """Where the models of an entry came from, and how good they are."""
 
@@ -93,8 +65,8 @@ class EntryLineage(Schema):
     estimate: int = Field(description="number of the stored estimate, of which a run may have several")
     method: str
     verdict: str
-    position: ChannelFit
-    stiffness: ChannelFit
+    position: StoredFit
+    stiffness: StoredFit
     run: int | None
     created: datetime
     who: str
@@ -105,7 +77,7 @@ class EntryLineage(Schema):
 class BankEntryDetail(Schema):
     """An entry in full."""
 
-    figures: EntryFigures
+    figures: BankEntryFigures
     lineage: EntryLineage | None = Field(description="null for an imported entry")
 
 
@@ -117,19 +89,12 @@ class BankDetail(Schema):
     entries: list[BankEntryDetail]
 
 
-class EntryDifference(Schema):
-    """A point before and after a change; null where it is new or gone."""
-
-    before: EntryFigures | None
-    after: EntryFigures | None
-
-
 class BankDifference(Schema):
     """What using other entries would change, at the λ in force."""
 
     lam_q: float = quantity("s", "λ_q that the gains are for")
     lam_S: float = quantity("s", "λ_S that the gains are for")
-    entries: list[EntryDifference]
+    entries: list[BankEntryChange]
 
 
 class BankFileEntry(Schema):

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Protocol
 
 from backend.banks import MODEL_NAMES, builder, compare_entries, compute_entry_figures, merge_entries
@@ -13,9 +13,6 @@ from backend.schemas import (
     BankEntryDetail,
     BankFile,
     BankView,
-    ChannelFit,
-    EntryDifference,
-    EntryFigures,
     EntryLineage,
 )
 from backend.services.runs import bank_view
@@ -113,8 +110,7 @@ class StoredBanks:
             lam_q=tuning.lambdas.lam_q,
             lam_S=tuning.lambdas.lam_S,
             entries=[
-                BankEntryDetail(figures=EntryFigures(**asdict(figure)), lineage=line)
-                for figure, line in zip(figures, lineage, strict=True)
+                BankEntryDetail(figures=figure, lineage=line) for figure, line in zip(figures, lineage, strict=True)
             ],
         )
 
@@ -129,7 +125,7 @@ class StoredBanks:
         return BankDifference(
             lam_q=tuning.lambdas.lam_q,
             lam_S=tuning.lambdas.lam_S,
-            entries=[EntryDifference(**asdict(change)) for change in changes],
+            entries=list(changes),
         )
 
     def file(self, bank_id: int) -> BankFile:
@@ -180,7 +176,7 @@ def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
         return None
     found = identifications.get(session, entry.identification_id)
     run = None if found.run_id is None else runs.get(session, found.run_id)
-    fits = {name: ChannelFit(**asdict(fit)) for name, fit in read_fits(found).items()}
+    fits = read_fits(found)
     return EntryLineage(
         position=fits["G_q"],
         stiffness=fits["G_S"],

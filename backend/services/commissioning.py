@@ -26,7 +26,7 @@ from backend.commissioning import (
 from backend.errors import InvalidValueError, RequestRejectedError
 from backend.faults import Fault
 from backend.realtime import Event, LoopExited, LoopExitedError, Mode, ProveDirections, Stopped, Supervisor
-from backend.schemas import BringUpStep, BringUpView, DrivesLeft, RunningStep, StepFigure, StepInput, StepResult
+from backend.schemas import BringUpStep, BringUpView, DrivesLeft, RunningStep, StepFigure, StepResult
 from backend.services.actuator import ActuatorService
 from backend.storage import Database, StoredStepResult
 from plant import (
@@ -70,7 +70,7 @@ def step_view(
         id=step.id,
         title=step.title,
         instruction=step.instruction,
-        inputs=[StepInput(**vars(asked)) for asked in step.inputs],
+        inputs=list(step.inputs),
         state=standing.state,
         why=standing.why,
         blocked=blocked,

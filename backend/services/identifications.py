@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable
-from dataclasses import asdict
 
 from backend.analysis import build_curves, compute_trend, validate_on_run
 from backend.models import ChannelName, Fitted, Pair, TableReading, UnreadableDocumentError
@@ -15,7 +14,6 @@ from backend.schemas import (
     MotorEstimate,
     MotorView,
     SettingValue,
-    SpringFitView,
     SpringTableReading,
     SpringTableView,
     SpringView,
@@ -166,7 +164,7 @@ def _springs(estimate: Identification) -> list[SpringView]:
             reason=found.model.reason,
             pairs=found.quality.pairs,
             hysteresis_N=found.quality.hysteresis_N,
-            fits=[SpringFitView(**asdict(fit)) for fit in found.model.fits],
+            fits=list(found.model.fits),
         )
         for name, found in estimate.springs.items()
     ]

@@ -34,7 +34,6 @@ from backend.schemas import (
     DryRunView,
     MetricHistory,
     OwnExperiment,
-    PartPlayed,
     Preferences,
     RecordedExperiment,
     Role,
@@ -108,7 +107,7 @@ class ExperimentCheck:
             not_predicted=not_predicted,
             busy=busy,
             document=self.document,
-            parts=[PartPlayed(**{**asdict(part), "path": list(part.path)}) for part in self.parts],
+            parts=self.parts,
             dry_run=dry_run,
         )
 

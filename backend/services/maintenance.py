@@ -20,7 +20,6 @@ from backend.schemas import (
     BackupView,
     DatabaseCheck,
     DatabaseView,
-    GrantedView,
     HeldView,
     LatenessClass,
     RecordingsView,
@@ -59,18 +58,11 @@ class Maintenance:
 
     def view(self) -> SystemView:
         """Return what the System page shows beside the state."""
-        granted, ring = self._supervisor.granted, self._supervisor.ring
+        ring = self._supervisor.ring
         edges_us = [1e6 * edge for edge in LATENESS_EDGES_S]
         copies = sorted(next_backup_path(self._data).parent.glob("*.db"), reverse=True)
         return SystemView(
-            granted=None
-            if granted is None
-            else GrantedView(
-                priority=granted.priority,
-                memory_locked=granted.memory_locked,
-                timer_slack_ns=granted.timer_slack_ns,
-                refusals=list(granted.refusals),
-            ),
+            granted=self._supervisor.granted,
             lateness=[
                 LatenessClass(from_us=low, to_us=high if high < float("inf") else None, ticks=ticks)
                 for (low, high), ticks in zip(pairwise(edges_us), count_lateness(ring), strict=True)

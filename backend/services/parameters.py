@@ -53,17 +53,6 @@ class AppliedVersion:
         return document_digest(self.parameters.to_document())
 
 
-@dataclass(frozen=True)
-class AppliedChange:
-    """An entry of what the controller knows of one side; None where one of the two has no such entry."""
-
-    name: str
-    side: Side
-    unit: str
-    before: float | None
-    after: float | None
-
-
 def list_parameter_versions(database: Database, base: PlantParameters) -> list[AppliedVersion]:
     """Return all versions over this file's numbers, newest first, the file itself last.
 
@@ -154,17 +143,22 @@ def identified_sections(parameters: PlantParameters) -> dict[str, dict[str, dict
     return {section: entries for section, entries in held if section.startswith("identified")}
 
 
-def differences(before: PlantParameters, after: PlantParameters) -> list[AppliedChange]:
+def differences(before: PlantParameters, after: PlantParameters) -> list[ParameterChange]:
     """Return the entries that differ, side by side."""
     return [change for side in SIDES for change in _compared(before, after, side) if change.before != change.after]
 
 
-def _compared(before: PlantParameters, after: PlantParameters, side: Side) -> Iterator[AppliedChange]:
+def _compared(before: PlantParameters, after: PlantParameters, side: Side) -> Iterator[ParameterChange]:
     was, now = before.select_identified(side), after.select_identified(side)
-    yield AppliedChange("K_m", side, "rad/(V·s)", was.K_m, now.K_m)
-    yield AppliedChange("T_m", side, "s", was.T_m, now.T_m)
+    yield _change("K_m", side, "rad/(V·s)", was.K_m, now.K_m)
+    yield _change("T_m", side, "s", was.T_m, now.T_m)
     for power, (old, new) in enumerate(zip_longest(was.k, now.k)):
-        yield AppliedChange(f"k{power}", side, ("N", "N/m", "N/m²", "N/m³", "N/m⁴", "N/m⁵")[power], old, new)
+        yield _change(f"k{power}", side, ("N", "N/m", "N/m²", "N/m³", "N/m⁴", "N/m⁵")[power], old, new)
+
+
+def _change(name: str, side: Side, unit: str, before: float | None, after: float | None) -> ParameterChange:
+    percent = 100.0 * (after / before - 1.0) if before and after is not None else None
+    return ParameterChange(name=name, side=side, unit=unit, before=before, after=after, percent=percent)
 
 
 def _over(base: PlantParameters, applied: AppliedParameters) -> PlantParameters:
@@ -332,9 +326,7 @@ class Applied:
         except (NotApplicableError, ParameterError) as error:
             return ParameterProposal(estimate=estimate, problem=str(error), digest="", changes=[])
         digest = AppliedVersion(0, then).digest
-        return ParameterProposal(
-            estimate=estimate, problem="", digest=digest, changes=[_change(one) for one in differences(now, then)]
-        )
+        return ParameterProposal(estimate=estimate, problem="", digest=digest, changes=differences(now, then))
 
 
 def _version_view(one: AppliedVersion, former: AppliedVersion) -> ParameterVersion:
@@ -347,12 +339,5 @@ def _version_view(one: AppliedVersion, former: AppliedVersion) -> ParameterVersi
         estimate=None if applied is None else applied.estimate or None,
         run=None if applied is None else applied.run or None,
         undone=applied is not None and applied.undone,
-        changes=[_change(change) for change in differences(former.parameters, one.parameters)],
-    )
-
-
-def _change(one: AppliedChange) -> ParameterChange:
-    percent = 100.0 * (one.after / one.before - 1.0) if one.before and one.after is not None else None
-    return ParameterChange(
-        name=one.name, side=one.side, unit=one.unit, before=one.before, after=one.after, percent=percent
+        changes=differences(former.parameters, one.parameters),
     )

@@ -44,7 +44,6 @@ from backend.schemas import (
     SignalStatistics,
     SpectraLine,
     StatisticsLine,
-    StepView,
 )
 from backend.storage import Database, Formula, formulas, recordings
 from backend.workers import piped
@@ -372,5 +371,5 @@ def _view(one: Formula) -> FormulaView:
         who=one.who,
         at=one.at,
         signals=list(derived.signals),
-        steps=[StepView(**asdict(step)) for step in derived.steps],
+        steps=list(derived.steps),
     )

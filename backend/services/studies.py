@@ -20,16 +20,12 @@ from backend.schemas import (
     PlantNumbers,
     StudyAxis,
     StudyDetail,
-    StudyFigure,
     StudyList,
-    StudyMap,
-    StudyPoint,
-    StudyShare,
     StudyView,
 )
 from backend.services.background_work import HasLeft, TextWork
 from backend.services.library import OwnExperiments
-from backend.storage import Database, StoredPoint, StoredStudy, studies
+from backend.storage import Database, StoredStudy, StudyPoint, studies
 from backend.studies import (
     Design,
     Map,
@@ -118,18 +114,11 @@ class Studies:
         """Return a study with its maps, by ``pick``, and the first rows of its table; all ``rows`` for None."""
         kept, points, design = self._read(study_id)
         named = maps.list_figure_names(parser.parse_canonical(design.base.experiment))
-        spread = {item.figure: item for item in maps.spreadings(points, tuple(named))}
-        figures = [
-            StudyFigure(**vars(named[name]), **{of: value for of, value in vars(item).items() if of != "figure"})
-            for name, item in spread.items()
-        ]
+        figures = maps.spreadings(points, named.values())
         axes = dict(design.axes)
         drawn = maps.axes_to_draw(axes)
-        shown = (
-            []
-            if drawn is None
-            else [maps.map_of(points, axes, *drawn, name, pick) for name in (*spread, *(maps.SHARES if points else ()))]
-        )
+        names = [item.name for item in figures] + (list(maps.SHARES) if points else [])
+        shown = [] if drawn is None else [maps.map_of(points, axes, *drawn, name, pick) for name in names]
         return StudyDetail(
             study=self.view(study_id),
             text=kept.text,
@@ -139,10 +128,10 @@ class Studies:
                 )
                 for name, values in design.axes
             ],
-            shares=[StudyShare(label=maps.SHARES[item.name].label, **vars(item)) for item in maps.shares(points)],
+            shares=maps.shares(points),
             figures=figures,
-            maps=[_map_view(item) for item in shown],
-            rows=[_point_view(point) for point in points[:rows]],
+            maps=shown,
+            rows=points[:rows],
         )
 
     def map(self, study_id: int, figure: str, pick: str, over: tuple[str, str] | None = None) -> tuple[Map, Design]:
@@ -152,7 +141,7 @@ class Studies:
         x, y = over or maps.axes_to_draw(axes) or ("", "")
         return maps.map_of(points=points, axes=axes, x=x, y=y, figure=figure, pick=pick), design
 
-    def _read(self, study_id: int) -> tuple[StoredStudy, list[StoredPoint], Design]:
+    def _read(self, study_id: int) -> tuple[StoredStudy, list[StudyPoint], Design]:
         with self._database.reading() as session:
             kept = studies.get(session, study_id)
             return kept, studies.points(session, study_id), parse_design(kept)
@@ -177,24 +166,6 @@ def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
         left_s=estimate_remaining_s(done, kept.begun_with, kept.points, lasted_s) if computed else None,
         problem=kept.problem or (_GONE if kept.runner and state == "stopped" else ""),
     )
-
-
-def _map_view(drawn: Map) -> StudyMap:
-    return StudyMap(
-        figure=drawn.figure,
-        pick=drawn.pick,
-        x=drawn.x,
-        y=drawn.y,
-        cells=[list(row) for row in drawn.cells],
-        unstable=[list(row) for row in drawn.unstable],
-        counts=[list(row) for row in drawn.counts],
-        runs=[list(row) for row in drawn.runs],
-        intervals=[[None if ends is None else list(ends) for ends in row] for row in drawn.intervals],
-    )
-
-
-def _point_view(point: StoredPoint) -> StudyPoint:
-    return StudyPoint(**vars(point))
 
 
 def axis_unit(name: str, design: Design) -> str:

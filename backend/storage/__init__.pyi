@@ -101,7 +101,7 @@ from .search import ENDS, LONGEST, NONE, VERDICTS, All, Compare, Op, Query, Quer
 from .search_index import ValueSource, iterate_parameters
 from .settings import StoredSetting
 from .stations import HeldStation, assign_unowned_rows, session_station
-from .studies import NewStudy, StoredPoint, StoredStudy
+from .studies import NewStudy, StoredStudy, StudyPoint
 from .timeline import LogEntry, LogQuery
 
 __all__ = [
@@ -166,10 +166,10 @@ __all__ = [
     "StorageError",
     "StoredExperiment",
     "StoredFit",
-    "StoredPoint",
     "StoredSetting",
     "StoredStepResult",
     "StoredStudy",
+    "StudyPoint",
     "StudyRow",
     "UnfitDocumentError",
     "UnfitError",

@@ -1,13 +1,14 @@
 """Controller banks in versions, with the identification behind each entry."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session as OrmSession
 
+from backend.documented import described
 from backend.identification import Grade, joint_method_name
 from backend.models import CHANNELS, ENTRY, EntryModel, IdentifiedChannel, UnreadableDocumentError
 from backend.plain_text import as_line
@@ -170,10 +171,10 @@ class StoredFit:
     A figure that could not be had is None; so are all of an identification that cannot be read.
     """
 
-    grade: Grade | None
-    fit_percent: float | None
-    K_error_percent: float | None
-    T_error_percent: float | None
+    grade: Grade | None = field(metadata=described("null where the identification cannot be read"))
+    fit_percent: float | None = field(metadata=described("simulated fit on data not used for fitting"))
+    K_error_percent: float | None = field(metadata=described("standard error of the gain"))
+    T_error_percent: float | None = field(metadata=described("standard error of the time constant"))
 
     def in_words(self) -> str:
         """Return all of it in one line: "usable, fit 98.2 %, standard errors: K 1.2 %, T 3.1 %".

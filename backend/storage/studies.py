@@ -1,13 +1,14 @@
 """Studies and the rows that they have computed so far: a row is there once, whoever computes it again."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Literal
 
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
+from backend.models import Value
 from backend.storage.orm import Document, StudyPointRow, StudyRow, UnknownRecordError, to_record
 from backend.storage.search_index import insert_new
 from backend.storage.stations import session_station
@@ -40,15 +41,20 @@ class StoredStudy(NewStudy):
 
 
 @dataclass(frozen=True)
-class StoredPoint:
-    """A row of the table, as ``backend.studies.point.PointResult`` says it."""
+class StudyPoint:
+    """A row of the table. ``state`` is an end state of a run, or why there is none, with ``detail`` in words.
+
+    ``values`` are what was varied. ``figures`` are those of the experiment in SI, None where one was not measured, and
+    those of the loop: ±inf where it is unstable, which is stored as "unstable". ``passed`` tells whether all criteria
+    hold, None where that is not known.
+    """
 
     number: int
     state: str
     detail: str
     passed: bool | None
-    values: Document
-    figures: Document
+    values: Mapping[str, Value]
+    figures: Mapping[str, float | Literal["unstable"] | None]
 
 
 def add(session: Session, new: NewStudy) -> StoredStudy:
@@ -119,7 +125,7 @@ def ask_to_stop(session: Session, study_id: int) -> None:
     _own(session, study_id).stop_asked = True
 
 
-def add_points(session: Session, study_id: int, points: Sequence[StoredPoint]) -> None:
+def add_points(session: Session, study_id: int, points: Sequence[StudyPoint]) -> None:
     """Keep rows but for those that are there already."""
     own: dict[str, Any] = {"study_id": study_id, "station": session_station(session)}
     if points:
@@ -149,11 +155,11 @@ def states(session: Session, study_id: int) -> dict[str, int]:
     return {row[0]: row[1] for row in rows}
 
 
-def points(session: Session, study_id: int, first: int = 0, limit: int | None = None) -> list[StoredPoint]:
+def points(session: Session, study_id: int, first: int = 0, limit: int | None = None) -> list[StudyPoint]:
     """Return the rows that are there from number ``first`` on, in order."""
-    columns = (getattr(StudyPointRow, field.name) for field in fields(StoredPoint))  # as rows they take twice as long
+    columns = (getattr(StudyPointRow, field.name) for field in fields(StudyPoint))  # as rows they take twice as long
     query = select(*columns).where(StudyPointRow.study_id == study_id, StudyPointRow.number >= first)
-    return [StoredPoint(*row) for row in session.execute(query.order_by(StudyPointRow.number).limit(limit))]
+    return [StudyPoint(*row) for row in session.execute(query.order_by(StudyPointRow.number).limit(limit))]
 
 
 def _own(session: Session, study_id: int) -> StudyRow:

@@ -2,7 +2,7 @@ from . import maps
 from .cluster import use_cluster
 from .crew import Crew, count_cores
 from .design import Design
-from .maps import PICK_WORDS, SHARES, Map, format_axis_labels, list_figure_names
+from .maps import PICK_WORDS, SHARES, Map, Share, Spreading, format_axis_labels, list_figure_names
 from .point import UNSTABLE, StudyBase, list_variable_numbers, require_version
 from .runner import Progress, TakenError, estimate_remaining_s, is_computed, run_study, use_local_processes
 from .stored import StudyContext, create_study, parse_design
@@ -15,6 +15,8 @@ __all__ = [
     "Design",
     "Map",
     "Progress",
+    "Share",
+    "Spreading",
     "StudyBase",
     "StudyContext",
     "TakenError",

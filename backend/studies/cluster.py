@@ -10,8 +10,9 @@ from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from backend.storage import StudyPoint
 from backend.studies.crew import CrewGoneError, Work
-from backend.studies.point import LOST, Point, PointResult, StudyBase, run_point, without_run
+from backend.studies.point import LOST, Point, StudyBase, run_point, without_run
 
 CONNECT_S = 10.0
 """A scheduler that does not answer within this [s] is not there."""
@@ -56,9 +57,9 @@ class ClusterCrew:
         self._given[future.key] = future, point
         future.add_done_callback(partial(_told, self._done))
 
-    def finished(self, timeout_s: float) -> list[PointResult]:
+    def finished(self, timeout_s: float) -> list[StudyPoint]:
         """Return what has been computed since. Raises CrewGoneError when the scheduler is gone."""
-        results: list[PointResult] = []
+        results: list[StudyPoint] = []
         with suppress(Empty):
             results.append(self._result(self._done.get(timeout=timeout_s)))
             while True:
@@ -73,10 +74,10 @@ class ClusterCrew:
             self._client.cancel([future for future, _ in self._given.values()])
         self._client.close()
 
-    def _result(self, key: str) -> PointResult:
+    def _result(self, key: str) -> StudyPoint:
         future, point = self._given.pop(key)
         if future.status == "finished":
-            result: PointResult = future.result()
+            result: StudyPoint = future.result()
             return result
         if future.status != "error" or self._client.status != "running":
             raise CrewGoneError(_GONE)

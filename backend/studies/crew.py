@@ -6,7 +6,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol
 
-from backend.studies.point import LOST, Point, PointResult, StudyBase, run_point, without_run
+from backend.storage import StudyPoint
+from backend.studies.point import LOST, Point, StudyBase, run_point, without_run
 from backend.workers import POLITE, begin_beside, spawning
 from plant import ErrorCode, SinewError
 
@@ -14,7 +15,7 @@ DEATHS_MAX = 3
 """So often a process may die over a point: the last time it has the machine to itself, so that it was this point."""
 _AHEAD = 2
 
-Work = Callable[[StudyBase, Point], PointResult]
+Work = Callable[[StudyBase, Point], StudyPoint]
 
 
 class CrewGoneError(SinewError):
@@ -35,7 +36,7 @@ class Crew(Protocol):
         """Hand over a point."""
         ...
 
-    def finished(self, timeout_s: float) -> list[PointResult]:
+    def finished(self, timeout_s: float) -> list[StudyPoint]:
         """Return what has been computed since, in whichever order; wait up to ``timeout_s`` for the first."""
         ...
 
@@ -52,7 +53,7 @@ class LocalCrew:
         self._jobs = jobs
         self._work = work
         self._pool: ProcessPoolExecutor | None = None
-        self._given: dict[Future[PointResult], tuple[Point, ProcessPoolExecutor]] = {}
+        self._given: dict[Future[StudyPoint], tuple[Point, ProcessPoolExecutor]] = {}
         self._again: list[Point] = []
         self._deaths: dict[int, int] = {}
 
@@ -68,10 +69,10 @@ class LocalCrew:
             return
         self._submit(point)
 
-    def finished(self, timeout_s: float) -> list[PointResult]:
+    def finished(self, timeout_s: float) -> list[StudyPoint]:
         """Return what has been computed since; a pool whose process has died is replaced, its points given again."""
         done, _ = wait(self._given, timeout_s, FIRST_COMPLETED)
-        results: list[PointResult] = []
+        results: list[StudyPoint] = []
         for future in done:
             point, pool = self._given.pop(future)
             try:
@@ -111,7 +112,7 @@ class LocalCrew:
         if self._pool is broken:  # or there is another one already: not all points of one are told at once
             self._pool = None
 
-    def _died_over(self, point: Point, words: str) -> list[PointResult]:
+    def _died_over(self, point: Point, words: str) -> list[StudyPoint]:
         self._deaths[point.number] = self._deaths.get(point.number, 0) + 1
         if self._deaths[point.number] >= DEATHS_MAX:
             return [without_run(point, LOST, f"the process that computes it died {DEATHS_MAX} times over it: {words}")]

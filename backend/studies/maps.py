@@ -5,16 +5,17 @@ No run is left out silently: whatever has no number, did not complete or was not
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from functools import partial
 from statistics import NormalDist, fmean, median
 from typing import TypeVar
 
 from backend.analysis import FIGURES
+from backend.documented import ANSWER, HIDDEN, described
 from backend.experiments import Experiment
 from backend.models import SettingError, Value
-from backend.storage import StoredPoint
+from backend.storage import StudyPoint
 from backend.studies.point import LOOP_FIGURES, MARGINS, TRUE
 from backend.units import AngleUnit, digits_apart, in_digits, read
 
@@ -102,18 +103,30 @@ class Map:
     gave a number. Of a share ``intervals`` holds its confidence interval [%], None elsewhere.
     """
 
+    __pydantic_config__ = ANSWER
+
     figure: str
-    pick: str
-    """One of PICKS, or SHARE."""
+    pick: str = field(
+        metadata=described(
+            "what a cell shows of several runs; where the worst was asked for, least, largest or mean, which is the "
+            "worst; of a share always share"
+        )
+    )
     x: str
     y: str
-    x_values: tuple[Value, ...]
-    y_values: tuple[Value, ...]
+    x_values: tuple[Value, ...] = field(metadata=HIDDEN)
+    y_values: tuple[Value, ...] = field(metadata=HIDDEN)
     cells: tuple[tuple[float | None, ...], ...]
-    unstable: tuple[tuple[bool, ...], ...]
-    counts: tuple[tuple[int, ...], ...]
-    runs: tuple[tuple[int, ...], ...]
-    intervals: tuple[tuple[tuple[float, float] | None, ...], ...]
+    unstable: tuple[tuple[bool, ...], ...] = field(
+        metadata=described("by the same places, where null stands for an unstable loop")
+    )
+    counts: tuple[tuple[int, ...], ...] = field(metadata=described("by the same places, how many runs gave a number"))
+    runs: tuple[tuple[int, ...], ...] = field(metadata=described("by the same places, how many runs are computed"))
+    intervals: tuple[tuple[tuple[float, ...] | None, ...], ...] = field(
+        metadata=described(
+            "by the same places, both ends of the 95 % confidence interval of a share [%]; null elsewhere"
+        )
+    )
 
 
 @dataclass(frozen=True)
@@ -124,10 +137,12 @@ class Spreading:
     percentiles; the standard ``deviation`` of a single run is None too.
     """
 
-    figure: str
+    name: str
+    label: str
+    unit: str
     count: int
-    missing: int
-    unstable: int
+    missing: int = field(metadata=described("how many computed runs gave no number"))
+    unstable: int = field(metadata=described("how many of those that gave one are of an unstable loop"))
     least: float | None
     p5: float | None
     median: float | None
@@ -145,12 +160,13 @@ class Share:
     """
 
     name: str
-    count: int
-    of: int
-    left_out: int
-    percent: float | None
-    low: float | None
-    high: float | None
+    label: str
+    count: int = field(metadata=described("runs that did not complete, or whose criteria do not all hold"))
+    of: int = field(metadata=described("runs of which that is known"))
+    left_out: int = field(metadata=described("computed runs of which it is not known: they were not judged"))
+    percent: float | None = field(metadata=described("share", "%"))
+    low: float | None = field(metadata=described("lower end of the interval", "%"))
+    high: float | None = field(metadata=described("upper end of the interval", "%"))
 
 
 def list_figure_names(experiment: Experiment) -> dict[str, FigureName]:
@@ -167,7 +183,7 @@ def list_figure_names(experiment: Experiment) -> dict[str, FigureName]:
 
 
 def map_of(
-    points: Sequence[StoredPoint], axes: Mapping[str, tuple[Value, ...]], x: str, y: str, figure: str, pick: str
+    points: Sequence[StudyPoint], axes: Mapping[str, tuple[Value, ...]], x: str, y: str, figure: str, pick: str
 ) -> Map:
     """Return the map of a figure over two of the ``axes``, over all else by ``pick``, one of PICKS or WORST.
 
@@ -220,7 +236,7 @@ def map_of(
     )
 
 
-def number_of(point: StoredPoint, figure: str) -> float | None:
+def number_of(point: StudyPoint, figure: str) -> float | None:
     """Return the number of a figure in a row, None where there is none; of one of SHARES 1 where the run counts, or 0.
 
     Where the loop is unstable it is infinity, minus infinity where the least is the worst.
@@ -261,31 +277,50 @@ def axes_to_draw(axes: Mapping[str, tuple[Value, ...]]) -> tuple[str, str] | Non
     return (names[0], names[1]) if len(names) > 1 else None
 
 
-def spreadings(points: Sequence[StoredPoint], names: Sequence[str]) -> list[Spreading]:
+def spreadings(points: Sequence[StudyPoint], figures: Iterable[FigureName]) -> list[Spreading]:
     """Return how each figure is spread, of those that any run has."""
     found = []
-    for name in names:
-        values = [v for point in points if (v := number_of(point, name)) is not None]
+    for figure in figures:
+        values = [v for point in points if (v := number_of(point, figure.name)) is not None]
         if values:
             told = {
                 shown: _finite(PICKS[shown](values))
                 for shown in ("least", "p5", "median", "mean", "p95", "largest", "deviation")
             }
             unstable = sum(map(math.isinf, values))
-            found.append(Spreading(name, len(values), len(points) - len(values), unstable, **told))
+            found.append(
+                Spreading(
+                    name=figure.name,
+                    label=figure.label,
+                    unit=figure.unit,
+                    count=len(values),
+                    missing=len(points) - len(values),
+                    unstable=unstable,
+                    **told,
+                )
+            )
     return found
 
 
-def shares(points: Sequence[StoredPoint]) -> list[Share]:
+def shares(points: Sequence[StudyPoint]) -> list[Share]:
     """Return SHARES over all rows that are computed, each with its Wilson interval at CONFIDENCE."""
     found = []
-    for name in SHARES:
+    for name, figure in SHARES.items():
         values = [v for point in points if (v := number_of(point, name)) is not None]
         count, of = round(sum(values)), len(values)
         low, high = _wilson(count, of) if of else (None, None)
         percent = 100.0 * count / of if of else None
         found.append(
-            Share(name=name, count=count, of=of, left_out=len(points) - of, percent=percent, low=low, high=high)
+            Share(
+                name=name,
+                label=figure.label,
+                count=count,
+                of=of,
+                left_out=len(points) - of,
+                percent=percent,
+                low=low,
+                high=high,
+            )
         )
     return found
 

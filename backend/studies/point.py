@@ -21,7 +21,7 @@ from backend.experiments import (
     split_values,
 )
 from backend.models import Value, complete_motion
-from backend.storage import Bank, UnknownRecordError
+from backend.storage import Bank, StudyPoint, UnknownRecordError
 from backend.tuning import PointModel, Robustness, TuningError, compute_loop_margins
 from plant import ErrorCode, ParameterError, PlantParameters, parse_parameters
 
@@ -123,23 +123,6 @@ class Point:
     plant: dict[str, float]
 
 
-@dataclass(frozen=True)
-class PointResult:
-    """A row of the table. ``state`` is an end state of a run, or REFUSED, FAILED or LOST, with ``detail`` in words.
-
-    ``figures`` are those of the experiment in SI, None where one was not measured, and LOOP_FIGURES, ±inf where a loop
-    is unstable; a point that was refused has LOOP_FIGURES where its gains exist. ``passed`` tells whether all criteria
-    hold, None where that is not known.
-    """
-
-    number: int
-    state: str
-    detail: str
-    passed: bool | None
-    values: dict[str, Value]
-    figures: dict[str, float | None]
-
-
 class OtherSoftwareError(RequestRejectedError):
     """Another version of Sinew could give other rows than those that are there."""
 
@@ -157,7 +140,7 @@ def require_version(software: str) -> None:
         raise OtherSoftwareError(software)
 
 
-def run_point(base: StudyBase, point: Point) -> PointResult:
+def run_point(base: StudyBase, point: Point) -> StudyPoint:
     """Simulate one point. Whatever becomes of it is a row; OtherSoftwareError alone is raised."""
     require_version(base.software)
     figures: dict[str, float | None] = {}
@@ -171,9 +154,9 @@ def run_point(base: StudyBase, point: Point) -> PointResult:
 
 def without_run(
     point: Point, state: str, detail: str, figures: Mapping[str, float | None] = MappingProxyType({})
-) -> PointResult:
+) -> StudyPoint:
     """Return the row of a point that was not run, why, and the ``figures`` that are known all the same."""
-    return PointResult(
+    return StudyPoint(
         number=point.number, state=state, detail=detail, passed=None, values=_values(point), figures=dict(figures)
     )
 
@@ -241,7 +224,7 @@ def list_variable_numbers(parameters: PlantParameters) -> list[NamedPlantNumber]
     return found
 
 
-def _computed(base: StudyBase, point: Point, figures: dict[str, float | None]) -> PointResult:
+def _computed(base: StudyBase, point: Point, figures: dict[str, float | None]) -> StudyPoint:
     """Simulate a point, and put into ``figures`` what is known before that as soon as it is."""
     parameters, plan, loop = planned(base, point)
     banks = {bank.id: bank for bank in base.banks}
@@ -256,7 +239,7 @@ def _computed(base: StudyBase, point: Point, figures: dict[str, float | None]) -
     judged = [item.passed for item in played.criteria]
     passed = None if not judged or (None in judged and False not in judged) else all(judged)
     measured = {item.name: item.value for item in played.metrics.figures}
-    return PointResult(
+    return StudyPoint(
         number=point.number,
         state=played.end_state,
         detail=played.end_detail,

@@ -6,16 +6,16 @@ import socket
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import islice
 
 from backend.errors import RequestRejectedError
 from backend.models import replace_non_finite
-from backend.storage import Database, StorageError, StoredPoint, StoredStudy, studies
+from backend.storage import Database, StorageError, StoredStudy, StudyPoint, studies
 from backend.studies.crew import Crew, LocalCrew
 from backend.studies.design import Design
-from backend.studies.point import FAILED, LOST, UNSTABLE, PointResult, StudyBase, require_version
+from backend.studies.point import FAILED, LOST, UNSTABLE, StudyBase, require_version
 from backend.studies.stored import parse_design
 from plant import ErrorCode
 
@@ -124,7 +124,7 @@ class _Work:
                     may_go_on = studies.refresh_claim(session, self._study_id, self._runner)
                 self._tell()
 
-    def _keep(self, results: list[PointResult]) -> None:
+    def _keep(self, results: list[StudyPoint]) -> None:
         if not results:
             return
         with self._database.session() as session:
@@ -165,11 +165,10 @@ def _is_alive(process: int) -> bool:
     return True
 
 
-def as_stored(result: PointResult) -> StoredPoint:
+def as_stored(result: StudyPoint) -> StudyPoint:
     """Return a row as it is kept: M_s and margins of an unstable loop, for which JSON has no number, by their word."""
     figures = {
-        name: UNSTABLE if value is not None and math.isinf(value) else value for name, value in result.figures.items()
+        name: UNSTABLE if isinstance(value, float) and math.isinf(value) else value
+        for name, value in result.figures.items()
     }
-    return StoredPoint(
-        **{**asdict(result), "values": replace_non_finite(result.values), "figures": replace_non_finite(figures)}
-    )
+    return replace(result, values=replace_non_finite(result.values), figures=replace_non_finite(figures))

@@ -7,11 +7,11 @@ import pytest
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
-from backend.storage.studies import NewStudy, StoredPoint
+from backend.storage.studies import NewStudy, StudyPoint
 
 NEW = NewStudy("map", "Map", "format: 1", {"software": "1.0.0"}, 3, "Ana")
-FIRST = StoredPoint(0, "completed", "", True, {"lam_q": 0.1 + 0.2, "seed": 3}, {"rmse_q": 1e-300, "reach_q_s": None})
-OTHER = StoredPoint(2, "refused", "λ_q: 0.1 s is outside", None, {"lam_q": 0.1}, {})
+FIRST = StudyPoint(0, "completed", "", True, {"lam_q": 0.1 + 0.2, "seed": 3}, {"rmse_q": 1e-300, "reach_q_s": None})
+OTHER = StudyPoint(2, "refused", "λ_q: 0.1 s is outside", None, {"lam_q": 0.1}, {})
 
 
 def begun(database: Database) -> int:

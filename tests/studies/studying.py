@@ -10,8 +10,8 @@ from backend.banks.tuning_settings import TuningSettings
 from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import Database
-from backend.storage.studies import StoredPoint
-from backend.studies.point import Point, PointResult, StudyBase
+from backend.storage.studies import StudyPoint
+from backend.studies.point import Point, StudyBase
 from plant.parameters import load_parameters
 
 SHORT = """
@@ -36,17 +36,17 @@ def begun(database: Database, text: str = SHORT) -> int:
     return Studies(database).begin(text, "Ana", load_parameters("lab"), TuningSettings().document()).id
 
 
-def table(database: Database, study: int) -> list[StoredPoint]:
+def table(database: Database, study: int) -> list[StudyPoint]:
     with database.reading() as session:
         return studies.points(session, study)
 
 
-def quick(base: StudyBase, point: Point) -> PointResult:
+def quick(base: StudyBase, point: Point) -> StudyPoint:
     """A row in no time."""
     return _row(point)
 
 
-def die_once(base: StudyBase, point: Point) -> PointResult:
+def die_once(base: StudyBase, point: Point) -> StudyPoint:
     """Kill the own process over point 5, the first time."""
     mark = _folder(base) / "died"
     if point.number == 5 and not mark.exists():
@@ -55,14 +55,14 @@ def die_once(base: StudyBase, point: Point) -> PointResult:
     return _row(point)
 
 
-def die_always(base: StudyBase, point: Point) -> PointResult:
+def die_always(base: StudyBase, point: Point) -> StudyPoint:
     """Kill the own process over point 5, each time."""
     if point.number == 5:
         os.kill(os.getpid(), signal.SIGKILL)
     return _row(point)
 
 
-def patient(base: StudyBase, point: Point) -> PointResult:
+def patient(base: StudyBase, point: Point) -> StudyPoint:
     """Wait until somebody puts a file there, from point 4 on; leave a mark for each that is computed."""
     while point.number >= 4 and not (_folder(base) / "go").exists():
         time.sleep(0.01)
@@ -74,9 +74,9 @@ def _folder(base: StudyBase) -> Path:
     return Path(str(base.parameters["folder"]))
 
 
-def _row(point: Point) -> PointResult:
+def _row(point: Point) -> StudyPoint:
     figures: dict[str, float | None] = {"overshoot_q_percent": float(point.number)}
-    return PointResult(point.number, "completed", "", True, {**point.settings, **point.plant}, figures)
+    return StudyPoint(point.number, "completed", "", True, {**point.settings, **point.plant}, figures)
 
 
 def in_folder(base: StudyBase, folder: Path) -> StudyBase:

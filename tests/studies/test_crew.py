@@ -6,8 +6,9 @@ from typing import Any, cast
 
 import pytest
 
+from backend.storage.studies import StudyPoint
 from backend.studies.crew import LocalCrew
-from backend.studies.point import LOST, Point, PointResult, StudyBase
+from backend.studies.point import LOST, Point, StudyBase
 
 GUILTY, INNOCENT, NEXT = (Point(number, {}, {}) for number in range(3))
 BASE = StudyBase("", "", "", {}, {})
@@ -17,9 +18,9 @@ class Pool:
     """Computes nothing; all that it was given is lost when it dies."""
 
     def __init__(self) -> None:
-        self.futures: list[Future[PointResult]] = []
+        self.futures: list[Future[StudyPoint]] = []
 
-    def submit(self, *_work: Any) -> Future[PointResult]:
+    def submit(self, *_work: Any) -> Future[StudyPoint]:
         self.futures.append(Future())
         return self.futures[-1]
 
@@ -61,7 +62,7 @@ def test_what_is_given_while_a_point_is_alone_waits_for_its_end(crew: Crew) -> N
     assert lost.state == LOST
     crew.give(NEXT)
     assert crew.under_way() == [1 - lost.number]
-    row = PointResult(1 - lost.number, "completed", "", True, {}, {})
+    row = StudyPoint(1 - lost.number, "completed", "", True, {}, {})
     crew.pools[-1].futures[-1].set_result(row)
     assert crew.finished(1.0) == [row]
     assert crew.under_way() == [NEXT.number]

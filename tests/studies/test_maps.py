@@ -12,28 +12,34 @@ from scipy.stats import binomtest
 from backend.analysis.evaluation import FIGURES
 from backend.models.settings import SettingError
 from backend.reports import study_map
-from backend.storage.studies import StoredPoint
+from backend.storage.studies import StudyPoint
 from backend.studies.maps import (
     LEAST_IS_WORST,
     NEITHER_IS_WORST,
     PICKS,
     WORST,
+    FigureName,
     format_axis_labels,
     map_of,
     shares,
     spreadings,
 )
-from backend.studies.point import LOOP_FIGURES, UNSTABLE, PointResult
+from backend.studies.point import LOOP_FIGURES, UNSTABLE
 from backend.studies.runner import as_stored
 from backend.units import AngleUnit
 
 AXES = {"lam_q": (0.5, 0.8), "lam_S": (0.5, 0.7)}
 
 
-def runs_of(figure: str, *values: float | None) -> list[StoredPoint]:
+def named(figure: str) -> FigureName:
+    """Return a figure with its name for a label."""
+    return FigureName(figure, figure, "1")
+
+
+def runs_of(figure: str, *values: float | None) -> list[StudyPoint]:
     """Return runs on plants that differ, all of them in one cell."""
     return [
-        StoredPoint(number, "completed", "", None, {"lam_q": 0.8, "lam_S": 0.5}, {figure: value})
+        StudyPoint(number, "completed", "", None, {"lam_q": 0.8, "lam_S": 0.5}, {figure: value})
         for number, value in enumerate(values)
     ]
 
@@ -93,7 +99,7 @@ def test_a_picture_tells_its_numbers_apart(tmp_path: Path) -> None:
 
 XY = {"x": (1, 2), "y": (1,)}
 ROWS = [
-    as_stored(PointResult(number, "completed", "", True, {"x": x, "y": 1}, {"M_s_q": M_s_q, "rmse_q": math.nan}))
+    as_stored(StudyPoint(number, "completed", "", True, {"x": x, "y": 1}, {"M_s_q": M_s_q, "rmse_q": math.nan}))
     for number, (x, M_s_q) in enumerate(((1, 1.4), (1, math.inf), (1, 1.2), (2, 1.3)))
 ]
 
@@ -111,7 +117,7 @@ def test_no_cell_hides_an_unstable_loop_but_that_of_the_least() -> None:
 
 def test_margins_of_an_unstable_loop_are_worse_than_any_other() -> None:
     rows = [
-        as_stored(PointResult(number, "completed", "", True, {"x": 1, "y": 1}, {"gain_margin_q": margin}))
+        as_stored(StudyPoint(number, "completed", "", True, {"x": 1, "y": 1}, {"gain_margin_q": margin}))
         for number, margin in enumerate((3.0, -math.inf, 4.0))
     ]
     assert rows[1].figures == {"gain_margin_q": UNSTABLE}
@@ -119,12 +125,12 @@ def test_margins_of_an_unstable_loop_are_worse_than_any_other() -> None:
     for pick in (WORST, "mean", "p5"):
         assert (drawn[pick].cells, drawn[pick].unstable) == (((None, None),), ((True, False),))
     assert drawn["largest"].cells == ((4.0, None),)
-    (spread,) = spreadings(rows, ["gain_margin_q"])
+    (spread,) = spreadings(rows, [named("gain_margin_q")])
     assert (spread.unstable, spread.least, spread.median, spread.largest, spread.deviation) == (1, None, 3.0, 4.0, None)
 
 
 def test_a_spread_tells_how_many_loops_are_unstable() -> None:
-    (spread,) = spreadings(ROWS, ["M_s_q", "rmse_q"])
+    (spread,) = spreadings(ROWS, [named("M_s_q"), named("rmse_q")])
     assert (spread.count, spread.missing, spread.unstable, spread.least, spread.median) == (4, 0, 1, 1.2, 1.35)
     assert (spread.mean, spread.largest, spread.p95, spread.deviation) == (None, None, None, None)
     assert spread.p5 == pytest.approx(1.215)
@@ -132,18 +138,18 @@ def test_a_spread_tells_how_many_loops_are_unstable() -> None:
 
 def test_a_spread_is_that_of_numpy_and_counts_the_runs_without_a_number() -> None:
     values = np.random.default_rng(4).normal(8.0, 2.0, 37)
-    (spread,) = spreadings(runs_of("rmse_q", *values, None, None), ["rmse_q"])
+    (spread,) = spreadings(runs_of("rmse_q", *values, None, None), [named("rmse_q")])
     assert (spread.count, spread.missing, spread.unstable) == (37, 2, 0)
     assert spread.deviation == pytest.approx(np.std(values, ddof=1))
     percentiles = (spread.p5, spread.median, spread.p95)
     assert percentiles == pytest.approx(tuple(np.percentile(values, (5.0, 50.0, 95.0))))
-    (alone,) = spreadings(runs_of("rmse_q", 2.0), ["rmse_q"])
+    (alone,) = spreadings(runs_of("rmse_q", 2.0), [named("rmse_q")])
     assert (alone.p5, alone.p95, alone.deviation, alone.unstable) == (2.0, 2.0, None, 0)
 
 
-def ended(*ends: tuple[str, bool | None]) -> list[StoredPoint]:
+def ended(*ends: tuple[str, bool | None]) -> list[StudyPoint]:
     values = {"lam_q": 0.8, "lam_S": 0.5}
-    return [StoredPoint(number, state, "", passed, values, {}) for number, (state, passed) in enumerate(ends)]
+    return [StudyPoint(number, state, "", passed, values, {}) for number, (state, passed) in enumerate(ends)]
 
 
 def test_shares_are_told_with_their_confidence_interval_and_what_they_leave_out() -> None:

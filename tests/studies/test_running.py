@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -25,7 +26,7 @@ from backend.services.studies import Studies
 from backend.storage import banks, studies
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
-from backend.storage.studies import StoredPoint
+from backend.storage.studies import StudyPoint
 from backend.studies import point
 from backend.studies.crew import DEATHS_MAX, LocalCrew, Work
 from backend.studies.point import FAILED, LOOP_FIGURES, LOST, REFUSED, UNSTABLE, OtherSoftwareError, StudyBase
@@ -69,13 +70,14 @@ def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database
     assert [row.number for row in rows] == list(range(16))
     lab = load_parameters("lab")
     for row in (rows[0], rows[7], rows[-1]):
+        values: dict[str, Any] = dict(row.values)
         parameters = replace(
             lab,
-            motor=replace(lab.motor, c0=row.values["motor.c0"]),
-            sensors=replace(lab.sensors, force_noise=row.values["sensors.force_noise"]),
+            motor=replace(lab.motor, c0=values["motor.c0"]),
+            sensors=replace(lab.sensors, force_noise=values["sensors.force_noise"]),
         )
         plan = find_experiment("tracking").make({"q_duration_s": 0.5, "S_duration_s": 0.5, "S_high": 12.0})
-        settings = LoopSettings(lam_q=row.values["lam_q"], seed=row.values["seed"])
+        settings = LoopSettings(lam_q=values["lam_q"], seed=values["seed"])
         with open_headless_station(database, parameters, settings) as station:
             outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "Ana")))
         assert outcome.evaluation.result is not None
@@ -155,7 +157,7 @@ def test_another_version_computes_no_row_of_a_study(database: Database, monkeypa
 
 def test_what_failed_or_was_lost_is_computed_anew_when_that_is_asked(database: Database, tmp_path: Path) -> None:
     study = begun(database)
-    rows = [StoredPoint(number, state, "", None, {}, {}) for number, state in enumerate((FAILED, LOST, REFUSED))]
+    rows = [StudyPoint(number, state, "", None, {}, {}) for number, state in enumerate((FAILED, LOST, REFUSED))]
     with database.session() as session:
         studies.add_points(session, study, rows)
     assert run_study(database, study, with_work(studying.quick, tmp_path))

@@ -21,6 +21,11 @@ import { ApplyParameters } from "./ParametersCard";
 const MILLI = 1000;
 const ORDER_COLOURS: Record<number, string> = { 2: "text", 3: HUES.u_B, 5: HUES.u_A };
 
+/** Returns an error of a fit, which may be no number. */
+function errorText(value: number | null, decimals: number): string {
+  return fixed(value ?? Number.NaN, decimals);
+}
+
 export function SpringRunResult({ identification }: { identification: Identification }) {
   const curves = useQuery(curvesQuery(identification.run));
   return (
@@ -90,9 +95,9 @@ function SpringView({ title, hue, spring, curves }: SpringViewProps) {
           {spring.fits.map((fit) => (
             <Table.Tr key={fit.order} fw={fit.order === spring.recommended ? 600 : undefined}>
               <Table.Td>{fit.order === spring.recommended ? `${fit.order}, use this` : fit.order}</Table.Td>
-              <Table.Td className={pageStyles.number}>{fixed(fit.rms_N, 3)}</Table.Td>
-              <Table.Td className={pageStyles.number}>{fixed(fit.max_N, 3)}</Table.Td>
-              <Table.Td className={pageStyles.number}>{fixed(fit.cross_validation_N, 3)}</Table.Td>
+              <Table.Td className={pageStyles.number}>{errorText(fit.rms_N, 3)}</Table.Td>
+              <Table.Td className={pageStyles.number}>{errorText(fit.max_N, 3)}</Table.Td>
+              <Table.Td className={pageStyles.number}>{errorText(fit.cross_validation_N, 3)}</Table.Td>
             </Table.Tr>
           ))}
         </Table.Tbody>
@@ -171,7 +176,7 @@ function Drawings({ spring, curves, hue }: { spring: Spring; curves: SpringCurve
         title="Measured minus fitted"
         xLabel="x [mm]"
         yLabel="N"
-        summary={`Largest error ${spring.fits.map((fit) => `${fixed(fit.max_N, 2)} N at order ${fit.order}`).join(", ")}.`}
+        summary={`Largest error ${spring.fits.map((fit) => `${errorText(fit.max_N, 2)} N at order ${fit.order}`).join(", ")}.`}
         curves={curves.orders.map((order) => ({
           label: `order ${order.order}`,
           colour: ORDER_COLOURS[order.order] ?? "limit",
