@@ -58,17 +58,13 @@ from backend.models import (
     Document,
     FailedCandidate,
     Fitted,
-    FrequencyEstimate,
     IdentifiedMotor,
     MotorModels,
     MotorQualities,
     MotorQuality,
     NoArx,
     Pair,
-    Reduced,
     RefusedStep,
-    ResidualTest,
-    ResidualTests,
     RuleStep,
     SpringModel,
     SpringModels,
@@ -200,27 +196,19 @@ def _actuator_model(channel: Estimate) -> ChannelModel:
         covariance=tuple(tuple(row) for row in channel.covariance.tolist()),
         noise=channel.noise,
         method=channel.method,
-        first_order=Reduced(**asdict(channel.first_order)),
+        first_order=channel.first_order,
     )
 
 
 def _actuator_quality(channel: Estimate, candidates: Candidates, arx: Estimate | str) -> ChannelQuality:
-    found = channel.residuals
     return ChannelQuality(
         fit_percent=channel.fit_percent,
         fit_all_percent=channel.fit_all_percent,
         gain_geometry=channel.gain_geometry,
         gain_error_percent=channel.gain_error_percent,
         y_resolution=channel.y_resolution,
-        residuals=ResidualTests(
-            whiteness=ResidualTest(**asdict(found.whiteness)),
-            input_correlation=ResidualTest(**asdict(found.input_correlation)),
-            std=found.std,
-            AIC=found.AIC,
-            BIC=found.BIC,
-            FPE=found.FPE,
-        ),
-        frequency=FrequencyEstimate(**asdict(channel.frequency)),
+        residuals=channel.residuals,
+        frequency=channel.frequency,
         usable=channel.verdict.grade is not Grade.UNUSABLE,
         grade=channel.verdict.grade,
         verdict=channel.verdict.sentence,

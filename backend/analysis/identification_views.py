@@ -1,7 +1,7 @@
 """Stored identifications as they are drawn and compared: curves, predictions of other records, trend over stiffness."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from backend.experiments import (
 from backend.identification import (
     RESIDUAL_LEVEL,
     CorrelationTest,
+    FrequencyCheck,
     IdentificationError,
     Method,
     Model,
@@ -44,10 +45,8 @@ from backend.models import (
     ChannelName,
     Document,
     FailedCandidate,
-    FrequencyEstimate,
     IdentifiedChannel,
     MotorFound,
-    ResidualTest,
     SpringQuality,
     TriedStructure,
     UnreadableDocumentError,
@@ -85,7 +84,7 @@ def build_curves(found: Identification) -> Document:
 
 
 def _motor(side: Side, found: MotorFound) -> Document:
-    return {"side": side, "steps": [asdict(step) for step in found.quality.steps]}
+    return {"side": side, "steps": list(found.quality.steps)}
 
 
 def _curve_channel(name: ChannelName, channel: IdentifiedChannel) -> Document:
@@ -115,7 +114,7 @@ def _bode(response: NDArray[np.complex128]) -> Document:
     return {"omega": OMEGA.tolist(), "magnitude": np.abs(response).tolist(), "phase_deg": phase.tolist()}
 
 
-def _measured(frequency: FrequencyEstimate | None) -> Document | None:
+def _measured(frequency: FrequencyCheck | None) -> Document | None:
     """Return the lines drawn of the estimate without a model; none of a run made before it was kept."""
     if frequency is None:
         return None
@@ -124,7 +123,7 @@ def _measured(frequency: FrequencyEstimate | None) -> Document | None:
     return {name: [column[line] for line in shown] for name, column in columns.items()}
 
 
-def _correlation(test: ResidualTest | CorrelationTest) -> Document:
+def _correlation(test: CorrelationTest) -> Document:
     found = read_whiteness_test(test)
     outcome = {"bound": list(found.bound), "statistic": found.statistic, "critical": found.critical}
     return {

@@ -362,8 +362,8 @@ def _share(value: float) -> str:
     return percent(value, 2) if math.isfinite(value) else "not measured"
 
 
-def _measured(value: float, form: str) -> str:
-    return format(value, form) if math.isfinite(value) else "not measured"
+def _measured(value: float | None, form: str) -> str:
+    return format(value, form) if value is not None and math.isfinite(value) else "not measured"
 
 
 # Identify ------------------------------------------------------------------------------------------

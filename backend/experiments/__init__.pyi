@@ -55,7 +55,7 @@ from .plans import (
     build_profile,
     split_values,
 )
-from .prediction import PredictedRun, predict_excitation, predict_motor, predict_spring
+from .prediction import Expectation, PredictedRun, predict_excitation, predict_motor, predict_spring
 from .schema import FORMAT, Bound, Experiment, Measure, Name, Title, Words, build_json_schema
 
 __all__ = [
@@ -71,6 +71,7 @@ __all__ = [
     "ActuatorIdentificationPlan",
     "Bound",
     "Column",
+    "Expectation",
     "Expected",
     "Experiment",
     "ExperimentDefinition",

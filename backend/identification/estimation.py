@@ -483,7 +483,8 @@ def _largest_bias_percent(found: Fit, model: Model) -> float:
     scale = np.concatenate(([1.0], found.parameters[1:]))
     inverse = np.linalg.inv(factor) * scale[:, np.newaxis] * float(np.linalg.norm(found.residuals))
     bias = reduce_to_first_order(model, inverse @ inverse.T)
-    worst_case = 100.0 * max(abs(bias.K_std / bias.K), abs(bias.T_std / bias.T))
+    K_std, T_std = bias.deviations
+    worst_case = 100.0 * max(abs(K_std / bias.K), abs(T_std / bias.T))
     return worst_case if np.isfinite(worst_case) else float("inf")
 
 
@@ -557,4 +558,5 @@ def rank(
 
 
 def _rank(candidate: Estimate) -> tuple[bool, float]:
-    return candidate.verdict.grade is Grade.UNUSABLE, candidate.residuals.BIC
+    BIC = candidate.residuals.BIC
+    return candidate.verdict.grade is Grade.UNUSABLE, float("inf") if BIC is None else BIC

@@ -327,9 +327,12 @@ def _roots(ascending: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]
 # Result --------------------------------------------------------------------------------------------
 #
 # What identification returns: plain data, JSON-ready through ``to_json``.
+#
+# First order, residual tests and frequency check are stored as they are: nan is stored as null, and read as None.
 
 
 Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
+Figures = tuple[float | None, ...]
 
 
 @dataclass(frozen=True)
@@ -381,8 +384,13 @@ class FirstOrder:
 
     K: float
     T: float
-    K_std: float
-    T_std: float
+    K_std: float | None = None
+    T_std: float | None = None
+
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """Standard errors of K and T, nan where one could not be had."""
+        return float("nan") if self.K_std is None else self.K_std, float("nan") if self.T_std is None else self.T_std
 
 
 @dataclass(frozen=True)
@@ -404,6 +412,11 @@ class DryFriction:
     fit_percent: float
     t_d: float = 0.0
 
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """Standard errors of K and T."""
+        return self.K_std, self.T_std
+
     def off_percent(self, K: float, T: float) -> tuple[float, float]:
         """How far a linear gain and sum of lags and dead time are from these, in per cent."""
         return 100.0 * (K / self.K - 1.0), 100.0 * (T / (self.T + self.t_d) - 1.0)
@@ -417,8 +430,8 @@ class CorrelationTest:
     """
 
     lags_s: tuple[float, ...]
-    correlation: tuple[float, ...]
-    bound: tuple[float, ...]
+    correlation: Figures
+    bound: Figures
     passed: bool
 
 
@@ -428,10 +441,10 @@ class Residuals:
 
     whiteness: CorrelationTest
     input_correlation: CorrelationTest
-    std: float
-    AIC: float
-    BIC: float
-    FPE: float
+    std: float | None = None
+    AIC: float | None = None
+    BIC: float | None = None
+    FPE: float | None = None
 
 
 @dataclass(frozen=True)
@@ -444,11 +457,11 @@ class FrequencyCheck:
     """
 
     omega: tuple[float, ...]
-    magnitude: tuple[float, ...]
-    phase_deg: tuple[float, ...]
-    coherence: tuple[float, ...]
-    worst_gain_percent: float
-    worst_phase_deg: float
+    magnitude: Figures
+    phase_deg: Figures
+    coherence: Figures
+    worst_gain_percent: float | None
+    worst_phase_deg: float | None
     trusted_lines: int
 
 

@@ -333,7 +333,8 @@ class ValidationData:
 
 
 def _compute_relative_errors(found: FirstOrder | DryFriction) -> list[float]:
-    return [100.0 * found.K_std / abs(found.K), 100.0 * found.T_std / abs(found.T)]
+    K_std, T_std = found.deviations
+    return [100.0 * K_std / abs(found.K), 100.0 * T_std / abs(found.T)]
 
 
 Finding = tuple[Grade, str]
@@ -483,7 +484,7 @@ def _gain(evidence: ValidationData) -> Iterator[Finding]:
 def _errors(evidence: ValidationData) -> Iterator[Finding]:
     found = evidence.first_order
     # Beside what the loop may do to them, the standard errors of K and T say nothing.
-    reduced = () if evidence.biased_by_loop else (("K", found.K, found.K_std), ("T", found.T, found.T_std))
+    reduced = () if evidence.biased_by_loop else zip("KT", (found.K, found.T), found.deviations, strict=True)
     for name, value, std in reduced:
         spread = 100.0 * std / abs(value)
         grade = grade_value(spread, CAUTION_STD_PERCENT, MAX_STD_PERCENT)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from backend.documented import described
-from backend.identification import Grade
+from backend.identification import FirstOrder, FrequencyCheck, Grade, Residuals
 from backend.models.document import ABSENT, DocumentCodec, UnreadableDocumentError
 from plant import Side
 
@@ -26,16 +26,6 @@ CHANNELS: tuple[ChannelName, ...] = ("G_q", "G_S")
 Numbers = tuple[float | None, ...]
 
 
-@dataclass(frozen=True)
-class Reduced:
-    """K/(T s + 1) with gain and low-frequency phase of a larger model, with standard errors."""
-
-    K: float
-    T: float
-    K_std: float | None = None
-    T_std: float | None = None
-
-
 @dataclass(frozen=True, kw_only=True)
 class ChannelModel:
     """The transfer function of one channel; ``covariance`` in the order of its structure's parameters."""
@@ -46,7 +36,7 @@ class ChannelModel:
     covariance: tuple[Numbers, ...] = ()
     noise: Numbers = ()
     method: str | None = None
-    first_order: Reduced
+    first_order: FirstOrder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,41 +48,6 @@ class ActuatorModel:
     G_q: ChannelModel
     G_S: ChannelModel
     version: int = VERSION
-
-
-@dataclass(frozen=True, kw_only=True)
-class ResidualTest:
-    """Correlations at ``lags_s`` [s] beside their bounds."""
-
-    lags_s: tuple[float, ...]
-    correlation: Numbers
-    bound: Numbers
-    passed: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class ResidualTests:
-    """Tests of the whitened residuals, and information criteria."""
-
-    whiteness: ResidualTest
-    input_correlation: ResidualTest
-    std: float | None = None
-    AIC: float | None = None
-    BIC: float | None = None
-    FPE: float | None = None
-
-
-@dataclass(frozen=True)
-class FrequencyEstimate:
-    """The response without a model, line by line, and how far the model is from it where that can be trusted."""
-
-    omega: tuple[float, ...]
-    magnitude: Numbers
-    phase_deg: Numbers
-    coherence: Numbers
-    worst_gain_percent: float | None
-    worst_phase_deg: float | None
-    trusted_lines: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,8 +101,8 @@ class ChannelQuality:
     gain_geometry: float | None = None
     gain_error_percent: float | None = None
     y_resolution: float | None = None
-    residuals: ResidualTests
-    frequency: FrequencyEstimate | None = field(default=None, metadata=ABSENT)
+    residuals: Residuals
+    frequency: FrequencyCheck | None = field(default=None, metadata=ABSENT)
     usable: bool = False
     grade: Grade
     verdict: str = ""
@@ -269,10 +224,10 @@ class RefusedStep:
 class StoredStepCurve:
     """A few points of a step [V] as measured and as the model says, to draw: t [s], turn [rad]."""
 
-    voltage: float
-    t: tuple[float, ...]
-    measured: tuple[float, ...]
-    model: tuple[float, ...]
+    voltage: float = field(metadata=described("voltage of the step", "V"))
+    t: tuple[float, ...] = field(metadata=described("time from the step", "s"))
+    measured: tuple[float, ...] = field(metadata=described("turn as measured", "rad"))
+    model: tuple[float, ...] = field(metadata=described("turn of the model", "rad"))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from backend.documented import described
+from backend.documented import COMPLETE_ANSWER, described
 from backend.models.document import ABSENT, Document, DocumentCodec, replace_non_finite
 from plant import Obstacle
 
@@ -155,12 +155,17 @@ class Phase:
 class MeasuredFigure:
     """A figure of a result. ``reason`` says why it, or a part of it, was not measured; "" where nothing is missing."""
 
+    __pydantic_config__ = COMPLETE_ANSWER
+
     name: str
     unit: str
     label: str
     definition: str
     value: float | None
-    reason: str = ""
+    reason: str = field(
+        default="",
+        metadata=described("why it was not measured; with a value: why not on all steps, so at least that"),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -569,12 +574,16 @@ def _whole(value: Any) -> int | None:
 class RunHeadline:
     """A figure in SI. ``relation`` and ``bound`` are those of its criterion; "" and None for a figure without one."""
 
+    __pydantic_config__ = COMPLETE_ANSWER
+
     name: str
     label: str
     value: float
-    unit: str
-    relation: str = ""
-    bound: float | None = None
+    unit: str = field(metadata=described("SI, 1 for what has none"))
+    relation: str = field(
+        default="", metadata=described("of the criterion it was judged by, < or >; empty without a criterion")
+    )
+    bound: float | None = field(default=None, metadata=described("bound of that criterion, null without one"))
 
 
 def find_headline(

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from backend.identification import TABLE_1, read_whiteness_test, worst_grade
+from backend.identification import TABLE_1, Residuals, read_whiteness_test, worst_grade
 from backend.models import (
     CHANNELS,
     ArxEstimate,
@@ -13,7 +13,6 @@ from backend.models import (
     IdentifiedChannel,
     MotorsFound,
     Pair,
-    ResidualTests,
     SpringFound,
     SpringModel,
     TriedStructure,
@@ -189,7 +188,7 @@ def _model_row(key: str, channel: IdentifiedChannel) -> tuple[str, ...]:
     )
 
 
-def _residuals(tests: ResidualTests) -> str:
+def _residuals(tests: Residuals) -> str:
     white, free = read_whiteness_test(tests.whiteness), read_whiteness_test(tests.input_correlation)
     return (
         f"{'white' if white.passed else 'coloured'} ({white.statistic:.1f} of {white.critical:.1f}), "

@@ -20,8 +20,8 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from backend.analysis import AT_REST, SETTLING_BAND
-from backend.identification import Model, read_whiteness_test, simulate_response
-from backend.models import ChannelModel, ChannelName, ResidualTests, StepFigures
+from backend.identification import Model, Residuals, read_whiteness_test, simulate_response
+from backend.models import ChannelModel, ChannelName, StepFigures
 from backend.recording import Columns as ReaderColumns
 from backend.units import AngleUnit, reading_of
 
@@ -356,7 +356,7 @@ def identification_step_panels(channels: Mapping[ChannelName, ChannelModel], nam
 
 
 @cached_figure
-def residual_panels(residuals: Mapping[ChannelName, ResidualTests], name: str) -> str:
+def residual_panels(residuals: Mapping[ChannelName, Residuals], name: str) -> str:
     """Draw the correlation of each residual with itself and with the input, in the bounds of their tests."""
     tests = (
         ("residual with itself", {key: found.whiteness for key, found in residuals.items()}),

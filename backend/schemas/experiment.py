@@ -7,7 +7,7 @@ from pydantic import Field
 
 from backend.execution import RunPhase
 from backend.experiments import MAX_CHARACTERS, PlayedPart
-from backend.models import Outcome, Setting, Value
+from backend.models import MeasuredFigure, Outcome, Setting, Value
 from backend.schemas.base import Finite, Schema, quantity
 from backend.schemas.run import SamplesView
 from backend.storage import StudyPoint
@@ -50,22 +50,6 @@ class ExperimentRequest(Schema):
         "segments is a list of segments as JSON: keep an experiment in its place",
     )
     settings: dict[SettingName, SettingValue] = Field(default_factory=dict, max_length=50)
-
-
-class Metric(Schema):
-    """One number of the result."""
-
-    name: str
-    label: str
-    value: float | None
-    unit: str
-
-
-class MeasuredMetric(Metric):
-    """One number of a result that was measured, or that could not be."""
-
-    definition: str
-    reason: str = Field(description="why it was not measured; with a value: why not on all steps, so at least that")
 
 
 class Criterion(Schema):
@@ -115,7 +99,7 @@ class DryRunView(Schema):
     settings: dict[str, SettingValue] = Field(description="all it was played with, those of the loop included")
     outcome: Outcome
     verdict: str = Field(description="what it came to, in a sentence")
-    metrics: list[MeasuredMetric]
+    metrics: list[MeasuredFigure]
     criteria: list[Criterion]
     samples: SamplesView | None
 
@@ -141,7 +125,7 @@ class ExperimentView(Schema):
     settings: dict[str, SettingValue | None]
     outcome: Outcome
     verdict: str = Field(description="what it came to, in a sentence")
-    metrics: list[MeasuredMetric]
+    metrics: list[MeasuredFigure]
     criteria: list[Criterion]
     message: str
 

@@ -5,12 +5,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from backend.experiments import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
+from backend.experiments import (
+    ActuatorIdentificationPlan,
+    Expectation,
+    MotorIdentificationPlan,
+    SpringIdentificationPlan,
+)
 from backend.identification import Grade, LoadFrictionFit, Method
-from backend.models import Setting, StoredSpringFit, describe_settings
+from backend.models import Setting, StoredSpringFit, StoredStepCurve, describe_settings
 from backend.plain_text import ONE_LINE
 from backend.schemas.base import Finite, Schema, quantity
-from backend.schemas.experiment import Metric, SettingValue
+from backend.schemas.experiment import SettingValue
 
 # Compared models -----------------------------------------------------------------------------------
 #
@@ -162,20 +167,11 @@ class ChannelCurves(Schema):
     candidates: list[Candidate]
 
 
-class StepCurve(Schema):
-    """One voltage step of a motor."""
-
-    voltage: float = quantity("V", "voltage of the step")
-    t: list[float] = quantity("s", "time from the step")
-    measured: list[float] = quantity("rad", "turn as measured")
-    model: list[float] = quantity("rad", "turn of the model")
-
-
 class MotorCurves(Schema):
     """Steps of one motor."""
 
     side: Literal["A", "B"]
-    steps: list[StepCurve]
+    steps: list[StoredStepCurve]
 
 
 class OrderCurve(Schema):
@@ -306,7 +302,7 @@ class Prediction(Schema):
     F_high: float = quantity("N", "largest tendon tension on the whole way")
     path: list[PathPoint] = Field(description="way of the joint while the tendons are taut, start first")
     within_range: bool = Field(description="whether joint and springs stay within their range; it is refused if not")
-    figures: list[Metric] = Field(description="what to expect, in numbers")
+    figures: list[Expectation] = Field(description="what to expect, in numbers")
     q_counts: float | None = Field(
         description="joint motion by the excitation alone, peak to peak, in encoder counts; actuator only"
     )

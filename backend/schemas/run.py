@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 
 from pydantic import AwareDatetime, Field
 
-from backend.models import DeclaredValue, Outcome
+from backend.models import DeclaredValue, Outcome, RunHeadline
 from backend.schemas.base import ANY_SIZE, HUGE, Schema, quantity
-from backend.storage import LONGEST, TAG_MAX, EventKind
+from backend.storage import LONGEST, TAG_MAX, LogEntry
 
 # Flight --------------------------------------------------------------------------------------------
 #
@@ -200,17 +200,6 @@ class EvaluationView(StrEnum):
     """it could not be computed; asked for again, it may be"""
 
 
-class Headline(Schema):
-    """The figure of a result that a list of runs shows beside the verdict."""
-
-    name: str
-    label: str
-    value: float
-    unit: str = Field(description="SI, 1 for what has none")
-    relation: str = Field(description="of the criterion it was judged by, < or >; empty without a criterion")
-    bound: float | None = Field(description="bound of that criterion, null without one")
-
-
 class RunView(Schema):
     """One stored run."""
 
@@ -239,7 +228,7 @@ class RunView(Schema):
     evaluation: EvaluationView
     evaluation_problem: str = Field(description="why the run has no result, where that is known")
     outcome: Outcome | None = Field(description="how it counts; null for a session and for a run that is not over")
-    headline: Headline | None = Field(
+    headline: RunHeadline | None = Field(
         description="the first criterion that failed, else the first measured criterion, else the lower fit of an "
         "identified actuator, else the first measured figure"
     )
@@ -383,26 +372,10 @@ Instant = Annotated[AwareDatetime, Field(json_schema_extra={"maxLength": 40})]
 """A time with its zone; what is longer than that is none."""
 
 
-class TimelineEntry(Schema):
-    """One thing that happened."""
-
-    at: datetime
-    kind: EventKind
-    who: str = Field(description="who asked for it; empty where nobody did")
-    text: str
-    event: int | None = Field(description="its number; null of a run that began or ended")
-    run: int | None
-    t: float | None = quantity("s", "where it stands in the recording of the run, since its first sample")
-    flight: bool = Field(description="a flight record of this number was kept")
-    note: str
-    tags: list[str]
-    remark_by: str = Field(description="whose note and tags these are")
-
-
 class Timeline(Schema):
     """A page of it, newest first."""
 
-    entries: list[TimelineEntry]
+    entries: list[LogEntry]
     total: int = Field(description="how many there are of what is asked for, these included")
     more_before: datetime | None = Field(description="ask for what was before this; null where there is no more")
 

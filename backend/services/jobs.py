@@ -32,6 +32,7 @@ from backend.experiments import (
     IDENTIFICATIONS,
     KIND,
     ActuatorIdentificationPlan,
+    Expectation,
     Expected,
     ExperimentDefinition,
     ExperimentPlan,
@@ -65,7 +66,6 @@ from backend.schemas import (
     ExperimentToCheck,
     IdentificationKind,
     IdentificationRequest,
-    Metric,
     MotorRequest,
     OwnExperiment,
     PartView,
@@ -137,7 +137,7 @@ def prediction_of(
 class _Worth:
     """What the run is for: its figures, what it shows, and what ``problem`` makes it not worth starting."""
 
-    figures: list[Metric]
+    figures: list[Expectation]
     message: str
     problem: str
     q_counts: float | None = None
@@ -204,8 +204,10 @@ def _actuator_worth(plans: list[ActuatorIdentificationPlan], parameters: PlantPa
     counts = "By the excitation alone, peak to peak"
     return _Worth(
         figures=[
-            Metric(name="q_counts", label=counts, value=worst.q_counts, unit="encoder counts"),
-            Metric(name="u_peak_V", label=f"Peak voltage, of {parameters.motor.u_max:g} V", value=u_peak, unit="V"),
+            Expectation(name="q_counts", label=counts, value=worst.q_counts, unit="encoder counts"),
+            Expectation(
+                name="u_peak_V", label=f"Peak voltage, of {parameters.motor.u_max:g} V", value=u_peak, unit="V"
+            ),
         ],
         message=worst.message,
         problem=worst.problem,
@@ -215,8 +217,8 @@ def _actuator_worth(plans: list[ActuatorIdentificationPlan], parameters: PlantPa
     )
 
 
-def _metrics(run: PredictedRun) -> list[Metric]:
-    return [Metric(**asdict(figure)) for figure in run.figures]
+def _metrics(run: PredictedRun) -> list[Expectation]:
+    return list(run.figures)
 
 
 # Pause ---------------------------------------------------------------------------------------------

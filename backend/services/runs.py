@@ -4,7 +4,7 @@ import asyncio
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
 from typing import Any
@@ -55,8 +55,6 @@ from backend.schemas import (
     ExperimentView,
     FlightList,
     FlightView,
-    Headline,
-    MeasuredMetric,
     Planned,
     PlannedLine,
     PlannedPart,
@@ -70,7 +68,6 @@ from backend.schemas import (
     SignalEnvelope,
     TaskView,
     Timeline,
-    TimelineEntry,
 )
 from backend.services.lineage import marks_of
 from backend.storage import (
@@ -82,7 +79,6 @@ from backend.storage import (
     EventKind,
     Extent,
     Flight,
-    LogEntry,
     LogQuery,
     Op,
     Query,
@@ -525,28 +521,12 @@ class StoredTimeline:
         with self._database.reading() as session:
             found, more_before = timeline.find(session, asked, limit)
             total = len(found) if more_before is None else timeline.count(session, asked)
-        return Timeline(entries=[_entry(one) for one in found], total=total, more_before=more_before)
+        return Timeline(entries=found, total=total, more_before=more_before)
 
     def remark(self, event_id: int, said: Remark, who: str) -> None:
         """Put a note and tags on an event. Raises UnknownRecordError, TagError, RequestRejectedError."""
         with self._database.session() as session:
             timeline.remark(session, event_id, said.note.strip(), said.tags, who)
-
-
-def _entry(one: LogEntry) -> TimelineEntry:
-    return TimelineEntry(
-        at=one.at,
-        kind=one.kind,
-        who=one.who,
-        text=one.text,
-        event=one.event_id,
-        run=one.run_id,
-        t=one.t,
-        flight=one.flight,
-        note=one.note,
-        tags=list(one.tags),
-        remark_by=one.remark_by,
-    )
 
 
 # Views ---------------------------------------------------------------------------------------------
@@ -602,7 +582,7 @@ def run_view(
         evaluation=evaluation,
         evaluation_problem=problem,
         outcome=judge_run(metrics, criteria) if judged else None,
-        headline=None if headline is None else Headline(**asdict(headline)),
+        headline=headline,
     )
 
 
@@ -690,7 +670,7 @@ def _judgement(run: Run, result: Result | None) -> dict[str, Any]:
     return {
         "outcome": found.outcome,
         "verdict": found.sentence,
-        "metrics": [MeasuredMetric(**asdict(item)) for item in (metrics.figures if metrics else ())],
+        "metrics": list(metrics.figures if metrics else ()),
         "criteria": [_criterion(item) for item in criteria],
     }
 

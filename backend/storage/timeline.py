@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from itertools import islice
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from sqlalchemy import Row, Select, func, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
+from backend.documented import COMPLETE_ANSWER, HIDDEN, described
 from backend.errors import RequestRejectedError
 from backend.storage import recordings
 from backend.storage.events import EventKind
@@ -50,24 +51,29 @@ class LogQuery:
 
 @dataclass(frozen=True)
 class LogEntry:
-    """One thing that happened; ``event_id`` is None of a run that began or ended.
+    """One thing that happened; ``event`` is its number, None of a run that began or ended.
 
     ``t`` [s] counts from the first sample of its run, ``flight`` tells that a flight record was kept of it, and
     ``note``, ``tags`` and ``remark_by`` are what a person says of it.
     """
 
+    __pydantic_config__ = COMPLETE_ANSWER
+
     at: datetime
     kind: EventKind
-    who: str
+    who: str = field(metadata=described("who asked for it; empty where nobody did"))
     text: str
-    event_id: int | None = None
-    run_id: int | None = None
-    tick: int | None = None
-    t: float | None = None
-    flight: bool = False
+    event: int | None = field(default=None, metadata=described("its number; null of a run that began or ended"))
+    run: int | None = None
+    tick: int | None = field(default=None, metadata=HIDDEN)
+    t: float | None = field(
+        default=None,
+        metadata=described("where it stands in the recording of the run, since its first sample", "s"),
+    )
+    flight: bool = field(default=False, metadata=described("a flight record of this number was kept"))
     note: str = ""
     tags: tuple[str, ...] = ()
-    remark_by: str = ""
+    remark_by: str = field(default="", metadata=described("whose note and tags these are"))
 
 
 def find(session: Session, asked: LogQuery, limit: int) -> tuple[list[LogEntry], datetime | None]:
@@ -87,7 +93,7 @@ def _merge_entries(session: Session, asked: LogQuery, limit: int | None) -> list
     found = _events(session, asked, limit) if wanted - {EventKind.RUN} else []
     if EventKind.RUN in wanted:
         found += _began(session, asked, limit) + _load_run_ends(session, asked, limit)
-    found.sort(key=lambda one: (one.at, one.event_id or 0), reverse=True)
+    found.sort(key=lambda one: (one.at, one.event or 0), reverse=True)
     return found[:limit]
 
 
@@ -150,7 +156,7 @@ def _query_entries(
         turned = (format_angles(text, asked.angles) for text in (one.text, beside))
         read = [_normalise_text(place) for place in (*turned, one.who, one.note, *one.tags)]
         read += [place.replace("°", " deg") for place in read]
-        return all(word == str(one.run_id) or any(word in place for place in read) for word in words)
+        return all(word == str(one.run) or any(word in place for place in read) for word in words)
 
     rows = session.execute(query.execution_options(yield_per=_AT_ONCE))
     try:
@@ -200,8 +206,8 @@ def _event(row: _Row) -> tuple[LogEntry, str]:
         kind=EventKind(event.kind) if event.kind in set(EventKind) else EventKind.NOTE,
         who=event.who,
         text=event.text,
-        event_id=event.id,
-        run_id=event.run_id,
+        event=event.id,
+        run=event.run_id,
         tick=event.tick,
         flight=flight is not None,
         note="" if text is None else text.note,
@@ -221,12 +227,12 @@ def _load_run_ends(session: Session, asked: LogQuery, limit: int | None) -> list
 
 def _make_begin_entry(row: _Row) -> tuple[LogEntry, str]:
     run, at, who, title, words, _, _ = row
-    return LogEntry(at, EventKind.RUN, who, f"{title} began", run_id=run), words
+    return LogEntry(at, EventKind.RUN, who, f"{title} began", run=run), words
 
 
 def _end(row: _Row) -> tuple[LogEntry, str]:
     run, at, _, title, words, state, detail = row
-    return LogEntry(at, EventKind.RUN, "", f"{title} {_in_words(state, detail)}", run_id=run), words
+    return LogEntry(at, EventKind.RUN, "", f"{title} {_in_words(state, detail)}", run=run), words
 
 
 def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: LogQuery) -> _Query:
@@ -284,7 +290,7 @@ def _locate_entries(session: Session, found: list[LogEntry]) -> list[LogEntry]:
                 continue
             fits = began <= one.at and (ended is None or one.at <= ended + AFTER)
             if fits and extent.first_tick <= one.tick <= extent.end_tick:
-                return replace(one, run_id=run, t=(one.tick - extent.first_tick) * recording.period_s)
+                return replace(one, run=run, t=(one.tick - extent.first_tick) * recording.period_s)
         return one
 
     return [locate(one) for one in found]

@@ -47,7 +47,7 @@ def outcome(case: Provoked) -> Outcome:
         else:
             linear = estimate_model(record, case.structure)
             reduced = linear.first_order
-            verdict, found, std = linear.verdict, (reduced.K, reduced.T), (reduced.K_std, reduced.T_std)
+            verdict, found, std = linear.verdict, (reduced.K, reduced.T), reduced.deviations
     except IdentificationError as refusal:
         return Outcome(None, words=str(refusal))
     if case.truth is None:

@@ -91,7 +91,10 @@ def test_a_motor_without_friction_is_usable_and_right(kind: str) -> None:
     found = motor_found(kind, 0.0, 0.01)
     assert found.verdict.grade is Grade.USABLE
     assert claimed(found) < 4.0
-    assert f"K and T known to ±{100.0 * found.first_order.T_std / found.first_order.T:.2g}" in found.verdict.sentence
+    assert (
+        f"K and T known to ±{100.0 * found.first_order.deviations[1] / found.first_order.T:.2g}"
+        in found.verdict.sentence
+    )
 
 
 @pytest.mark.parametrize("structure", ["first", "order:2"])

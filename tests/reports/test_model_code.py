@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
+from backend.identification.models import FirstOrder
 from backend.models.identification import (
     ActuatorModel,
     ChannelModel,
     Fitted,
     IdentifiedMotor,
     Pair,
-    Reduced,
     SpringModel,
     StoredSpringFit,
 )
@@ -40,7 +40,7 @@ def channel(structure: str, parameters: dict[str, float], std: float = 0.01) -> 
         parameters=parameters,
         std_errors=dict(errors),
         covariance=tuple(map(tuple, covariance.tolist())),
-        first_order=Reduced(0.05, 0.34, 1e-4, 2e-3),
+        first_order=FirstOrder(0.05, 0.34, 1e-4, 2e-3),
     )
 
 
@@ -86,7 +86,7 @@ def test_coefficients_that_follow_from_parameters_have_standard_errors() -> None
 
 
 def test_a_model_of_an_earlier_version_has_no_standard_errors() -> None:
-    old = ChannelModel(structure="lags4", parameters=LAGS_4, first_order=Reduced(0.7, 0.34))
+    old = ChannelModel(structure="lags4", parameters=LAGS_4, first_order=FirstOrder(0.7, 0.34))
     blocks = actuator_blocks(model(old, old))
     assert isinstance(blocks[0], Table)
     assert {row[3] for row in blocks[0].rows} == {"–"}

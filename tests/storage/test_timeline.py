@@ -56,14 +56,14 @@ def test_an_event_stands_at_its_second_of_the_run_that_was_recorded_then(databas
         events.add(session, EventKind.MODE, "off → run", tick=5250, at=after(60.25))
         events.add(session, EventKind.NOTE, "between", tick=7500, at=after(30.0))
         events.add(session, EventKind.ACCESS, "signed in as operator", who="Ana", at=after(61.0))
-    placed = {one.text: (one.run_id, one.t) for one in all_of(database) if one.kind is not EventKind.RUN}
+    placed = {one.text: (one.run, one.t) for one in all_of(database) if one.kind is not EventKind.RUN}
     assert placed == {
         "run → off": (first, pytest.approx(2.5)),
         "off → run": (second, pytest.approx(0.25)),
         "between": (None, None),
         "signed in as operator": (None, None),
     }
-    told = [(one.at, one.run_id) for one in all_of(database, LogQuery(kinds=[EventKind.RUN]))]
+    told = [(one.at, one.run) for one in all_of(database, LogQuery(kinds=[EventKind.RUN]))]
     assert told == [(after(64.0), second), (after(60.0), second), (after(4.0), first), (after(0.0), first)]
 
 
@@ -168,8 +168,8 @@ def test_a_run_is_found_by_its_number_and_by_the_angle_that_it_ended_at(database
         record(session, 0.0, 0, 1000)
         second = runs.create(session, NEW).id
         runs.end(session, second, runs.EndState.TRIPPED, "joint_limit: q = 1.0472 rad")
-    assert {one.run_id for one in all_of(database, LogQuery(words=["run", str(second)]))} == {second}
-    assert {one.run_id for one in all_of(database, LogQuery(words=["60", "deg"]))} == {second}
+    assert {one.run for one in all_of(database, LogQuery(words=["run", str(second)]))} == {second}
+    assert {one.run for one in all_of(database, LogQuery(words=["60", "deg"]))} == {second}
     assert all_of(database, LogQuery(words=["1.0472"])) == []
     assert len(all_of(database, LogQuery(words=["1.0472"], angles=AngleUnit.RADIANS))) > 0
 
