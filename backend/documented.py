@@ -22,16 +22,16 @@ def _leave_out_hidden(schema: dict[str, Any], form: Any) -> None:
     """Document an answer without its hidden fields."""
     for item in fields(form):
         if item.metadata.get("exclude"):
-            del schema["properties"][item.name]
-            schema["required"].remove(item.name)
+            schema["properties"].pop(item.name, None)
+    schema["required"] = [name for name in schema["required"] if name in schema["properties"]]
     schema["additionalProperties"] = False
 
 
 def _require_all(schema: dict[str, Any], form: Any) -> None:
     """Document that an answer has each field, also one that has a default where it is constructed."""
-    for item in fields(form):
-        schema["properties"][item.name].pop("default", None)
-    schema["required"] = [item.name for item in fields(form)]
+    for part in schema["properties"].values():
+        part.pop("default", None)
+    schema["required"] = list(schema["properties"])
     _leave_out_hidden(schema, form)
 
 

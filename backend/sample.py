@@ -6,9 +6,11 @@ from ``FIELDS``. A new signal is a new row here, and its value by name in ``back
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Literal
+
+from backend.documented import ANSWER, HIDDEN
 
 
 @dataclass(frozen=True)
@@ -20,11 +22,13 @@ class Field:
     that recording and wire leave them out and rebuild them.
     """
 
+    __pydantic_config__ = ANSWER
+
     name: str
     symbol: str
     unit: str
     meaning: str
-    derived: bool = False
+    derived: bool = field(default=False, metadata=HIDDEN)
 
 
 @dataclass(frozen=True)

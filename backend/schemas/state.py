@@ -12,6 +12,7 @@ from backend.faults import Fault
 from backend.plain_text import ONE_LINE
 from backend.realtime import Mode, RealTimeStatus
 from backend.recording import ConditionKind, FormulaStep
+from backend.sample import Field as SampleField
 from backend.schemas.base import ANY_SIZE, HUGE, RowNumber, Schema, quantity
 from backend.schemas.run import PlayerView
 from backend.schemas.session import PersonView
@@ -592,20 +593,11 @@ class State(Schema):
 Whole = Annotated[int, Field(ge=0, le=2**53)]
 
 
-class FieldView(Schema):
-    """One column of a binary frame."""
-
-    name: str
-    symbol: str
-    unit: str
-    meaning: str
-
-
 class LayoutMessage(Schema):
     """First message: how to read everything after it."""
 
     type: Literal["layout"] = "layout"
-    fields: list[FieldView]
+    fields: list[SampleField]
     period_s: float = quantity("s", "sampling period")
     modes: list[str] = Field(description="mode by its code in the sample")
     faults: list[str] = Field(description="fault by its code in the sample")

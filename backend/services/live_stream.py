@@ -33,7 +33,7 @@ from backend.realtime import (
     WallChanged,
 )
 from backend.sample import STORED
-from backend.schemas import EventMessage, FieldView, LayoutMessage, MarkKind, StateMessage
+from backend.schemas import EventMessage, LayoutMessage, MarkKind, StateMessage
 from backend.services.state import wall_in_words
 from backend.supervision import Part
 from plant import T_s
@@ -247,7 +247,7 @@ class LiveStream:
 def layout() -> LayoutMessage:
     """Return the message that tells how to read all others."""
     return LayoutMessage(
-        fields=[FieldView(name=f.name, symbol=f.symbol, unit=f.unit, meaning=f.meaning) for f in STORED],
+        fields=list(STORED),
         period_s=T_s,
         modes=[str(mode) for mode in MODES],
         faults=[str(fault) for fault in FAULTS],
