@@ -85,7 +85,7 @@ def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_f
     order = ["experiment", "sequence", "--params", str(weak_motors(tmp_path)), "--data", str(tmp_path)]
     ended = command(*order, "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.1, "S_ref": 10}]')
     assert ended.returncode == 0, ended.stderr
-    moved, lam_q = ended.stderr.strip().rsplit(" → ", 1)
+    moved, lam_q = ended.stderr.splitlines()[0].rsplit(" → ", 1)
     assert moved == "the method's default is not offered for these models, the nearest that is: λ_q 0.5"
     assert ended.stdout.startswith(f"tuning: λ_q {lam_q} (default), λ_S 0.42 s (default), ")
 
