@@ -158,7 +158,7 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
 
         homing = "Homing of the bring-up is under way"
         with monkeypatch.context() as during:
-            during.setattr(parts.actuator, "occupied", lambda: homing)
+            during.setattr(present, "occupied", homing)
             await refused(homing)
         with monkeypatch.context() as during:
             during.setattr(present, "own_tuning", present.tuning)
