@@ -139,7 +139,7 @@ class SentAwayError(SinewError):
         self.reason = reason
 
 
-class Silence:
+class InboundLimiter:
     """Reads the messages of one browser, discards them, and raises SentAwayError when it is none of viser's page."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -246,9 +246,9 @@ async def _refuse_version(websocket: WebSocket, offered: list[str]) -> None:
 
 
 async def _receive(websocket: WebSocket) -> None:
-    silence = Silence()
+    limiter = InboundLimiter()
     while (message := await websocket.receive())["type"] != "websocket.disconnect":
-        silence.take(message.get("bytes"))
+        limiter.take(message.get("bytes"))
 
 
 def _find_reason(ended: asyncio.Task[None]) -> SentAwayError | None:
