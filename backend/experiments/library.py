@@ -458,7 +458,7 @@ def _sequence_entry() -> ExperimentDefinition:
         settings=(_SEGMENTS,),
         make=make,
         run_kind=upgrades.SEQUENCE,
-        instead="write an experiment: its parts step, ramp and sine take the same numbers (docs/experiments.md)",
+        instead="write an experiment: its parts step, ramp and sine take the same numbers (docs/how-to/experiments.md)",
     )
 
 

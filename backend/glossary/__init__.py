@@ -2,8 +2,8 @@
 
 Nothing is defined here that has its words elsewhere: signals and quantities come from ``docs/reference/notation.md``,
 faults and limits from ``docs/reference/faults.md`` and ``backend/faults.py``, figures from their declarations beside
-what computes them, what the loop's timing says from the message that carries it. Words that stood nowhere, of
-verdicts and modes, are in ``verdicts.py``. The page gets all of it as ``glossary.gen.ts``.
+what computes them, what the loop's timing says from the message that carries it. ``glossary.py`` itself defines only
+the words for verdicts and modes. The page gets all of it as ``glossary.gen.ts``.
 """
 
 import lazy_loader

@@ -211,8 +211,8 @@ def _step(
 # The lineage of a run as boxes: gains, bank, identifications, raw data, parameters, calibration,
 # each with a digest.
 #
-# A digest is that of the content (``documents/digest.py``, ``recording/digest.py``): two boxes with
-# the same digest say the same, in whichever database. What holds no more is marked where it stands.
+# A digest is that of the content (``document_digest``, ``compute_recording_digest``): two boxes with
+# the same digest have the same content, in any database. A box whose content is out of date says so.
 
 
 READ_AT_ONCE_BYTES = 30_000_000

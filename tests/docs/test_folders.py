@@ -26,3 +26,20 @@ def test_the_index_lists_each_document_under_its_purpose() -> None:
         section = index.split(f"## {heading}\n", 1)[1].split("\n## ", 1)[0]
         listed = {link for link in re.findall(r"\]\(([^)]+)\)", section) if link.startswith(f"{purpose}/")}
         assert listed == {f"{purpose}/{path.name}" for path in (DOCS / purpose).glob("*.md")}
+
+
+def test_each_document_and_module_that_the_sources_name_exists() -> None:
+    """A text of the program that sends somebody to a document is a link, and so is a module in a docstring."""
+    root = DOCS.parent
+    modules = [path for folder in ("backend", "plant", "migrations", "tests") for path in (root / folder).rglob("*.py")]
+    sources = [path for path in modules if "tests" not in path.relative_to(root).parts]
+
+    def names(pattern: str) -> list[tuple[str, str]]:
+        texts = {path.relative_to(root).as_posix(): path.read_text(encoding="utf-8") for path in sources}
+        return sorted({(place, name) for place, text in texts.items() for name in re.findall(pattern, text)})
+
+    documents = names(r"docs/[\w./-]+\.md")
+    assert len(documents) > 20
+    assert [one for one in documents if not (root / one[1]).exists()] == []
+    endings = [f"/{path.relative_to(root).as_posix()}" for path in modules]
+    assert [one for one in names(r"``([\w/]+\.py)``") if not any(end.endswith(f"/{one[1]}") for end in endings)] == []
