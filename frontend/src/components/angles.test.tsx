@@ -2,8 +2,9 @@ import { MantineProvider } from "@mantine/core";
 import { cleanup, fireEvent, render, screen, within } from "@testing-library/react";
 import { type ReactElement, useState } from "react";
 import { afterEach, beforeEach, expect, it, vi } from "vitest";
+import { SAMPLE } from "../pages/experiments/document";
 import { Figures } from "../pages/experiments/ExperimentRuns";
-import { SegmentsEditor } from "../pages/experiments/SequenceEditor";
+import { SequenceEditor } from "../pages/experiments/SequenceEditor";
 import { limitLines } from "../pages/operate/LiveCharts";
 import { SettingsCard } from "../pages/runs/RunDetail";
 import type { AngleUnit } from "../samples/quantity";
@@ -94,17 +95,16 @@ it("converts by the unit and not by the name", () => {
 it.each([
   ["deg", "q_ref [°]", "60"],
   ["rad", "q_ref [rad]", "1.0472"],
-] as const)("edits and prints segments in %s", (angles, heading, value) => {
-  const json = `[{"duration_s":4,"q_ref":${SIXTH},"S_ref":10}]`;
-  open(<SegmentsEditor json={json} onChange={() => undefined} />, angles);
-  expect((screen.getByLabelText(`${heading} of segment 1`) as HTMLInputElement).value).toBe(value);
+] as const)("edits parts and prints settings in %s", (angles, heading, value) => {
+  const parts = [{ do: "step", q_ref: SIXTH, duration_s: 4 }];
+  const document = { ...SAMPLE, phases: [{ name: "all", title: "All", parts }] };
+  open(<SequenceEditor document={document} played={[]} onChange={() => undefined} />, angles);
+  expect((screen.getByLabelText(`${heading} of part 1.1`) as HTMLInputElement).value).toBe(value);
   cleanup();
   const settings = [
-    { name: "segments", symbol: "", unit: "1", meaning: "", value: json },
     { name: "q_hold", symbol: "q_0", unit: "rad", meaning: "position held", value: SIXTH },
   ] as Run["settings"];
   open(<SettingsCard settings={settings} />, angles);
-  expect(screen.getByRole("columnheader", { name: heading })).toBeTruthy();
   const row = screen.getByRole("row", { name: /position held/ });
   expect(row.textContent).toBe(`position heldq_0${value}${angles === "deg" ? "°" : "rad"}`);
 });

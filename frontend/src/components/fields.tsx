@@ -113,25 +113,21 @@ export function TextField(props: TextFieldProps) {
 /** One of a few words, told at the field when it is refused. */
 
 interface ChoiceFieldProps extends Omit<NativeSelectProps, "error" | "onChange"> {
-  /** Where the value stands in what is sent, as refusals name it; the name of the field if left out. */
-  readonly place?: string;
-  /** Where there is no room below the field: the element that says why it is refused. */
-  readonly messageId?: string;
   /** What it is for. */
   readonly entry?: Entry | undefined;
   onChange(value: string): void;
 }
 
 export function ChoiceField(props: ChoiceFieldProps) {
-  const { place = props.name, messageId, entry, onChange, ...rest } = props;
-  const { ref, said } = useRefusedInput<HTMLSelectElement>(place, messageId);
+  const { entry, onChange, ...rest } = props;
+  const { ref, said } = useRefusedInput<HTMLSelectElement>(rest.name);
   return (
     <NativeSelect
       {...rest}
       {...help(entry)}
       ref={ref}
       inputWrapperOrder={["label", "input", "description", "error"]}
-      error={messageId === undefined ? said : said !== null}
+      error={said}
       onChange={(event) => onChange(event.currentTarget.value)}
     />
   );

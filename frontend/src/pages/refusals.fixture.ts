@@ -27,15 +27,13 @@ export const STATE = {
   touch: { contact_N: 0, learned: [], felt: null },
   link: { alive: true, starts: 1 },
 } as unknown as State;
-const SEGMENTS = JSON.stringify([{ duration_s: 4, q_ref: 0, S_ref: 10 }]);
-export const SEQUENCE = {
-  name: "sequence",
-  title: "Sequence",
+export const TRACKING = {
+  name: "tracking",
+  title: "Tracking",
   description: "",
   duration_s: 4,
   why_not: "",
   settings: [
-    { name: "segments", meaning: "segments", unit: "1", default: SEGMENTS },
     { name: "law", meaning: "law in use", unit: "1", default: "cascade", choices: ["cascade", "pd"] },
     { name: "interpolate", meaning: "gain scheduling", unit: "1", default: false },
     { name: "bank", meaning: "bank", unit: "1", default: 0 },

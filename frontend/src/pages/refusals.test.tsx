@@ -34,7 +34,7 @@ import { SpringTableForm } from "./identify/SpringResult";
 import { DisturbanceCard } from "./operate/DisturbanceCard";
 import { TuningChanges } from "./operate/TuningCard";
 import { WallCard } from "./operate/WallCard";
-import { KINDS, SEQUENCE, STATE, TUNING } from "./refusals.fixture";
+import { KINDS, STATE, TRACKING, TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/RunDetail";
 
 const STAGED = { staging: true, values: { lam_q: 0.7 }, turn() {}, stage() {}, discard() {} };
@@ -96,7 +96,7 @@ const type = (label: string, value: string) => async () => {
   fireEvent.change(await screen.findByLabelText(label), { target: { value } });
 };
 const nothing = () => undefined;
-const Experiment = () => <ExperimentForm kind={SEQUENCE} onStarted={nothing} dryRun={useDryRun()} />;
+const Experiment = () => <ExperimentForm kind={TRACKING} onStarted={nothing} dryRun={useDryRun()} />;
 const experiment = <Experiment />;
 const identification = <IdentificationForm onStarted={nothing} onTable={nothing} onForecast={nothing} />;
 const note = <NoteCard run={{ id: 3, note: "", kind: "session" } as Run} />;
@@ -211,11 +211,11 @@ it.each<Case>([
     ["actuator", "estimator"],
     field("Estimator"),
   ],
-  ["choice", experiment, [press("Start sequence")], "/api/experiments", ["law"], field("Law in use")],
+  ["choice", experiment, [press("Start tracking")], "/api/experiments", ["law"], field("Law in use")],
   [
     "switch",
     experiment,
-    [press("Start sequence")],
+    [press("Start tracking")],
     "/api/experiments",
     ["interpolate"],
     () => screen.getByRole("switch"),
@@ -223,18 +223,10 @@ it.each<Case>([
   [
     "bank to use",
     experiment,
-    [press("Start sequence")],
+    [press("Start tracking")],
     "/api/experiments",
     ["bank"],
     field("Models that the gains come from"),
-  ],
-  [
-    "shape of a segment",
-    experiment,
-    [press("Start sequence")],
-    "/api/experiments",
-    ["segments", 0, "shape"],
-    field("Shape of segment 1"),
   ],
   [
     "name of a person",

@@ -273,7 +273,6 @@ it.each(["5-3", "", "1e"])("sends nothing while a box holds %j", async (text) =>
 });
 
 describe("order", () => {
-  const SEGMENTS = '[{"duration_s": 4, "q_ref": 0, "S_ref": 10}]';
   const KIND = {
     name: "tracking",
     settings: [
@@ -282,7 +281,6 @@ describe("order", () => {
       { name: "pushes", meaning: "number of pushes; of the hand profile", unit: "1", default: 8 },
       { name: "controller", meaning: "control law; two for comparison", unit: "1", default: "cascade" },
       { name: "quick", meaning: "no pause between", unit: "1", default: false },
-      { name: "segments", meaning: "JSON list of segments: duration_s [s]", unit: "1", default: "[]" },
       { name: "lam_q", meaning: "tuning parameter of the position loop", unit: "s", default: 0.5 },
     ],
   } as unknown as ExperimentKind;
@@ -293,24 +291,18 @@ describe("order", () => {
       pushes: 5,
       controller: "single-loop",
       quick: true,
-      segments: SEGMENTS,
       lam_q: 2,
     };
     const degrees = describeChanges({ ...changed, hold_s: 4 }, KIND, "deg");
     expect(degrees).toBe(
       "joint position held during the stiffness pulses: 11.4592°; number of pushes: 5; " +
-        "control law: single-loop; no pause between: yes; 1 segment, 4 s",
+        "control law: single-loop; no pause between: yes",
     );
     expect(describeChanges({ q_hold: 0.2 }, KIND, "rad")).toBe(
       "joint position held during the stiffness pulses: 0.2 rad",
     );
     expect(degrees).not.toMatch(/[a-z]+_[a-z]+/i);
     expect(describeChanges({ q_hold: 0, hold_s: 4 }, KIND, "deg")).toBe("its own settings at their defaults");
-  });
-
-  it("adds the segments up", () => {
-    const two = JSON.stringify([...JSON.parse(SEGMENTS), ...JSON.parse(SEGMENTS)]);
-    expect(describeChanges({ segments: two }, KIND, "deg")).toBe("2 segments, 8 s");
   });
 
   it("tells what of a tuning differs from the one in force, and that the plan is off", () => {

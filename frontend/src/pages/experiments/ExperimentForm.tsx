@@ -7,7 +7,7 @@ import { ChoiceField, SettingField, type SettingValue } from "../../components/f
 import { Refusal } from "../../components/Refusal";
 import { MotorMargins } from "../../components/TuningParts";
 import { useLive } from "../../live/react";
-import { capital, notANumber, pluralized } from "../../samples/format";
+import { capital, notANumber } from "../../samples/format";
 import { type AngleUnit, boxText, formatWithUnit, offeredDefault } from "../../samples/quantity";
 import { banksQuery } from "../../service/api/banks";
 import {
@@ -27,7 +27,6 @@ import { NextMode } from "../operate/ModeCard";
 import { whyNoStart } from "../operate/ReferencesCard";
 import pageStyles from "../Page.module.css";
 import { DryRunProgress } from "./DryRunProgress";
-import { SegmentsEditor, segmentsProblem } from "./SequenceEditor";
 
 /** From what is in force and what a person changed to what an experiment's form shows, which is what it sends. Pure. */
 
@@ -93,7 +92,7 @@ function orderOf(kind: ExperimentKind, shown: readonly Shown[]): Order {
   return { order: { name: kind.name, settings }, problem: null };
 }
 
-/** What differs from a kind's defaults, the loop's settings aside: "joint position held: 11.5°"; segments by length. */
+/** What differs from a kind's defaults, the loop's settings aside: "joint position held: 11.5°" */
 export function describeChanges(
   settings: Readonly<Record<string, unknown>>,
   kind: ExperimentKind,
@@ -105,7 +104,6 @@ export function describeChanges(
     .map((setting) => {
       const { name, unit, meaning } = setting;
       const value = settings[name];
-      if (name === "segments") return describeSegments(String(value));
       const [words] = meaning.split("; "); // what follows explains
       return `${words}: ${typeof value === "number" ? formatWithUnit(value, unit, angles) : describeValue(setting, value as Value, angles)}`;
     });
@@ -170,16 +168,6 @@ function describeValue({ name, unit }: Setting, value: Value, angles: AngleUnit)
   return typeof value === "number" ? boxText(value, unit, angles) : value;
 }
 
-function describeSegments(json: string): string {
-  try {
-    const list: unknown = JSON.parse(json);
-    const total_s = (list as { duration_s: number }[]).reduce((sum, { duration_s }) => sum + duration_s, 0);
-    return `${pluralized((list as unknown[]).length, "segment")}, ${Number(total_s.toFixed(3))} s`;
-  } catch {
-    return "segments of its own";
-  }
-}
-
 function sentence(text: string): string {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
@@ -208,7 +196,7 @@ export function ExperimentForm({ kind, onStarted, dryRun }: ExperimentFormProps)
   const values = Object.fromEntries(shown.map(({ setting, value }) => [setting.name, value]));
   const asked = orderOf(kind, shown);
   const unknown = state === null ? "The tuning in force is not known yet." : null;
-  const problem = unknown ?? asked.problem ?? segmentsProblem(values.segments);
+  const problem = unknown ?? asked.problem;
   const order = problem === null ? asked.order : null;
   const beyond = kind.why_not === "" ? null : `${capital(kind.why_not)}.`;
   const reason = problem ?? beyond ?? whyNoStart(state, "experiment", noControl);
@@ -314,7 +302,6 @@ interface FieldProps {
 
 function Field({ shown: { setting, value, origin }, choices, onChange }: FieldProps) {
   const angles = useAngleUnit();
-  if (setting.name === "segments") return <SegmentsEditor json={String(value)} onChange={onChange} />;
   if (choices === null) {
     return <SettingField setting={setting} value={value} origin={origin} onChange={onChange} />;
   }

@@ -207,7 +207,6 @@ function Versions({ name, document, onOpen }: VersionsProps) {
 
 /** Own experiments, as a sequence or as a text: begun with one there is or a file, looked over, kept, taken elsewhere. */
 
-const SEQUENCE = "sequence";
 const NEW = "sample sequence";
 const FILES = ".yaml,.yml,.json,application/yaml,application/json";
 
@@ -232,7 +231,6 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
   const texts = useQueryClient();
   const check = useCheckExperiment();
   const keep = useSaveExperiment();
-  const written = kinds.filter(({ name }) => name !== SEQUENCE);
   const named = /^\s*"?name"?:\s*"?([A-Za-z]\w*)/m.exec(text)?.[1] ?? "experiment";
 
   const preview = useComposedPreview(shown === "sequence" ? text : "");
@@ -363,7 +361,7 @@ export function OwnExperiments({ kinds, asRun, onRunOpened, onSaved }: OwnExperi
             data={[
               { value: "", label: "Begin with …" },
               { value: NEW, label: "Sample sequence: three parts, one criterion" },
-              ...written.map(({ name, title }) => ({ value: name, label: title })),
+              ...kinds.map(({ name, title }) => ({ value: name, label: title })),
             ]}
             value=""
             onChange={(event) => begin(event.currentTarget.value)}

@@ -33,6 +33,7 @@ const maybe = (name: string, words: string, unit: string): Box => ({ name, words
 
 const TIME = box("duration_s", "Time", "s");
 const AIM = [maybe("q_ref", "q_ref", "rad"), maybe("S_ref", "S_ref", "N·m/rad")];
+const PUSH = maybe("F_push", "Push", "N");
 const AMPLITUDES = [
   maybe("q_amplitude", "Amplitude of q", "rad"),
   maybe("S_amplitude", "Amplitude of S", "N·m/rad"),
@@ -40,8 +41,8 @@ const AMPLITUDES = [
 
 export const PART_FORMS: Readonly<Record<string, PartForm>> = {
   hold: { words: "Hold", boxes: [TIME], begins: { duration_s: 2 } },
-  step: { words: "Step", boxes: [...AIM, TIME], begins: { q_ref: 0, duration_s: 2 } },
-  ramp: { words: "Ramp", boxes: [...AIM, TIME], begins: { q_ref: 0, duration_s: 2 } },
+  step: { words: "Step", boxes: [...AIM, TIME, PUSH], begins: { q_ref: 0, duration_s: 2 } },
+  ramp: { words: "Ramp", boxes: [...AIM, TIME, PUSH], begins: { q_ref: 0, duration_s: 2 } },
   pulse: {
     words: "Pulse",
     boxes: [...AIM, TIME, box("rest_s", "Rest", "s")],
@@ -49,7 +50,14 @@ export const PART_FORMS: Readonly<Record<string, PartForm>> = {
   },
   sine: {
     words: "Sine",
-    boxes: [...AMPLITUDES, box("period_s", "Period", "s"), TIME],
+    boxes: [
+      ...AMPLITUDES,
+      maybe("q_ref", "Crest of q", "rad"),
+      maybe("S_ref", "Crest of S", "N·m/rad"),
+      box("period_s", "Period", "s"),
+      TIME,
+      PUSH,
+    ],
     begins: { q_amplitude: 0.2, period_s: 4, duration_s: 8 },
   },
   sweep: {
@@ -144,7 +152,11 @@ export function partOf(kind: string, other?: Part): Part {
   const form = PART_FORMS[kind];
   const kept = Object.fromEntries(
     Object.entries(other ?? {}).filter(
-      ([name]) => name !== "do" && form?.boxes.some((one) => one.name === name),
+      ([name]) =>
+        name !== "do" &&
+        form?.boxes.some((one) => one.name === name) &&
+        // where another motion goes is no crest of a sine
+        !(kind === "sine" && other?.do !== "sine" && AIM.some((one) => one.name === name)),
     ),
   );
   const begins = form?.begins ?? {};
@@ -184,10 +196,21 @@ function aim(part: Part, angles: AngleUnit): string {
 function swing(part: Part, angles: AngleUnit): string {
   const q = part.q_amplitude === 0 ? null : said(part, "q_amplitude", "rad", angles);
   const S = part.S_amplitude === 0 ? null : said(part, "S_amplitude", "N·m/rad", angles);
-  const named = [q === null ? null : `q by ±${q}`, S === null ? null : `S by ±${S}`].filter(
-    (one) => one !== null,
-  );
+  const q_crest = said(part, "q_ref", "rad", angles);
+  const S_crest = said(part, "S_ref", "N·m/rad", angles);
+  const named = [
+    q === null ? null : `q by ±${q}`,
+    S === null ? null : `S by ±${S}`,
+    q_crest === null ? null : `q to ${q_crest} at the crest`,
+    S_crest === null ? null : `S to ${S_crest} at the crest`,
+  ].filter((one) => one !== null);
   return named.length === 0 ? "nothing" : named.join(" and ");
+}
+
+/** The push beside a motion; "" where there is none. */
+function push(part: Part, angles: AngleUnit): string {
+  const force = part.F_push === 0 ? null : said(part, "F_push", "N", angles);
+  return force === null ? "" : `, pushed with ${force}, on the simulator`;
 }
 
 /** What is written. */
@@ -198,13 +221,13 @@ export function describePart(part: Part, angles: AngleUnit): string {
     case "hold":
       return `holds the references for ${time}`;
     case "step":
-      return `jumps ${aim(part, angles)}, stays ${time}`;
+      return `jumps ${aim(part, angles)}, stays ${time}${push(part, angles)}`;
     case "ramp":
-      return `ramps ${aim(part, angles)} in ${time}`;
+      return `ramps ${aim(part, angles)} in ${time}${push(part, angles)}`;
     case "pulse":
       return `jumps ${aim(part, angles)} for ${time}, and back for ${of("rest_s", "s")}`;
     case "sine":
-      return `swings ${swing(part, angles)} with a period of ${of("period_s", "s")}${turns(part)} for ${time}${fastest(part, angles)}`;
+      return `swings ${swing(part, angles)} with a period of ${of("period_s", "s")}${turns(part)} for ${time}${fastest(part, angles)}${push(part, angles)}`;
     case "sweep":
       return `swings ${swing(part, angles)} from ${of("from_Hz", "Hz")} to ${of("to_Hz", "Hz")} in ${time}`;
     case "prbs":

@@ -11,17 +11,8 @@ import { Explained } from "../../components/Explained";
 import { Refusal } from "../../components/Refusal";
 import { Outcome, RunState, unevaluated, Verdict } from "../../components/RunState";
 import { LocalizedText, Unit, ValueOrReason } from "../../components/values";
-import {
-  capital,
-  dateTime,
-  duration,
-  fixed,
-  heading,
-  measured,
-  settingValue,
-  short,
-} from "../../samples/format";
-import { angleText, formatWithUnit, labelWith, readingOf, withUnit } from "../../samples/quantity";
+import { capital, dateTime, duration, fixed, heading, measured, settingValue } from "../../samples/format";
+import { formatWithUnit, readingOf, withUnit } from "../../samples/quantity";
 import { experimentQuery } from "../../service/api/experiments";
 import { identificationQuery } from "../../service/api/identifications";
 import { useAngleUnit } from "../../service/api/preferences";
@@ -32,7 +23,6 @@ import { RefusedFields, useRefusedInput } from "../../service/forms/refusals";
 import { entryOf, symbolEntry } from "../../service/glossary";
 import type { Run } from "../../wire/types";
 import { Figures } from "../experiments/ExperimentRuns";
-import { parseSegments, type Segment } from "../experiments/SequenceEditor";
 import pageStyles from "../Page.module.css";
 import { ComparedRuns, CompareWith } from "./ComparisonCard";
 import { LineageCard } from "./LineageCard";
@@ -206,12 +196,8 @@ function NoteField({ value, onChange }: { value: string; onChange: (value: strin
 
 export function SettingsCard({ settings }: { settings: Run["settings"] }) {
   const angles = useAngleUnit();
-  const sequence = settings.find(({ name }) => name === "segments");
-  const segments = parseSegments(String(sequence?.value ?? ""));
-  const plain = segments === null ? settings : settings.filter((setting) => setting !== sequence);
   return (
     <Card title="Settings">
-      {segments !== null && <Segments segments={segments} />}
       {settings.length === 0 ? (
         <p className={pageStyles.empty}>No settings were stored with this run.</p>
       ) : (
@@ -226,7 +212,7 @@ export function SettingsCard({ settings }: { settings: Run["settings"] }) {
               </Table.Tr>
             </Table.Thead>
             <Table.Tbody>
-              {plain.map(({ name, meaning, symbol, value, unit }) => (
+              {settings.map(({ name, meaning, symbol, value, unit }) => (
                 <Table.Tr key={name}>
                   <Table.Td>{meaning}</Table.Td>
                   <Table.Td>
@@ -245,41 +231,6 @@ export function SettingsCard({ settings }: { settings: Run["settings"] }) {
         </div>
       )}
     </Card>
-  );
-}
-
-function Segments({ segments }: { segments: readonly Segment[] }) {
-  const angles = useAngleUnit();
-  return (
-    <div className={pageStyles.tableScroll}>
-      <Table aria-label="Segments" verticalSpacing={2}>
-        <Table.Thead>
-          <Table.Tr>
-            <Table.Th>Segment</Table.Th>
-            <Table.Th>Shape</Table.Th>
-            <Table.Th className={pageStyles.number}>Length [s]</Table.Th>
-            <Table.Th className={pageStyles.number}>{labelWith("q_ref", "rad", angles)}</Table.Th>
-            <Table.Th className={pageStyles.number}>S_ref [N·m/rad]</Table.Th>
-            <Table.Th className={pageStyles.number}>Push [N]</Table.Th>
-          </Table.Tr>
-        </Table.Thead>
-        <Table.Tbody>
-          {segments.map((segment, index) => (
-            // biome-ignore lint/suspicious/noArrayIndexKey: segments have a place and nothing else to tell them by
-            <Table.Tr key={index}>
-              <Table.Td>{index + 1}</Table.Td>
-              <Table.Td>
-                {segment.shape === "sine" ? `sine of ${short(Number(segment.period_s))} s` : segment.shape}
-              </Table.Td>
-              <Table.Td className={pageStyles.number}>{short(Number(segment.duration_s))}</Table.Td>
-              <Table.Td className={pageStyles.number}>{angleText(Number(segment.q_ref), 2, angles)}</Table.Td>
-              <Table.Td className={pageStyles.number}>{short(Number(segment.S_ref))}</Table.Td>
-              <Table.Td className={pageStyles.number}>{short(Number(segment.F_push))}</Table.Td>
-            </Table.Tr>
-          ))}
-        </Table.Tbody>
-      </Table>
-    </div>
   );
 }
 

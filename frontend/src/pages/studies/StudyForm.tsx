@@ -42,7 +42,7 @@ function useVaried(experiment: string): Choices {
     value: offeredDefault(setting.default ?? "", setting, angles),
   }));
   return {
-    experiment: kind === null ? [] : shown.filter(({ loop, name }) => !loop && name !== "segments"),
+    experiment: kind === null ? [] : shown.filter(({ loop }) => !loop),
     loop: shown.filter(({ loop }) => loop),
     plant: numbers.map(({ name, unit, value }) => ({ name, label: name, unit, value })),
   };

@@ -6,7 +6,8 @@ import { SettingField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
-import { SegmentsEditor } from "../../pages/experiments/SequenceEditor";
+import { SAMPLE } from "../../pages/experiments/document";
+import { SequenceEditor } from "../../pages/experiments/SequenceEditor";
 import { RequestError } from "../../wire/client";
 import type { Setting } from "../../wire/types";
 import { lastRefusal, RefusedFields } from "./refusals";
@@ -87,17 +88,18 @@ it.each([undefined, ["seed"], []])("says it below the form where no field is to 
   }
 });
 
-it("says it below the row of the segment, and marks the one box", () => {
-  const json = JSON.stringify([0, 1, 2].map((q_ref) => ({ duration_s: 4, q_ref, S_ref: 10 })));
+it("says it below the row of the part, and marks the one box", () => {
+  const parts = [0, 1, 2].map((q_ref) => ({ do: "step", q_ref, S_ref: 10, duration_s: 4 }));
+  const composed = { ...SAMPLE, phases: [{ name: "all", title: "All", parts }] };
   const editor = (error: Error | null, about: unknown) => (
     <>
-      <SegmentsEditor json={json} onChange={() => undefined} />
+      <SequenceEditor document={composed} played={[]} onChange={() => undefined} />
       <Refusal error={error} about={about} />
     </>
   );
-  const sentence = "segment 3, position reference: 114.592° is outside -80.214 to 80.214°";
-  open(editor, refusal(["segments", 2, "q_ref"], sentence));
-  const box = screen.getByLabelText("q_ref [°] of segment 3");
+  const sentence = "phases 1, parts 3, q_ref: position reference: 114.592° is outside -80.214 to 80.214°";
+  open(editor, refusal(["phases", 0, "parts", 2, "q_ref"], sentence));
+  const box = screen.getByLabelText("q_ref [°] of part 1.3");
   expect(document.activeElement).toBe(box);
   const marked = screen.getAllByRole("textbox").filter((one) => one.getAttribute("aria-invalid") === "true");
   expect(marked).toEqual([box]);

@@ -168,7 +168,7 @@ interface RefusedInput<Input extends HTMLElement> {
 
 /**
  * What any input needs of the refusals of its form: the ref by which it is opened, gone to, and described by `messageId`,
- * the element that says why where the input does not say so itself. `place` as in "q_amplitude", "segments.2.q_ref".
+ * the element that says why where the input does not say so itself. `place` as in "q_amplitude", "phases.0.parts.2.q_ref".
  */
 export function useRefusedInput<Input extends HTMLElement>(
   place: string | undefined,
