@@ -16,13 +16,17 @@ import { ExperimentResult, ExperimentRuns } from "./ExperimentRuns";
 import { OwnExperiments } from "./OwnExperiments";
 import { QueueCard } from "./QueueCard";
 
+/** Kinds of runs that no experiment on offer has: lists of segments are taken by HTTP and command line alone. */
+const DEPRECATED = ["sequence"];
+
 export default function ExperimentsPage() {
   const { id, asRun } = useParams();
   const [, go] = useLocation();
   const chosen = useDraft("kind of experiment", "", isText);
   const dryRun = useDryRun();
   const kinds = useQuery(experimentKindsQuery);
-  const names = [...new Set(kinds.data?.map((kind) => kind.run_kind))].join(",");
+  const offered = kinds.data?.map((kind) => kind.run_kind);
+  const names = offered === undefined ? "" : [...new Set([...offered, ...DEPRECATED])].join(",");
   const runs = useQuery({
     ...runsQuery({ kind: names, search: "", limit: 20, offset: 0 }),
     enabled: names !== "",
