@@ -402,7 +402,10 @@ class LiveState:
     @property
     def references(self) -> ReferencesView:
         """References in use; where none are, what the joint does."""
-        references = references_of(self._observation.sample())
+        return self._references_view(self._observation.sample())
+
+    def _references_view(self, sample: Sample | None) -> ReferencesView:
+        references = references_of(sample)
         if self.plant.kind is PlantKind.REPLAY:  # what was asked for then is asked of nothing now
             return references.model_copy(update={"in_force": False})
         return references
@@ -482,9 +485,13 @@ class LiveState:
         )
 
     def state(self, parts: "ServiceState") -> State:
-        """Return everything the status line and the controls show; ``parts`` tells what the other parts show."""
+        """Return what the status line and the controls show; ``parts`` has the views of the other parts.
+
+        All values of a sample come from one sample, as the loop writes newer ones meanwhile.
+        """
         sample = self._observation.sample()
         mode = mode_of(sample)
+        tick = 0 if sample is None else int(sample["tick"])
         holder = parts.holder()
         link = self._observation.link(self._supervisor.is_alive, self.starts, self._supervisor.restarting)
         return State(
@@ -492,10 +499,10 @@ class LiveState:
             legal_modes=self.legal(mode),
             plant=self._plant_view(),
             parameters=self.parameters.name,
-            tick=self.tick,
+            tick=tick,
             link=link,
             timing=self._observation.timing(),
-            references=self.references,
+            references=self._references_view(sample),
             tuning=self._tuning_view(entry_of(sample)),
             limits=self._limits(),
             touch=parts.touch(),
@@ -512,7 +519,7 @@ class LiveState:
             trigger=parts.trigger(),
             own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
             wall=wall_view(self.wall),
-            player=parts.player(self.tick),
+            player=parts.player(tick),
             earlier=chosen_view(self.undo_stack[-1]) if self.undo_stack else None,
             later=chosen_view(self.redo_stack[-1]) if self.redo_stack else None,
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
@@ -565,7 +572,7 @@ class LiveState:
         fault = fault_of(sample)
         if fault is Fault.NONE:
             return None
-        seen, tick = "", self.tick
+        seen, tick = "", 0 if sample is None else int(sample["tick"])
         if self._stop is not None and self._stop.fault is fault:
             seen, tick = self._stop.detail, self._stop.arrived_tick
         message, remedy, expected = explained(fault, seen), EXPLAINED[fault].remedy, self.is_expected(fault)
