@@ -15,7 +15,7 @@ from backend.units import counted, digits_over, in_digits, read, reading_of
 
 if TYPE_CHECKING:
     from backend.schemas import StudyDetail, StudyView
-    from backend.studies import Crew, Map, Spreading, StudyBase
+    from backend.studies import Map, PointExecutor, Spreading, StudyBase
     from backend.studies import Progress as Done
 
 app = typer.Typer(
@@ -62,7 +62,7 @@ def run(
         if not as_json:
             out.print(f"study {resume}: sinew study run --resume {resume} goes on with it", highlight=False)
         with _progress(hidden=as_json) as notify:
-            whole = run_study(database, resume, _crew(jobs, scheduler), notify, again=again)
+            whole = run_study(database, resume, _choose_executor(jobs, scheduler), notify, again=again)
         _say(kept.detail(resume, 0), as_json=as_json)
     if not whole:
         fail(f"study {resume} was stopped: sinew study run --resume {resume} goes on with it")
@@ -142,15 +142,17 @@ def draw(
 
     from backend.experiments import parse_canonical
     from backend.services import Studies, axis_symbol, axis_unit
-    from backend.studies import PICK_WORDS, SHARES, UNSTABLE, format_axis_labels, list_figure_names
+    from backend.studies import SHARES, STATISTIC_LABELS, UNSTABLE, format_axis_labels, list_metric_names
 
     with database_of(load_settings(data=data, station=station), reading=True) as database:
         found, design = Studies(database).map(study, figure, pick, over)
-    named = list_figure_names(parse_canonical(design.base.experiment)) | SHARES
+    named = list_metric_names(parse_canonical(design.base.experiment)) | SHARES
     if figure not in named:
         fail(f"there is no figure {figure}; known are {', '.join(named)}", status=2)
     unit = named[figure].unit
-    label = f"{_with_unit(named[figure].label, unit)}, {PICK_WORDS.get(found.pick, found.pick)} of the runs in a cell"
+    label = (
+        f"{_with_unit(named[figure].label, unit)}, {STATISTIC_LABELS.get(found.pick, found.pick)} of the runs in a cell"
+    )
     with_number, computed = (sum(map(sum, table)) for table in (found.counts, found.runs))
     if with_number < computed:
         label += f", {computed - with_number} of {computed} runs without a number"
@@ -212,7 +214,7 @@ def _cell(value: float | None, unstable: bool, digits: int) -> str | None:
     return None if value is None else in_digits(value, digits)
 
 
-def _crew(jobs: int, scheduler: str | None) -> "Callable[[StudyBase], Crew]":
+def _choose_executor(jobs: int, scheduler: str | None) -> "Callable[[StudyBase], PointExecutor]":
     from backend.studies import count_cores, use_local_processes
 
     if scheduler is None:

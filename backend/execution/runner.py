@@ -77,21 +77,21 @@ from plant import ErrorCode, PlantParameters, SinewError, T_s
 # it cannot be.
 
 
-BankOf = Callable[[int], Bank]
+LoadBank = Callable[[int], Bank]
 """Returns the bank of a number. Raises UnknownRecordError."""
 
 
-def bank_lookup(database: Database) -> BankOf:
+def make_bank_loader(database: Database) -> LoadBank:
     """Return what looks banks up in a database."""
 
-    def bank_of(number: int) -> Bank:
+    def load_bank(number: int) -> Bank:
         with database.reading() as session:
             return banks.own(session, number)
 
-    return bank_of
+    return load_bank
 
 
-def compile_program(bank_of: BankOf, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> Program:
+def compile_program(load_bank: LoadBank, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> Program:
     """Return what the loop plays, begun with ``tuning``; takes a while for each change of it.
 
     Raises ExperimentError naming line and bound: a reference that the plant does not reach, λ that is not safe on the
@@ -103,7 +103,7 @@ def compile_program(bank_of: BankOf, parameters: PlantParameters, plan: Plan, tu
     require_measurable(plan.experiment, plan.values, plan.lines)
     require_reach(plan.laid, parameters, plan.lines)
     tunings = tuple(
-        _command(bank_of, parameters, plan, choice, place)
+        _command(load_bank, parameters, plan, choice, place)
         for place, choice in zip(plan.laid.change_places, list_plan_tunings(plan, tuning), strict=True)
     )
     return replace(program, tunings=tunings)
@@ -122,11 +122,11 @@ def list_plan_banks(plan: Plan) -> set[int]:
 
 
 def _command(
-    bank_of: BankOf, parameters: PlantParameters, plan: ExperimentPlan, choice: TuningSettings, path: Path
+    load_bank: LoadBank, parameters: PlantParameters, plan: ExperimentPlan, choice: TuningSettings, path: Path
 ) -> SetTuning:
     line = find_line(path, plan.lines)
     try:
-        bank = bank_of(choice.bank) if choice.bank else None
+        bank = load_bank(choice.bank) if choice.bank else None
         previewer = TuningPreviewer(parameters, entry_points(bank), lam_motor=choice.lam_motor, b=choice.b)
         previewer.require_safe(choice.lambdas, choice.budget)
         return build_tuning_command(parameters, choice, bank)
@@ -375,7 +375,7 @@ def create_run(station: ExperimentRig, order: RunRequest) -> Run:
         start = read_start(station.loop.ring.newest())
         told = forecast_identifications([order.plan], station.parameters, start, order.loop_settings.lam_motor)
         told.require_within_range(station.parameters)
-    compile_program(bank_lookup(station.database), station.parameters, order.plan, order.loop_settings.tuning)
+    compile_program(make_bank_loader(station.database), station.parameters, order.plan, order.loop_settings.tuning)
     settings = RunSettings(
         plan=plan_values(order.plan),
         loop=StoredLoopSettings(**asdict(order.loop_settings)),
@@ -430,9 +430,9 @@ async def play_run(
     try:
         tuning = order.loop_settings.tuning
         program = await asyncio.to_thread(
-            compile_program, bank_lookup(station.database), station.parameters, order.plan, tuning
+            compile_program, make_bank_loader(station.database), station.parameters, order.plan, tuning
         )
-        bank = bank_lookup(station.database)(tuning.bank) if tuning.bank else None
+        bank = make_bank_loader(station.database)(tuning.bank) if tuning.bank else None
         await learn_for(station.loop, program, build_tuning_command(station.parameters, tuning, bank))
         await execute_program(station.loop, program, run.id, notify)
         closed = await _recorded(station, run.id)

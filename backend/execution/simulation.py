@@ -14,13 +14,13 @@ from backend.analysis import EvaluationContext, NoSamplesError, evaluate_experim
 from backend.banks import build_tuning_command, entry_points
 from backend.execution.progress import RunPhase
 from backend.execution.runner import (
-    BankOf,
     ExperimentRig,
+    LoadBank,
     RunRequest,
-    bank_lookup,
     compile_program,
     execute_program,
     learn_for,
+    make_bank_loader,
     run_experiment,
 )
 from backend.experiments import ExperimentPlan, LoopSettings, build_ready_plan
@@ -47,7 +47,7 @@ def open_headless_station(
     Raises PlantError for a ``plant`` that moves by itself, UnknownRecordError for a bank that is not there,
     OutOfRangeError for λ that is not safe on its models.
     """
-    bank = bank_lookup(database)(settings.bank) if settings.bank else None
+    bank = make_bank_loader(database)(settings.bank) if settings.bank else None
     recorders: list[Recorder] = []
 
     def record(_ring: Ring) -> None:
@@ -192,17 +192,17 @@ class SimulatedRun:
 
 
 def play_in_memory(
-    parameters: PlantParameters, plan: ExperimentPlan, settings: LoopSettings, bank_of: BankOf
+    parameters: PlantParameters, plan: ExperimentPlan, settings: LoopSettings, load_bank: LoadBank
 ) -> SimulatedRun:
     """Play a plan as ``sinew experiment`` would, and measure it; ``end_detail`` also says why nothing was measured.
 
     Raises OutOfRangeError for λ that is not safe, ExperimentError for what this plant cannot play, NotPlayedError,
-    UnknownRecordError for a bank that ``bank_of`` does not know.
+    UnknownRecordError for a bank that ``load_bank`` does not know.
     """
-    bank = bank_of(settings.bank) if settings.bank else None
+    bank = load_bank(settings.bank) if settings.bank else None
     kept = _Kept()
     with closing(headless_loop(parameters, settings, bank, kept.drain)) as loop:
-        program = compile_program(bank_of, parameters, plan, settings.tuning)
+        program = compile_program(load_bank, parameters, plan, settings.tuning)
         loop.listen(kept.hear)
         asyncio.run(_played(loop, program, build_tuning_command(parameters, settings, bank)))
         kept.drain(loop.ring)

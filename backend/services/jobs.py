@@ -18,13 +18,13 @@ from backend.execution import (
     ProgressCallback,
     RunPhase,
     RunRequest,
-    bank_lookup,
     compile_program,
     create_run,
     current_mode,
     evaluate_closed_run,
     list_plan_banks,
     list_plan_tunings,
+    make_bank_loader,
     play_run,
     require_ready,
 )
@@ -774,7 +774,7 @@ def _experiment_kinds(
 
 
 def _require_playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> None:
-    compile_program(bank_lookup(database), parameters, plan, tuning)
+    compile_program(make_bank_loader(database), parameters, plan, tuning)
 
 
 async def _nothing() -> None:

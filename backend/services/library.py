@@ -7,7 +7,7 @@ from typing import Any
 from backend.auth import User
 from backend.banks import TuningSettings
 from backend.errors import RequestRejectedError
-from backend.execution import bank_lookup, compile_program
+from backend.execution import compile_program, make_bank_loader
 from backend.experiments import (
     ExperimentDefinition,
     ExperimentError,
@@ -190,7 +190,7 @@ class OwnExperiments:
         entry = build_library_entry(experiment, lines)
         plan = entry.usual
         assert isinstance(plan, ExperimentPlan)
-        program = compile_program(bank_lookup(self._database), parameters, plan, tuning)
+        program = compile_program(make_bank_loader(self._database), parameters, plan, tuning)
         return ExperimentCheck(
             name=entry.name,
             title=entry.title,

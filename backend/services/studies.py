@@ -10,7 +10,7 @@ from typing import Any
 from backend.auth import User
 from backend.banks import TuningSettings
 from backend.errors import InvalidValueError, RequestRejectedError
-from backend.execution import bank_lookup
+from backend.execution import make_bank_loader
 from backend.experiments import LoopSettings, parser
 from backend.models import Value, describe_settings
 from backend.plain_text import as_line
@@ -34,7 +34,7 @@ from backend.studies import (
     count_cores,
     create_study,
     estimate_remaining_s,
-    is_computed,
+    is_being_computed,
     list_variable_numbers,
     maps,
     parse_design,
@@ -67,7 +67,7 @@ class Studies:
     def begin(self, written: str, who: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> StudyView:
         """Keep a study, with the plant and the tuning as they are now. Raises ExperimentError, SettingError."""
         own = OwnExperiments(self._database)
-        new = create_study(written, StudyContext(own.entry, parameters, tuning, bank_lookup(self._database)), who)
+        new = create_study(written, StudyContext(own.entry, parameters, tuning, make_bank_loader(self._database)), who)
         with self._database.session() as session:
             kept = studies.add(session, new)
         return self.view(kept.id)
@@ -79,7 +79,9 @@ class Studies:
             said = parser.document_of(written)[0]
             document = said if isinstance(said, dict) else None
             own = OwnExperiments(self._database)
-            new = create_study(written, StudyContext(own.entry, parameters, tuning, bank_lookup(self._database)), "")
+            new = create_study(
+                written, StudyContext(own.entry, parameters, tuning, make_bank_loader(self._database)), ""
+            )
         except InvalidValueError as error:
             return CheckedStudy(document=document, points=None, problem=str(error), path=list(error.path))
         return CheckedStudy(document=document, points=new.points, problem="", path=[])
@@ -105,7 +107,7 @@ class Studies:
         with self._database.session() as session:
             kept = studies.get(session, study_id)
             require_version(kept.base["software"])
-            if kept.stop_asked and is_computed(kept):
+            if kept.stop_asked and is_being_computed(kept):
                 raise TakenError(kept)
             studies.want(session, study_id)
         return self.view(study_id)
@@ -113,12 +115,12 @@ class Studies:
     def detail(self, study_id: int, rows: int | None = ROWS_SHOWN, pick: str = maps.WORST) -> StudyDetail:
         """Return a study with its maps, by ``pick``, and the first rows of its table; all ``rows`` for None."""
         kept, points, design = self._read(study_id)
-        named = maps.list_figure_names(parser.parse_canonical(design.base.experiment))
-        figures = maps.spreadings(points, named.values())
+        named = maps.list_metric_names(parser.parse_canonical(design.base.experiment))
+        figures = maps.summarize_distributions(points, named.values())
         axes = dict(design.axes)
-        drawn = maps.axes_to_draw(axes)
+        drawn = maps.choose_map_axes(axes)
         names = [item.name for item in figures] + (list(maps.SHARES) if points else [])
-        shown = [] if drawn is None else [maps.map_of(points, axes, *drawn, name, pick) for name in names]
+        shown = [] if drawn is None else [maps.build_map(points, axes, *drawn, name, pick) for name in names]
         return StudyDetail(
             study=self.view(study_id),
             text=kept.text,
@@ -128,7 +130,7 @@ class Studies:
                 )
                 for name, values in design.axes
             ],
-            shares=maps.shares(points),
+            shares=maps.compute_shares(points),
             figures=figures,
             maps=shown,
             rows=points[:rows],
@@ -138,8 +140,8 @@ class Studies:
         """Return the map of a figure, by ``pick``, ``over`` x and y. Raises SettingError, UnknownRecordError."""
         _, points, design = self._read(study_id)
         axes = dict(design.axes)
-        x, y = over or maps.axes_to_draw(axes) or ("", "")
-        return maps.map_of(points=points, axes=axes, x=x, y=y, figure=figure, pick=pick), design
+        x, y = over or maps.choose_map_axes(axes) or ("", "")
+        return maps.build_map(points=points, axes=axes, x=x, y=y, figure=figure, pick=pick), design
 
     def _read(self, study_id: int) -> tuple[StoredStudy, list[StudyPoint], Design]:
         with self._database.reading() as session:
@@ -148,7 +150,7 @@ class Studies:
 
 
 def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
-    done, computed = sum(ends.values()), is_computed(kept)
+    done, computed = sum(ends.values()), is_being_computed(kept)
     state = "done" if done == kept.points else "stopped"
     if computed:
         state = "stopping" if kept.stop_asked else "running"

@@ -1,19 +1,19 @@
 from . import maps
 from .cluster import use_cluster
-from .crew import Crew, count_cores
 from .design import Design
-from .maps import PICK_WORDS, SHARES, Map, Share, Spreading, format_axis_labels, list_figure_names
+from .executor import PointExecutor, count_cores
+from .maps import SHARES, STATISTIC_LABELS, Map, Share, Spreading, format_axis_labels, list_metric_names
 from .point import UNSTABLE, StudyBase, list_variable_numbers, require_version
-from .runner import Progress, TakenError, estimate_remaining_s, is_computed, run_study, use_local_processes
+from .runner import Progress, TakenError, estimate_remaining_s, is_being_computed, run_study, use_local_processes
 from .stored import StudyContext, create_study, parse_design
 
 __all__ = [
-    "PICK_WORDS",
     "SHARES",
+    "STATISTIC_LABELS",
     "UNSTABLE",
-    "Crew",
     "Design",
     "Map",
+    "PointExecutor",
     "Progress",
     "Share",
     "Spreading",
@@ -24,8 +24,8 @@ __all__ = [
     "create_study",
     "estimate_remaining_s",
     "format_axis_labels",
-    "is_computed",
-    "list_figure_names",
+    "is_being_computed",
+    "list_metric_names",
     "list_variable_numbers",
     "maps",
     "parse_design",

@@ -1,6 +1,6 @@
-"""A Dask cluster computes the points of a study: one task each. A worker that dies has its task done by another one.
+"""Computes the points of a study on a Dask cluster, one task per point; Dask retries the tasks of a dead worker.
 
-The package ``distributed`` is an extra, ``cluster``: it is loaded by whoever names a scheduler.
+The package ``distributed`` is optional (extra ``cluster``) and imported only when a scheduler is given.
 """
 
 import logging
@@ -11,81 +11,87 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from backend.storage import StudyPoint
-from backend.studies.crew import CrewGoneError, Work
-from backend.studies.point import LOST, Point, StudyBase, run_point, without_run
+from backend.studies.executor import ComputePoint, ExecutorUnavailableError
+from backend.studies.point import LOST, Point, StudyBase, build_failed_point, run_point
 
 CONNECT_S = 10.0
-"""A scheduler that does not answer within this [s] is not there."""
-_AHEAD = 2
+"""Time [s] within which a scheduler must answer."""
+_POINTS_PER_THREAD = 2  # one runs, the next one waits on the worker
 _GONE = "the scheduler is gone: start it again, and go on with --resume"
 _SET_UP = "; set up their machines like this one, and go on with --resume"
 
 
-def use_cluster(address: str, work: Work = run_point) -> Callable[[StudyBase], "ClusterCrew"]:
-    """Return what makes a crew of the workers of a scheduler, tcp://host:8786."""
-    return lambda base: ClusterCrew(base, address, work)
+def use_cluster(address: str, work: ComputePoint = run_point) -> Callable[[StudyBase], "ClusterExecutor"]:
+    """Return a factory of executors on the workers of a scheduler such as tcp://host:8786."""
+    return lambda base: ClusterExecutor(base, address, work)
 
 
-class ClusterCrew:
-    """The workers of one scheduler, however many there are at the moment. Raises CrewGoneError where there is none."""
+class ClusterExecutor:
+    """Computes points on the workers of one scheduler; workers may join and leave.
 
-    def __init__(self, base: StudyBase, address: str, work: Work = run_point) -> None:
+    Raises ExecutorUnavailableError if the package ``distributed`` or the scheduler is missing.
+    """
+
+    def __init__(self, base: StudyBase, address: str, work: ComputePoint = run_point) -> None:
         try:
             from distributed import Client, KilledWorker
         except ModuleNotFoundError:
-            raise CrewGoneError("a cluster needs the extra cluster: pip install 'sinew[cluster]'") from None
+            raise ExecutorUnavailableError("a cluster needs the extra cluster: pip install 'sinew[cluster]'") from None
         logging.getLogger("distributed").setLevel(logging.ERROR)
         try:
             self._client = Client(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
-            raise CrewGoneError(f"no Dask scheduler answers at {address}: {error}") from None
+            raise ExecutorUnavailableError(f"no Dask scheduler answers at {address}: {error}") from None
         self._killed = KilledWorker
         self._work = work
-        self._base = base  # goes with each point: what lay on a worker would be gone with it
-        self._given: dict[str, tuple[Any, Point]] = {}
+        self._base = base  # sent with each point, as data stored on a worker is lost when it dies
+        self._submitted: dict[str, tuple[Any, Point]] = {}
         self._done: SimpleQueue[str] = SimpleQueue()
 
     @property
-    def width(self) -> int:
-        """Each thread of a worker has a point, and the next one lies ready; two where no worker is there yet."""
+    def capacity(self) -> int:
+        """Two points per worker thread; two before the first worker has joined."""
         threads: dict[str, int] = self._client.nthreads()
-        return _AHEAD * max(1, sum(threads.values()))
+        return _POINTS_PER_THREAD * max(1, sum(threads.values()))
 
-    def give(self, point: Point) -> None:
-        """Hand over a point."""
+    def submit(self, point: Point) -> None:
+        """Submit a point to the scheduler."""
         future = self._client.submit(self._work, self._base, point, pure=False)
-        self._given[future.key] = future, point
-        future.add_done_callback(partial(_told, self._done))
+        self._submitted[future.key] = future, point
+        future.add_done_callback(partial(_enqueue_key, self._done))
 
-    def finished(self, timeout_s: float) -> list[StudyPoint]:
-        """Return what has been computed since. Raises CrewGoneError when the scheduler is gone."""
+    def collect_results(self, timeout_s: float) -> list[StudyPoint]:
+        """Return the rows computed since the last call.
+
+        Raises ExecutorUnavailableError if the scheduler is gone or the workers cannot compute.
+        """
         results: list[StudyPoint] = []
         with suppress(Empty):
-            results.append(self._result(self._done.get(timeout=timeout_s)))
+            results.append(self._take_result(self._done.get(timeout=timeout_s)))
             while True:
-                results.append(self._result(self._done.get_nowait()))
+                results.append(self._take_result(self._done.get_nowait()))
         if self._client.status != "running":
-            raise CrewGoneError(_GONE)
+            raise ExecutorUnavailableError(_GONE)
         return results
 
     def close(self) -> None:
-        """Give back what is not computed yet, and leave the cluster to others."""
-        with suppress(Exception):  # of a scheduler that is gone nothing is to be given back
-            self._client.cancel([future for future, _ in self._given.values()])
+        """Cancel the submitted points and disconnect from the scheduler."""
+        with suppress(Exception):  # the scheduler may be gone
+            self._client.cancel([future for future, _ in self._submitted.values()])
         self._client.close()
 
-    def _result(self, key: str) -> StudyPoint:
-        future, point = self._given.pop(key)
+    def _take_result(self, key: str) -> StudyPoint:
+        future, point = self._submitted.pop(key)
         if future.status == "finished":
             result: StudyPoint = future.result()
             return result
         if future.status != "error" or self._client.status != "running":
-            raise CrewGoneError(_GONE)
+            raise ExecutorUnavailableError(_GONE)
         error = future.exception()
         if not isinstance(error, self._killed):
-            raise CrewGoneError(f"the workers cannot compute it: {type(error).__name__}: {error}{_SET_UP}")
-        return without_run(point, LOST, f"the workers of the cluster died over it: {error}")
+            raise ExecutorUnavailableError(f"the workers cannot compute it: {type(error).__name__}: {error}{_SET_UP}")
+        return build_failed_point(point, LOST, f"the workers of the cluster died over it: {error}")
 
 
-def _told(done: "SimpleQueue[str]", future: Any) -> None:
-    done.put(future.key)
+def _enqueue_key(done: "SimpleQueue[str]", future: Any) -> None:
+    done.put(future.key)  # called in a thread of Dask

@@ -1,4 +1,4 @@
-"""Studies as data, and the runs that each has. Pure."""
+"""The document of a study, and the design: the points, one simulated run each, that it describes."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -25,37 +25,36 @@ from backend.experiments import (
     find_line,
 )
 from backend.models import Setting, SettingError, Value, describe_settings
-from backend.studies.point import Point, StudyBase, number_of, planned, plant_with
+from backend.studies.point import Point, StudyBase, get_plant_number, plan_point, replace_plant_numbers
 from plant import ParameterError
 
 # Study ---------------------------------------------------------------------------------------------
 #
-# A study as data: one experiment, simulated many times with other settings, another plant, other
-# noise. Pure.
+# A study simulates one experiment many times with different settings, plant parameters and noise.
 #
-# A name without a dot is a setting of the experiment or of the loop; one with a dot is a number of
-# the plant, such as ``motor.c0`` or, of a row of numbers, ``spring.k.0``. All numbers in SI.
+# A name without a dot is a setting of the experiment or of the loop. A name with a dot is a plant
+# parameter, such as ``motor.c0``, or ``spring.k.0`` for an element of a list. All numbers are in SI.
 
 
 FORMAT = 1
-"""Version of this form; another one is refused."""
+"""Version of this document format; others are rejected."""
 
 POINTS_MAX = 100_000
-"""Runs of one study, at most."""
+"""Maximum number of runs of one study."""
 
 _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 Number = int | float
-Varied = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}(\.[A-Za-z0-9_]{1,40}){0,2}$")]
+VariedName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}(\.[A-Za-z0-9_]{1,40}){0,2}$")]
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class VariedSetting:
-    """What is gone through value by value: ``values``, or ``count`` from ``first`` to ``last``.
+    """A setting or plant parameter with the values it takes: ``values``, or ``count`` from ``first`` to ``last``.
 
-    ``spacing`` even: equal differences; factor: equal ratios.
+    ``spacing``: ``even`` means equal differences, ``factor`` equal ratios.
     """
 
-    over: Varied
+    over: VariedName
     values: Annotated[tuple[Value, ...], Field(max_length=POINTS_MAX)] = ()
     first: Number | None = None
     last: Number | None = None
@@ -65,12 +64,13 @@ class VariedSetting:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Spread:
-    """How a number of the plant is drawn around what it is: by ``relative`` of itself, or by ``absolute``.
+    """Distribution from which a plant parameter is drawn, around its nominal value.
 
-    That is the half width of ``uniform``, the standard deviation of ``normal``, which ends at three of them.
+    ``relative`` (to the nominal value) or ``absolute`` is the half width of a ``uniform`` distribution, or the standard
+    deviation of a ``normal`` one, which is truncated at three standard deviations.
     """
 
-    of: Varied
+    of: VariedName
     by: Literal["uniform", "normal"] = "uniform"
     relative: Annotated[float, Field(gt=0.0, le=10.0)] | None = None
     absolute: Annotated[float, Field(gt=0.0)] | None = None
@@ -78,10 +78,11 @@ class Spread:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Study:
-    """All combinations of the ``axes``, each with all ``draws`` of the plant, each of these with all ``seeds``.
+    """All combinations of the ``axes``, each with all ``draws`` of the plant and all ``seeds`` of the noise.
 
-    ``experiment`` is a name, or ``written`` is one. ``seed`` begins the draws; the noise has the seeds from the setting
-    ``seed`` on. Every combination meets the same draws and the same noise.
+    ``experiment`` is the name of an experiment; ``written`` is one in full and replaces it. ``seed`` seeds the draws.
+    The noise uses ``seeds`` consecutive seeds from the setting ``seed`` on. All combinations use the same draws and the
+    same noise.
     """
 
     format: Literal[1]
@@ -103,18 +104,18 @@ STUDY: TypeAdapter[Study] = TypeAdapter(Study)
 
 # Design --------------------------------------------------------------------------------------------
 #
-# Which runs a study has: plain arithmetic on its text, the same wherever and whenever it is done.
+# The points of a study follow from its document alone, so every machine computes the same ones.
 
 
 SIGMAS = 3.0
-"""Where a normal spread ends: values beyond are not drawn, for no bound could be promised."""
+"""Truncation of a normal distribution, in standard deviations; without it no bound could be checked in advance."""
 _NORMAL = NormalDist()
 _SEED = "seed"
 
 
 @dataclass(frozen=True)
 class Design:
-    """The points of a study by their number, from 0. The last axis changes fastest but for draws, and seeds."""
+    """The points of a study, numbered from 0: seeds change fastest, then draws, then the last axis."""
 
     study: Study
     base: StudyBase
@@ -124,51 +125,52 @@ class Design:
         return prod(shape) * self.study.draws * self.study.seeds
 
     def point(self, number: int) -> Point:
-        """Return the point of a number. Raises IndexError."""
+        """Return the point with this number. Raises IndexError."""
         if not 0 <= number < len(self):
             raise IndexError(number)
         rest, noise = divmod(number, self.study.seeds)
         rest, draw = divmod(rest, self.study.draws)
-        chosen: dict[str, Value] = {}
+        selected: dict[str, Value] = {}
         for name, values in reversed(self.axes):
-            rest, place = divmod(rest, len(values))
-            chosen[name] = values[place]
-        ordered = {name: chosen[name] for name, _ in self.axes}
+            rest, index = divmod(rest, len(values))
+            selected[name] = values[index]
+        ordered = {name: selected[name] for name, _ in self.axes}
         settings = {name: value for name, value in ordered.items() if "." not in name}
         if self.study.seeds > 1:
             settings[_SEED] = self.first_seed + noise
         plant = {name: float(value) for name, value in ordered.items() if "." in name}
-        return Point(number, settings, plant | self._drawn(draw))
+        return Point(number, settings, plant | self._draw_plant_values(draw))
 
     @cached_property
     def axes(self) -> tuple[tuple[str, tuple[Value, ...]], ...]:
-        """What is gone through, and its values, in order."""
-        return tuple((axis.over, values_of(axis)) for axis in self.study.axes)
+        """Names of the axes with their values, in order."""
+        return tuple((axis.over, list_axis_values(axis)) for axis in self.study.axes)
 
     @property
     def first_seed(self) -> int:
-        """The seed of the noise, where the seeds begin."""
+        """First seed of the noise."""
         return int(self.base.settings.get(_SEED, 0))
 
-    def _drawn(self, draw: int) -> dict[str, float]:
+    def _draw_plant_values(self, draw: int) -> dict[str, float]:
         if not self.study.spread:
             return {}
         uniform = np.random.Generator(np.random.PCG64([self.study.seed, draw])).random(len(self.study.spread))
-        return {
-            spread.of: self._nominal(spread) + scale_of(spread, self._nominal(spread)) * _shape(spread, float(u))
-            for spread, u in zip(self.study.spread, uniform, strict=True)
-        }
+        values = {}
+        for spread, u in zip(self.study.spread, uniform, strict=True):
+            nominal = self._get_nominal_value(spread)
+            values[spread.of] = nominal + compute_scale(spread, nominal) * _map_to_distribution(spread, float(u))
+        return values
 
-    def _nominal(self, spread: Spread) -> float:
-        section, entry, *place = spread.of.split(".")
-        return number_of(self.base.parameters[section][entry]["value"], place)
+    def _get_nominal_value(self, spread: Spread) -> float:
+        section, entry, *index = spread.of.split(".")
+        return get_plant_number(self.base.parameters[section][entry]["value"], index)
 
 
-def values_of(axis: VariedSetting) -> tuple[Value, ...]:
-    """Return the values of an axis, the ends exactly as they are written."""
+def list_axis_values(axis: VariedSetting) -> tuple[Value, ...]:
+    """Return the values of an axis; the first and the last one are exactly those of the document."""
     if axis.values:
         return axis.values
-    assert axis.first is not None  # _require_axis has looked
+    assert axis.first is not None  # checked by _require_axis
     assert axis.last is not None
     assert axis.count is not None
     space = np.linspace if axis.spacing == "even" else np.geomspace
@@ -176,33 +178,33 @@ def values_of(axis: VariedSetting) -> tuple[Value, ...]:
     return (axis.first, *between, axis.last)
 
 
-def scale_of(spread: Spread, nominal: float) -> float:
-    """Return half width or standard deviation in the unit of the number."""
+def compute_scale(spread: Spread, nominal: float) -> float:
+    """Return the half width or standard deviation in the unit of the parameter."""
     return abs(nominal) * spread.relative if spread.relative is not None else float(spread.absolute or 0.0)
 
 
-def designed(study: Study, lines: Lines, base: StudyBase, settings: tuple[Setting, ...]) -> Design:
-    """Return the design of a study whose every value can be, each by itself.
+def build_design(study: Study, lines: Lines, base: StudyBase, settings: tuple[Setting, ...]) -> Design:
+    """Return the design of a study after checking each value by itself.
 
-    What only their combination forbids is told by the row of the point. ``settings`` are those of the experiment.
-    Raises ExperimentError naming line, value, bound and unit.
+    An invalid combination of valid values is reported in the row of its point. ``settings`` are those of the
+    experiment. Raises ExperimentError with line, value, bound and unit.
     """
     known = {setting.name: setting for setting in (*settings, *describe_settings(LoopSettings))}
     for name, value in study.settings.items():
         _require_setting(known, name, value, ("settings", name), lines)
     taken: set[str] = set()
-    for place, axis in enumerate(study.axes):
-        path: Path = ("axes", place)
+    for index, axis in enumerate(study.axes):
+        path: Path = ("axes", index)
         _require_axis(axis, path, lines)
-        _require_apart(values_of(axis), (*path, "over"), lines)
+        _require_apart(list_axis_values(axis), (*path, "over"), lines)
         _require_new(axis.over, taken, (*path, "over"), lines)
-        for value in _outermost(values_of(axis)) if "." in axis.over else values_of(axis):
+        for value in _select_extremes(list_axis_values(axis)) if "." in axis.over else list_axis_values(axis):
             if "." in axis.over:
                 _require_number(base, axis.over, value, (*path, "over"), lines)
             else:
                 _require_setting(known, axis.over, value, (*path, "over"), lines)
-    for place, spread in enumerate(study.spread):
-        path = ("spread", place)
+    for index, spread in enumerate(study.spread):
+        path = ("spread", index)
         _require_new(spread.of, taken, (*path, "of"), lines)
         _require_spread(base, spread, path, lines)
     design = Design(study, base)
@@ -210,14 +212,14 @@ def designed(study: Study, lines: Lines, base: StudyBase, settings: tuple[Settin
     if study.seeds > 1:
         _require_setting(known, _SEED, design.first_seed + study.seeds - 1, ("seeds",), lines)
     try:
-        planned(base, design.point(0))
+        plan_point(base, design.point(0))
     except ParameterError as error:
         raise ExperimentError(str(error), ("spread",), find_line(("spread",), lines)) from None
     return design
 
 
-def _outermost(values: tuple[Value, ...]) -> tuple[Value, ...]:
-    """Return the values of a number by which its bounds are kept or not; all, where one of them is none."""
+def _select_extremes(values: tuple[Value, ...]) -> tuple[Value, ...]:
+    """Return the least and the largest value; all values if one of them is not a number."""
     numbers = [value for value in values if not isinstance(value, bool | str)]
     return (min(numbers), max(numbers)) if len(numbers) == len(values) else values
 
@@ -268,7 +270,7 @@ def _require_spread(base: StudyBase, spread: Spread, path: Path, lines: Lines) -
     if (spread.relative is None) == (spread.absolute is None):
         raise ExperimentError("say either relative or absolute", path, find_line(path, lines))
     nominal = _require_number(base, spread.of, None, (*path, "of"), lines)
-    reach = scale_of(spread, nominal) * (SIGMAS if spread.by == "normal" else 1.0)
+    reach = compute_scale(spread, nominal) * (SIGMAS if spread.by == "normal" else 1.0)
     if reach == 0.0:
         why = f"{spread.of} is 0, of which nothing relative can be drawn: say absolute"
         raise ExperimentError(why, (*path, "relative"), find_line((*path, "relative"), lines))
@@ -277,22 +279,22 @@ def _require_spread(base: StudyBase, spread: Spread, path: Path, lines: Lines) -
 
 
 def _require_number(base: StudyBase, name: str, value: Any, path: Path, lines: Lines) -> float:
-    """Return what a number of the plant is; ``value`` is what it is to be, None for what it is."""
-    section, entry, *place = (*name.split("."), "")
+    """Return the nominal value of a plant parameter; check that it may be ``value``, unless that is None."""
+    section, entry, *index = (*name.split("."), "")
     try:
-        nominal = number_of(base.parameters[section][entry]["value"], [part for part in place if part])
+        nominal = get_plant_number(base.parameters[section][entry]["value"], [part for part in index if part])
         if value is not None:
             if isinstance(value, bool | str):
                 raise ParameterError(f"{value!r} is not a number")
-            plant_with(base.parameters_name, base.parameters, {name: float(value)})
+            replace_plant_numbers(base.parameters_name, base.parameters, {name: float(value)})
     except (KeyError, IndexError, TypeError, ValueError) as error:
-        told = str(error) if isinstance(error, ParameterError) else f"{name}: the plant has no such number"
-        raise ExperimentError(told, path, find_line(path, lines)) from None
+        reason = str(error) if isinstance(error, ParameterError) else f"{name}: the plant has no such number"
+        raise ExperimentError(reason, path, find_line(path, lines)) from None
     return nominal
 
 
-def _shape(spread: Spread, u: float) -> float:
-    """Return a number of the standard form of a spread for one drawn evenly from 0 to 1."""
+def _map_to_distribution(spread: Spread, u: float) -> float:
+    """Map ``u``, uniform in 0 to 1, to the standard form of a distribution: scale 1, mean 0."""
     if spread.by == "uniform":
         return 2.0 * u - 1.0
     low, high = _NORMAL.cdf(-SIGMAS), _NORMAL.cdf(SIGMAS)

@@ -1,6 +1,6 @@
-"""What the table of a study comes to: maps of a figure over two axes, how each figure is spread, shares of runs. Pure.
+"""Summaries of a study's table: maps of a metric over two axes, distribution of each metric, shares of runs.
 
-No run is left out silently: whatever has no number, did not complete or was not judged is counted beside what has.
+Runs without a value, not completed or without criteria are counted and reported, never dropped silently.
 """
 
 import math
@@ -16,27 +16,27 @@ from backend.documented import ANSWER, HIDDEN, described
 from backend.experiments import Experiment
 from backend.models import SettingError, Value
 from backend.storage import StudyPoint
-from backend.studies.point import LOOP_FIGURES, MARGINS, TRUE
+from backend.studies.point import LOOP_METRICS, MARGIN_METRICS, TRUE
 from backend.units import AngleUnit, digits_apart, in_digits, read
 
 _T = TypeVar("_T")
 
-DRAWN_FIRST = ("overshoot_q_percent", "min_tension_N", f"M_s_q{TRUE}", "reach_q_s")
-"""Figures whose maps come first, where a study has them: overshoot, least tension, M_s, time to 90 %."""
+METRICS_DRAWN_FIRST = ("overshoot_q_percent", "min_tension_N", f"M_s_q{TRUE}", "reach_q_s")
+"""Metrics whose maps come first, if a study has them: overshoot, least tension, M_s, time to 90 %."""
 
 
-def percentile(values: Sequence[float], percent: float) -> float:
-    """Return a percentile of at least one value, between two neighbours of the sorted values by a straight line."""
+def compute_percentile(values: Sequence[float], percent: float) -> float:
+    """Return a percentile of one or more values, by linear interpolation between sorted neighbours."""
     ordered = sorted(values)
     low, share = divmod(percent / 100.0 * (len(ordered) - 1), 1.0)
     here = ordered[int(low)]
-    if share == 0.0 or math.isinf(here):  # from infinity no straight line begins
+    if share == 0.0 or math.isinf(here):  # infinity cannot be interpolated
         return here
     return here + share * (ordered[int(low) + 1] - here)
 
 
-def deviation(values: Sequence[float]) -> float | None:
-    """Return the standard deviation (n - 1), None for fewer than two values, infinity where a value is infinite."""
+def compute_deviation(values: Sequence[float]) -> float | None:
+    """Return the standard deviation (n - 1); None for fewer than two values, infinity if a value is infinite."""
     if len(values) < 2:
         return None
     if not all(map(math.isfinite, values)):
@@ -45,24 +45,24 @@ def deviation(values: Sequence[float]) -> float | None:
     return math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
 
 
-PICKS: dict[str, Callable[[list[float]], float | None]] = {
+STATISTICS: dict[str, Callable[[list[float]], float | None]] = {
     "mean": fmean,
     "least": min,
     "largest": max,
-    "deviation": deviation,
-    "p5": partial(percentile, percent=5.0),
+    "deviation": compute_deviation,
+    "p5": partial(compute_percentile, percent=5.0),
     "median": median,
-    "p95": partial(percentile, percent=95.0),
+    "p95": partial(compute_percentile, percent=95.0),
 }
-"""What a cell shows of the several runs that fall into it."""
+"""Statistics over the runs of a cell; their names are values of the parameter ``pick`` of the interface."""
 
-PICK_WORDS = {"deviation": "standard deviation", "p5": "5 % percentile", "p95": "95 % percentile"}
-"""Of picks whose name does not say it."""
+STATISTIC_LABELS = {"deviation": "standard deviation", "p5": "5 % percentile", "p95": "95 % percentile"}
+"""Labels of statistics whose name is not clear by itself."""
 
 WORST = "worst"
-"""As a pick: the run that a cautious person looks at; of what is neither good nor bad, the mean."""
-LEAST_IS_WORST = ("min_tension_N", "bandwidth_q_Hz", "bandwidth_S_Hz", *MARGINS)
-NEITHER_IS_WORST = (
+"""Value of ``pick`` for the worst run; the mean for metrics without a bad direction."""
+LOWER_IS_WORSE = ("min_tension_N", "bandwidth_q_Hz", "bandwidth_S_Hz", *MARGIN_METRICS)
+NEITHER_IS_WORSE = (
     "reach_bound_q_s",
     "stiffness_felt",
     "largest_push_N",
@@ -70,18 +70,18 @@ NEITHER_IS_WORST = (
     "error_integral_A",
     "error_integral_B",
 )
-"""Figures of which less is not better than more; of those that stand in neither row the largest is the worst."""
+"""Metrics without a bad direction; for all metrics in neither list, the largest value is the worst."""
 
 COMPLETED = "completed"
 SHARE = "share"
-"""As a pick: the share of the runs in a cell, in per cent."""
+"""Value of ``Map.pick`` for the share of the runs in a cell, in percent."""
 CONFIDENCE = 0.95
-"""Of the interval of a share."""
+"""Confidence level of the interval of a share."""
 
 
 @dataclass(frozen=True)
-class FigureName:
-    """A figure of the table: ``label`` in words, ``unit`` SI."""
+class MetricName:
+    """A metric of the table, with its label and SI unit."""
 
     name: str
     label: str
@@ -89,18 +89,19 @@ class FigureName:
 
 
 SHARES = {
-    "not_completed": FigureName("not_completed", "Runs not completed", "%"),
-    "criteria_failed": FigureName("criteria_failed", "Runs whose criteria do not all hold", "%"),
+    "not_completed": MetricName("not_completed", "Runs not completed", "%"),
+    "criteria_failed": MetricName("criteria_failed", "Runs whose criteria do not all hold", "%"),
 }
-"""Shares of runs: of all that are computed, and of those that were judged."""
+"""Shares of runs: of all computed runs, and of the runs with criteria."""
 
 
 @dataclass(frozen=True)
 class Map:
-    """A figure over two axes: ``cells`` by place of y, then of x; None where no run gave a number.
+    """A metric over two axes. Cells are indexed by y, then by x.
 
-    Or where it is of a loop that is ``unstable``, at the same places. ``counts`` of the computed ``runs`` in a cell
-    gave a number. Of a share ``intervals`` holds its confidence interval [%], None elsewhere.
+    A cell is None if none of its runs has a value, or if the value is infinite because a loop is unstable; ``unstable``
+    distinguishes them. ``counts`` of the computed ``runs`` in a cell have a value. ``intervals`` are the confidence
+    intervals [%] of a share, None otherwise.
     """
 
     __pydantic_config__ = ANSWER
@@ -131,10 +132,10 @@ class Map:
 
 @dataclass(frozen=True)
 class Spreading:
-    """How the numbers of a figure lie, over the ``count`` runs that gave one; None for what is infinite.
+    """Distribution of a metric over the ``count`` runs that have a value.
 
-    ``missing`` runs gave none. Infinite is what comes of the ``unstable`` among those that did. ``p5`` and ``p95`` are
-    percentiles; the standard ``deviation`` of a single run is None too.
+    ``missing`` runs have none. The ``unstable`` runs have an infinite value; an infinite statistic is None. ``p5`` and
+    ``p95`` are percentiles. The standard ``deviation`` of a single run is None.
     """
 
     name: str
@@ -154,9 +155,9 @@ class Spreading:
 
 @dataclass(frozen=True)
 class Share:
-    """``count`` of ``of`` runs, in ``percent``, with the Wilson interval [%]; ``left_out`` were not judged.
+    """``count`` of ``of`` runs, in percent, with its Wilson interval [%]; ``left_out`` runs have no verdict.
 
-    Numbers are None where there is no run to count.
+    ``percent``, ``low`` and ``high`` are None if ``of`` is 0.
     """
 
     name: str
@@ -169,58 +170,59 @@ class Share:
     high: float | None = field(metadata=described("upper end of the interval", "%"))
 
 
-def list_figure_names(experiment: Experiment) -> dict[str, FigureName]:
-    """Return the figures that the runs of a study have, those that are drawn first in front."""
+def list_metric_names(experiment: Experiment) -> dict[str, MetricName]:
+    """Return the metrics of the runs of a study by name, METRICS_DRAWN_FIRST first."""
     named = {
-        item.name: FigureName(item.name, item.metadata["label"], item.metadata["unit"])
+        item.name: MetricName(item.name, item.metadata["label"], item.metadata["unit"])
         for measure in experiment.measures
         for item in fields(FIGURES[measure])
         if item.metadata
     }
-    named |= {name: FigureName(name, label, unit) for name, (label, unit) in LOOP_FIGURES.items()}
-    first = [name for name in DRAWN_FIRST if name in named]
+    named |= {name: MetricName(name, label, unit) for name, (label, unit) in LOOP_METRICS.items()}
+    first = [name for name in METRICS_DRAWN_FIRST if name in named]
     return {name: named[name] for name in (*first, *(name for name in named if name not in first))}
 
 
-def map_of(
+def build_map(
     points: Sequence[StudyPoint], axes: Mapping[str, tuple[Value, ...]], x: str, y: str, figure: str, pick: str
 ) -> Map:
-    """Return the map of a figure over two of the ``axes``, over all else by ``pick``, one of PICKS or WORST.
+    """Return the map of a metric over two of the ``axes``.
 
-    Raises SettingError for what is no axis of the study, or no pick.
+    Each cell combines its runs by the statistic ``pick``, one of STATISTICS or WORST. Raises SettingError for an
+    unknown axis or statistic.
     """
     for what, name in (("x", x), ("y", y)):
         if name not in axes:
             raise SettingError(what, name, f"it is no axis of this study; axes are {', '.join(axes) or 'none'}")
     if x == y:
         raise SettingError("y", y, "it is x already")
-    legal = (WORST, *PICKS)
+    legal = (WORST, *STATISTICS)
     if pick not in legal:
         raise SettingError("pick", pick, f"choose one of {', '.join(legal)}", legal=legal)
-    shown = SHARE if figure in SHARES else worst_of(figure) if pick == WORST else pick
+    shown = SHARE if figure in SHARES else select_worst_statistic(figure) if pick == WORST else pick
     found: dict[tuple[Value, Value], list[float]] = {}
     runs: Counter[tuple[Value, Value]] = Counter()
     for point in points:
-        place = point.values[x], point.values[y]
-        runs[place] += 1
-        value = number_of(point, figure)
+        cell = point.values[x], point.values[y]
+        runs[cell] += 1
+        value = get_metric_value(point, figure)
         if value is not None:
-            found.setdefault(place, []).append(value)
+            found.setdefault(cell, []).append(value)
 
-    def over_cells(of: Callable[[tuple[Value, Value]], _T]) -> tuple[tuple[_T, ...], ...]:
-        return tuple(tuple(of((at_x, at_y)) for at_x in axes[x]) for at_y in axes[y])
+    def compute_cells(function: Callable[[tuple[Value, Value]], _T]) -> tuple[tuple[_T, ...], ...]:
+        return tuple(tuple(function((at_x, at_y)) for at_x in axes[x]) for at_y in axes[y])
 
-    def cell(place: tuple[Value, Value]) -> float | None:
-        values = found.get(place)
+    def compute_statistic(cell: tuple[Value, Value]) -> float | None:
+        values = found.get(cell)
         if not values:
             return None
-        return 100.0 * fmean(values) if shown == SHARE else PICKS[shown](values)
+        return 100.0 * fmean(values) if shown == SHARE else STATISTICS[shown](values)
 
-    def interval(place: tuple[Value, Value]) -> tuple[float, float] | None:
-        values = found.get(place)
+    def compute_interval(cell: tuple[Value, Value]) -> tuple[float, float] | None:
+        values = found.get(cell)
         return _wilson(round(sum(values)), len(values)) if values and shown == SHARE else None
 
-    cells = over_cells(cell)
+    cells = compute_cells(compute_statistic)
     return Map(
         figure=figure,
         pick=shown,
@@ -230,16 +232,16 @@ def map_of(
         y_values=axes[y],
         cells=tuple(tuple(_finite(value) for value in row) for row in cells),
         unstable=tuple(tuple(value is not None and math.isinf(value) for value in row) for row in cells),
-        counts=over_cells(lambda place: len(found.get(place, ()))),
-        runs=over_cells(lambda place: runs[place]),
-        intervals=over_cells(interval),
+        counts=compute_cells(lambda cell: len(found.get(cell, ()))),
+        runs=compute_cells(lambda cell: runs[cell]),
+        intervals=compute_cells(compute_interval),
     )
 
 
-def number_of(point: StudyPoint, figure: str) -> float | None:
-    """Return the number of a figure in a row, None where there is none; of one of SHARES 1 where the run counts, or 0.
+def get_metric_value(point: StudyPoint, figure: str) -> float | None:
+    """Return the value of a metric in a row; None without a value.
 
-    Where the loop is unstable it is infinity, minus infinity where the least is the worst.
+    A metric of SHARES is 1 or 0. The value of an unstable loop is infinity, or minus infinity if lower is worse.
     """
     if figure == "not_completed":
         return float(point.state != COMPLETED)
@@ -247,7 +249,7 @@ def number_of(point: StudyPoint, figure: str) -> float | None:
         return None if point.passed is None else float(not point.passed)
     value: float | str | None = point.figures.get(figure)
     if isinstance(value, str):
-        return -math.inf if figure in LEAST_IS_WORST else math.inf
+        return -math.inf if figure in LOWER_IS_WORSE else math.inf
     return value
 
 
@@ -255,36 +257,36 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or math.isinf(value) else value
 
 
-def worst_of(figure: str) -> str:
-    """Return which of PICKS shows the worst run."""
-    if figure in NEITHER_IS_WORST:
+def select_worst_statistic(figure: str) -> str:
+    """Return the name of the statistic that shows the worst run."""
+    if figure in NEITHER_IS_WORSE:
         return "mean"
-    return "least" if figure in LEAST_IS_WORST else "largest"
+    return "least" if figure in LOWER_IS_WORSE else "largest"
 
 
 def format_axis_labels(values: Sequence[Value], unit: str, angles: AngleUnit) -> list[str]:
-    """Write the values of an axis as they are read, each apart from the others."""
+    """Return the values of an axis as texts, with enough digits to tell them apart."""
     numbers = {value: read(value, unit, angles) for value in values if not isinstance(value, bool | str)}
     digits = digits_apart(numbers.values())
     return [in_digits(numbers[value], digits) if value in numbers else str(value) for value in values]
 
 
-def axes_to_draw(axes: Mapping[str, tuple[Value, ...]]) -> tuple[str, str] | None:
-    """Return which axes a map is over where nobody says: λ_q and λ_S, else the first two; None where there is one."""
+def choose_map_axes(axes: Mapping[str, tuple[Value, ...]]) -> tuple[str, str] | None:
+    """Return the default axes of a map: λ_q and λ_S, else the first two; None if there is only one."""
     if {"lam_q", "lam_S"} <= set(axes):
         return "lam_q", "lam_S"
     names = list(axes)
     return (names[0], names[1]) if len(names) > 1 else None
 
 
-def spreadings(points: Sequence[StudyPoint], figures: Iterable[FigureName]) -> list[Spreading]:
-    """Return how each figure is spread, of those that any run has."""
+def summarize_distributions(points: Sequence[StudyPoint], figures: Iterable[MetricName]) -> list[Spreading]:
+    """Return the distribution of each metric that any run has."""
     found = []
     for figure in figures:
-        values = [v for point in points if (v := number_of(point, figure.name)) is not None]
+        values = [v for point in points if (v := get_metric_value(point, figure.name)) is not None]
         if values:
-            told = {
-                shown: _finite(PICKS[shown](values))
+            statistics = {
+                shown: _finite(STATISTICS[shown](values))
                 for shown in ("least", "p5", "median", "mean", "p95", "largest", "deviation")
             }
             unstable = sum(map(math.isinf, values))
@@ -296,17 +298,17 @@ def spreadings(points: Sequence[StudyPoint], figures: Iterable[FigureName]) -> l
                     count=len(values),
                     missing=len(points) - len(values),
                     unstable=unstable,
-                    **told,
+                    **statistics,
                 )
             )
     return found
 
 
-def shares(points: Sequence[StudyPoint]) -> list[Share]:
-    """Return SHARES over all rows that are computed, each with its Wilson interval at CONFIDENCE."""
+def compute_shares(points: Sequence[StudyPoint]) -> list[Share]:
+    """Return SHARES over all computed rows, each with its Wilson interval at CONFIDENCE."""
     found = []
     for name, figure in SHARES.items():
-        values = [v for point in points if (v := number_of(point, name)) is not None]
+        values = [v for point in points if (v := get_metric_value(point, name)) is not None]
         count, of = round(sum(values)), len(values)
         low, high = _wilson(count, of) if of else (None, None)
         percent = 100.0 * count / of if of else None

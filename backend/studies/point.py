@@ -1,4 +1,4 @@
-"""One run of a study and its robustness figures, computed from plain data."""
+"""One simulated run of a study: its inputs, its row in the table, and its robustness metrics."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -25,13 +25,13 @@ from backend.storage import Bank, StudyPoint, UnknownRecordError
 from backend.tuning import PointModel, Robustness, TuningError, compute_loop_margins
 from plant import ErrorCode, ParameterError, PlantParameters, parse_parameters
 
-# Loop figures --------------------------------------------------------------------------------------
+# Loop metrics --------------------------------------------------------------------------------------
 #
-# Robustness figures of a study's row: of the identified model, and of the plant that was drawn.
+# Robustness metrics of a row, for the identified model and for the drawn plant.
 
 
 TRUE = "_true"
-"""Ending of the names of figures of the drawn plant; without it they are of the identified model."""
+"""Suffix of the metrics of the drawn plant; metrics without it are of the identified model."""
 
 _LOOPS = {"q": "position loop", "S": "stiffness loop", "motor": "motor loops"}
 _PLANTS = {"": "identified model", TRUE: "drawn plant"}
@@ -41,34 +41,34 @@ _KINDS = {
     "phase_margin": ("Phase margin", "rad"),
 }
 
-LOOP_FIGURES: dict[str, tuple[str, str]] = {
+LOOP_METRICS: dict[str, tuple[str, str]] = {
     f"{kind}_{loop}{plant}": (f"{label}, {_LOOPS[loop]}, {_PLANTS[plant]}", unit)
     for kind, (label, unit) in _KINDS.items()
     for loop in _LOOPS
     for plant in _PLANTS
 }
-"""Label and SI unit of each figure by its name, such as ``M_s_q`` and ``M_s_q_true``."""
+"""Label and SI unit of each metric by its name, such as ``M_s_q`` and ``M_s_q_true``."""
 
-MARGINS = tuple(name for name in LOOP_FIGURES if "margin" in name)
-"""Of these less is worse."""
+MARGIN_METRICS = tuple(name for name in LOOP_METRICS if "margin" in name)
+"""Metrics of which a lower value is worse."""
 
 
-def loop_figures(
+def compute_loop_metrics(
     parameters: PlantParameters, points: tuple[PointModel, ...], loop: LoopSettings
 ) -> dict[str, float | None]:
-    """Return LOOP_FIGURES for the gains in use; ``parameters`` hold the drawn plant and its identified model.
+    """Return LOOP_METRICS for the active gains; ``parameters`` hold the drawn plant and its identified model.
 
-    An unstable loop has M_s = inf and margins of -inf, a gain margin without bound is None. Raises TuningError.
+    An unstable loop has M_s = inf and margins of -inf; an unbounded margin is None. Raises TuningError.
     """
     found: dict[str, float | None] = {}
     for ending in _PLANTS:
         margins = compute_loop_margins(parameters, points, loop.lambdas, true_plant=ending == TRUE)
         for name in _LOOPS:
-            found |= {f"{kind}_{name}{ending}": value for kind, value in _of(getattr(margins, name))}
-    return {name: found[name] for name in LOOP_FIGURES}
+            found |= {f"{kind}_{name}{ending}": value for kind, value in _list_metrics(getattr(margins, name))}
+    return {name: found[name] for name in LOOP_METRICS}
 
 
-def _of(loop: Robustness) -> Iterator[tuple[str, float | None]]:
+def _list_metrics(loop: Robustness) -> Iterator[tuple[str, float | None]]:
     yield "M_s", loop.M_s
     yield "gain_margin", _margin(loop, loop.gain_margin)
     yield "phase_margin", _margin(loop, loop.phase_margin)
@@ -82,27 +82,27 @@ def _margin(loop: Robustness, margin: float) -> float | None:
 
 # Point ---------------------------------------------------------------------------------------------
 #
-# One run of a study, computed from plain data alone: wherever and in whichever order, the same row.
+# A point is computed from plain data alone, so its row depends on neither machine nor order.
 
 
 REFUSED = "refused"
-"""State of a point that no run can be made of: λ that is not safe, a plant that cannot be."""
+"""State of a point with invalid inputs: an unsafe λ, impossible plant parameters."""
 FAILED = "failed"
-"""State of a point that could not be computed for a reason that nobody foresaw."""
+"""State of a point whose computation raised an unexpected error."""
 LOST = "lost"
-"""State of a point over which the process that computes it has died again and again."""
+"""State of a point whose process died on every attempt."""
 UNSTABLE = "unstable"
-"""In the table in place of the sensitivity peak and the margins of an unstable loop."""
+"""Replaces sensitivity peak and margins of an unstable loop in the table."""
 
-_REFUSALS = (InvalidValueError, ParameterError, TuningError, NotPlayedError, UnknownRecordError)
+_REJECTIONS = (InvalidValueError, ParameterError, TuningError, NotPlayedError, UnknownRecordError)
 
 
 @dataclass(frozen=True)
 class StudyBase:
-    """What all runs of a study have in common, as plain data.
+    """Inputs common to all runs of a study, as plain data.
 
     ``experiment`` is its canonical text, ``parameters`` the document of the plant, ``settings`` those that no axis
-    changes, tuning included; ``banks`` are all that are used. ``software`` is the version that computes.
+    varies, tuning included, ``banks`` all that any run uses, ``software`` the version of Sinew that computes.
     """
 
     experiment: str
@@ -116,7 +116,7 @@ class StudyBase:
 
 @dataclass(frozen=True)
 class Point:
-    """What one run has of its own: ``settings`` by name, numbers of the ``plant`` by section.entry, in SI."""
+    """Inputs of one run: ``settings`` by name, and plant parameters (``plant``, SI) by section.entry."""
 
     number: int
     settings: dict[str, Value]
@@ -124,7 +124,7 @@ class Point:
 
 
 class OtherSoftwareError(RequestRejectedError):
-    """Another version of Sinew could give other rows than those that are there."""
+    """The study belongs to another version of Sinew, which may compute different rows."""
 
     def __init__(self, software: str) -> None:
         super().__init__(
@@ -135,67 +135,78 @@ class OtherSoftwareError(RequestRejectedError):
 
 
 def require_version(software: str) -> None:
-    """Raise OtherSoftwareError where this Sinew is not the one that a study was begun with."""
+    """Raise OtherSoftwareError unless the study was created with this version of Sinew."""
     if software != __version__:
         raise OtherSoftwareError(software)
 
 
 def run_point(base: StudyBase, point: Point) -> StudyPoint:
-    """Simulate one point. Whatever becomes of it is a row; OtherSoftwareError alone is raised."""
+    """Simulate one point and return its row, also if it fails. Raises OtherSoftwareError only."""
     require_version(base.software)
     figures: dict[str, float | None] = {}
     try:
-        return _computed(base, point, figures)
-    except _REFUSALS as error:
-        return without_run(point, REFUSED, str(error), figures)
+        return _simulate_point(base, point, figures)
+    except _REJECTIONS as error:
+        return build_failed_point(point, REFUSED, str(error), figures)
     except Exception as error:
-        return without_run(point, FAILED, f"{type(error).__name__}: {error}", figures)
+        return build_failed_point(point, FAILED, f"{type(error).__name__}: {error}", figures)
 
 
-def without_run(
+def build_failed_point(
     point: Point, state: str, detail: str, figures: Mapping[str, float | None] = MappingProxyType({})
 ) -> StudyPoint:
-    """Return the row of a point that was not run, why, and the ``figures`` that are known all the same."""
+    """Return the row of a point without a completed run, with the reason and the metrics known so far."""
     return StudyPoint(
-        number=point.number, state=state, detail=detail, passed=None, values=_values(point), figures=dict(figures)
+        number=point.number,
+        state=state,
+        detail=detail,
+        passed=None,
+        values=_get_varied_values(point),
+        figures=dict(figures),
     )
 
 
-def planned(base: StudyBase, point: Point) -> tuple[PlantParameters, ExperimentPlan, LoopSettings]:
-    """Return what a point is a run of. Raises SettingError, OutOfRangeError, ExperimentError, ParameterError."""
-    entry = _entry(base.experiment, base.run_kind)
+def plan_point(base: StudyBase, point: Point) -> tuple[PlantParameters, ExperimentPlan, LoopSettings]:
+    """Return plant, experiment plan and loop settings of a point.
+
+    Raises SettingError, OutOfRangeError, ExperimentError, ParameterError.
+    """
+    entry = _load_definition(base.experiment, base.run_kind)
     plan, loop = split_values(
         entry.settings, entry.make, {**complete_motion(base.settings), **complete_motion(point.settings)}
     )
     assert isinstance(plan, ExperimentPlan)
-    return plant_with(base.parameters_name, base.parameters, point.plant), plan, loop
+    return replace_plant_numbers(base.parameters_name, base.parameters, point.plant), plan, loop
 
 
-def plant_with(name: str, document: Mapping[str, Any], numbers: Mapping[str, float]) -> PlantParameters:
-    """Return a set of parameters with other ``numbers``, by section.entry or section.entry.place.
+def replace_plant_numbers(name: str, document: Mapping[str, Any], numbers: Mapping[str, float]) -> PlantParameters:
+    """Return plant parameters with some ``numbers`` replaced, by section.entry or section.entry.index.
 
-    Raises ParameterError for one that is not there or out of its bounds.
+    Raises ParameterError for an unknown parameter or a value out of bounds.
     """
     changed = deepcopy(dict(document))
     for path, number in numbers.items():
-        section, entry, *place = path.split(".")
+        section, entry, *index = path.split(".")
         try:
-            held = changed[section][entry]
-            number_of(held["value"], place)  # there has to be one
+            parameter = changed[section][entry]
+            get_plant_number(parameter["value"], index)  # raises unless it exists
         except (KeyError, IndexError, TypeError, ValueError):
             raise ParameterError(f"{path}: the plant has no such number") from None
-        if place:
-            held["value"][int(place[0])] = number
+        if index:
+            parameter["value"][int(index[0])] = number
         else:
-            held["value"] = number
+            parameter["value"] = number
     return parse_parameters(name, changed)
 
 
-def number_of(value: Any, place: list[str]) -> float:
-    """Return a number of an entry, or that at a place of its row. Raises IndexError, TypeError, ValueError."""
-    if place and place[0] != str(int(place[0])):
+def get_plant_number(value: Any, index: list[str]) -> float:
+    """Return a parameter, or the element of a list at an index given as a list of zero or one text.
+
+    Raises IndexError, TypeError, ValueError.
+    """
+    if index and index[0] != str(int(index[0])):
         raise ValueError("a place has one way to be written")
-    number = value[int(place[0])] if place else value
+    number = value[int(index[0])] if index else value
     if isinstance(number, bool) or not isinstance(number, int | float):
         raise TypeError("it is no number")
     return float(number)
@@ -203,7 +214,7 @@ def number_of(value: Any, place: list[str]) -> float:
 
 @dataclass(frozen=True)
 class NamedPlantNumber:
-    """A number of the plant by its name in a study."""
+    """A plant parameter with its name in a study."""
 
     name: str
     value: float
@@ -211,48 +222,48 @@ class NamedPlantNumber:
 
 
 def list_variable_numbers(parameters: PlantParameters) -> list[NamedPlantNumber]:
-    """Return every number of a plant that a study can vary, by section and entry, of a row each."""
+    """Return every number of the plant parameters that a study can vary, each element of a list by itself."""
     found: list[NamedPlantNumber] = []
     for section, entries in parameters.to_document().items():
-        for entry, said in entries.items() if isinstance(entries, Mapping) else ():
-            value, unit = said.get("value"), str(said.get("unit", ""))
+        for entry, parameter in entries.items() if isinstance(entries, Mapping) else ():
+            value, unit = parameter.get("value"), str(parameter.get("unit", ""))
             row = value if isinstance(value, list) else [value]
-            places = [f".{place}" for place in range(len(row))] if isinstance(value, list) else [""]
-            for place, number in zip(places, row, strict=True):
+            suffixes = [f".{index}" for index in range(len(row))] if isinstance(value, list) else [""]
+            for suffix, number in zip(suffixes, row, strict=True):
                 if isinstance(number, int | float) and not isinstance(number, bool):
-                    found.append(NamedPlantNumber(f"{section}.{entry}{place}", float(number), unit))
+                    found.append(NamedPlantNumber(f"{section}.{entry}{suffix}", float(number), unit))
     return found
 
 
-def _computed(base: StudyBase, point: Point, figures: dict[str, float | None]) -> StudyPoint:
-    """Simulate a point, and put into ``figures`` what is known before that as soon as it is."""
-    parameters, plan, loop = planned(base, point)
+def _simulate_point(base: StudyBase, point: Point, figures: dict[str, float | None]) -> StudyPoint:
+    """Simulate a point; add the robustness metrics to ``figures`` first, so that a failed run has them too."""
+    parameters, plan, loop = plan_point(base, point)
     banks = {bank.id: bank for bank in base.banks}
 
-    def bank_of(number: int) -> Bank:
+    def load_bank(number: int) -> Bank:
         if number not in banks:
             raise UnknownRecordError(f"there is no bank {number}")
         return banks[number]
 
-    figures |= loop_figures(parameters, entry_points(bank_of(loop.bank) if loop.bank else None), loop)
-    played = play_in_memory(parameters, plan, loop, bank_of)
-    judged = [item.passed for item in played.criteria]
-    passed = None if not judged or (None in judged and False not in judged) else all(judged)
-    measured = {item.name: item.value for item in played.metrics.figures}
+    figures |= compute_loop_metrics(parameters, entry_points(load_bank(loop.bank) if loop.bank else None), loop)
+    result = play_in_memory(parameters, plan, loop, load_bank)
+    verdicts = [item.passed for item in result.criteria]
+    passed = None if not verdicts or (None in verdicts and False not in verdicts) else all(verdicts)
+    measured = {item.name: item.value for item in result.metrics.figures}
     return StudyPoint(
         number=point.number,
-        state=played.end_state,
-        detail=played.end_detail,
+        state=result.end_state,
+        detail=result.end_detail,
         passed=passed,
-        values=_values(point),
+        values=_get_varied_values(point),
         figures=measured | figures,
     )
 
 
-def _values(point: Point) -> dict[str, Value]:
+def _get_varied_values(point: Point) -> dict[str, Value]:
     return {**point.settings, **point.plant}
 
 
 @lru_cache(maxsize=8)
-def _entry(experiment: str, run_kind: str) -> ExperimentDefinition:
+def _load_definition(experiment: str, run_kind: str) -> ExperimentDefinition:
     return build_library_entry(parser.parse_canonical(experiment), run_kind=run_kind)

@@ -1,4 +1,4 @@
-"""Compute what a study still lacks, row by row into the database; stopped, killed or done, it can be taken up again."""
+"""Computes the missing rows of a study and stores each at once, so that an interrupted study can be resumed."""
 
 import math
 import os
@@ -13,21 +13,21 @@ from itertools import islice
 from backend.errors import RequestRejectedError
 from backend.models import replace_non_finite
 from backend.storage import Database, StorageError, StoredStudy, StudyPoint, studies
-from backend.studies.crew import Crew, LocalCrew
 from backend.studies.design import Design
+from backend.studies.executor import LocalExecutor, PointExecutor
 from backend.studies.point import FAILED, LOST, UNSTABLE, StudyBase, require_version
 from backend.studies.stored import parse_design
 from plant import ErrorCode
 
-BEAT_S = 1.0
-"""How often whoever computes a study tells that it is alive, and looks whether to stop."""
-SILENT_S = 15.0
-"""One on another machine that was not heard of for so long [s] is taken for dead."""
+CLAIM_REFRESH_S = 1.0
+"""Interval [s] at which the computing process renews its claim on the study and checks for a request to stop."""
+CLAIM_TIMEOUT_S = 15.0
+"""Age [s] from which the claim of a process on another machine counts as abandoned."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """``done`` of ``points``; ``left_s`` is the time left [s], None before anything can be said of it."""
+    """Number of computed points, of all points, and the remaining time [s]; None before the first new point."""
 
     done: int
     points: int
@@ -35,11 +35,11 @@ class Progress:
 
 
 StudyProgressCallback = Callable[[Progress], None]
-MakeCrew = Callable[[StudyBase], Crew]
+MakeExecutor = Callable[[StudyBase], PointExecutor]
 
 
 class TakenError(RequestRejectedError):
-    """Somebody computes the study at this moment."""
+    """Another process computes the study."""
 
     def __init__(self, study: StoredStudy) -> None:
         super().__init__(
@@ -48,29 +48,29 @@ class TakenError(RequestRejectedError):
         )
 
 
-def use_local_processes(jobs: int) -> MakeCrew:
-    """Return what makes a crew of ``jobs`` processes of this machine."""
-    return lambda base: LocalCrew(base, jobs)
+def use_local_processes(jobs: int) -> MakeExecutor:
+    """Return a factory of executors with ``jobs`` processes of this machine."""
+    return lambda base: LocalExecutor(base, jobs)
 
 
 def run_study(
     database: Database,
     study_id: int,
-    make_crew: MakeCrew,
+    make_executor: MakeExecutor,
     notify: StudyProgressCallback = lambda _progress: None,
     *,
     again: bool = False,
 ) -> bool:
-    """Compute all rows that are not there yet; return whether all are there now, or somebody had it stopped.
+    """Compute all missing rows and return whether the study is complete; False if a person stopped it.
 
-    Each row is stored as it comes; with ``again`` those that failed or were lost are computed anew. Raises
-    UnknownRecordError, OtherSoftwareError, TakenError, StorageError, CrewGoneError.
+    Each row is stored as soon as it is computed; ``again`` recomputes rows that failed or were lost. Raises
+    UnknownRecordError, OtherSoftwareError, TakenError, StorageError, ExecutorUnavailableError.
     """
     runner = f"{socket.gethostname()}:{os.getpid()}"
     with database.session() as session:
         study = studies.get(session, study_id)
         require_version(study.base["software"])
-        if is_computed(study) and study.runner != runner:
+        if is_being_computed(study) and study.runner != runner:
             raise TakenError(study)
         if again:
             studies.forget(session, study_id, (FAILED, LOST))
@@ -79,15 +79,15 @@ def run_study(
     problem = "it was interrupted"
     try:
         design = parse_design(study)
-        crew = make_crew(design.base)
+        executor = make_executor(design.base)
         try:
-            whole = _Work(
-                database=database, study_id=study_id, runner=runner, design=design, crew=crew, notify=notify
-            ).through()
+            is_complete = _StudyExecution(
+                database=database, study_id=study_id, runner=runner, design=design, executor=executor, notify=notify
+            ).run()
         finally:
-            crew.close()
+            executor.close()
         problem = ""
-        return whole
+        return is_complete
     except Exception as error:
         problem = str(error) or type(error).__name__
         raise
@@ -96,63 +96,71 @@ def run_study(
             studies.let_go(session, study_id, runner, problem)
 
 
-class _Work:
+class _StudyExecution:
+    """Computes the missing points of one study that this process has claimed."""
+
     def __init__(
-        self, database: Database, study_id: int, runner: str, design: Design, crew: Crew, notify: StudyProgressCallback
+        self,
+        database: Database,
+        study_id: int,
+        runner: str,
+        design: Design,
+        executor: PointExecutor,
+        notify: StudyProgressCallback,
     ) -> None:
         self._database, self._study_id, self._runner = database, study_id, runner
-        self._design, self._crew, self._notify = design, crew, notify
+        self._design, self._executor, self._notify = design, executor, notify
         with database.reading() as session:
-            self._there = studies.numbers(session, study_id)
-        self._begun, self._begun_with = time.monotonic(), len(self._there)
-        self._in_hands = 0
+            self._computed = studies.numbers(session, study_id)
+        self._started_at, self._initial_count = time.monotonic(), len(self._computed)
+        self._submitted_count = 0
 
-    def through(self) -> bool:
-        missing = (self._design.point(number) for number in range(len(self._design)) if number not in self._there)
-        may_go_on, beaten = True, time.monotonic()
-        self._tell()
+    def run(self) -> bool:
+        """Compute until no point is missing or the claim is withdrawn; return whether the study is complete."""
+        missing = (self._design.point(number) for number in range(len(self._design)) if number not in self._computed)
+        is_claimed, last_refresh = True, time.monotonic()
+        self._notify_progress()
         while True:
-            for point in islice(missing, max(0, self._crew.width - self._in_hands) if may_go_on else 0):
-                self._crew.give(point)
-                self._in_hands += 1
-            if not self._in_hands:
-                return len(self._there) == len(self._design)
-            self._keep(self._crew.finished(BEAT_S))
-            if time.monotonic() - beaten >= BEAT_S:
-                beaten = time.monotonic()
+            for point in islice(missing, max(0, self._executor.capacity - self._submitted_count) if is_claimed else 0):
+                self._executor.submit(point)
+                self._submitted_count += 1
+            if not self._submitted_count:
+                return len(self._computed) == len(self._design)
+            self._store_results(self._executor.collect_results(CLAIM_REFRESH_S))
+            if time.monotonic() - last_refresh >= CLAIM_REFRESH_S:
+                last_refresh = time.monotonic()
                 with self._database.session() as session:
-                    may_go_on = studies.refresh_claim(session, self._study_id, self._runner)
-                self._tell()
+                    is_claimed = studies.refresh_claim(session, self._study_id, self._runner)
+                self._notify_progress()
 
-    def _keep(self, results: list[StudyPoint]) -> None:
+    def _store_results(self, results: list[StudyPoint]) -> None:
         if not results:
             return
         with self._database.session() as session:
-            studies.add_points(session, self._study_id, [as_stored(result) for result in results])
-        self._in_hands -= len(results)
-        self._there.update(result.number for result in results)
+            studies.add_points(session, self._study_id, [to_stored_point(result) for result in results])
+        self._submitted_count -= len(results)
+        self._computed.update(result.number for result in results)
 
-    def _tell(self) -> None:
-        done, points = len(self._there), len(self._design)
-        self._notify(
-            Progress(done, points, estimate_remaining_s(done, self._begun_with, points, time.monotonic() - self._begun))
-        )
-
-
-def estimate_remaining_s(done: int, begun_with: int, points: int, lasted_s: float) -> float | None:
-    """Return how long [s] a study takes on, as fast as it went so far; None where nothing came yet."""
-    computed = done - begun_with
-    return None if computed <= 0 else lasted_s / computed * (points - done)
+    def _notify_progress(self) -> None:
+        done, points = len(self._computed), len(self._design)
+        elapsed_s = time.monotonic() - self._started_at
+        self._notify(Progress(done, points, estimate_remaining_s(done, self._initial_count, points, elapsed_s)))
 
 
-def is_computed(study: StoredStudy) -> bool:
-    """Return whether somebody computes a study at present, as far as can be seen from this machine."""
+def estimate_remaining_s(done: int, initial_count: int, points: int, elapsed_s: float) -> float | None:
+    """Return the remaining time [s] at the mean rate so far; None before the first new point."""
+    computed = done - initial_count
+    return None if computed <= 0 else elapsed_s / computed * (points - done)
+
+
+def is_being_computed(study: StoredStudy) -> bool:
+    """Return whether a process computes the study, as far as this machine can determine."""
     if not study.runner or study.seen_at is None:
         return False
     host, _, number = study.runner.rpartition(":")
     if host == socket.gethostname() and not _is_alive(int(number)):
         return False
-    return (datetime.now(UTC) - study.seen_at).total_seconds() < SILENT_S
+    return (datetime.now(UTC) - study.seen_at).total_seconds() < CLAIM_TIMEOUT_S
 
 
 def _is_alive(process: int) -> bool:
@@ -165,8 +173,8 @@ def _is_alive(process: int) -> bool:
     return True
 
 
-def as_stored(result: StudyPoint) -> StudyPoint:
-    """Return a row as it is kept: M_s and margins of an unstable loop, for which JSON has no number, by their word."""
+def to_stored_point(result: StudyPoint) -> StudyPoint:
+    """Return the row to store: infinite values of an unstable loop, which JSON lacks, become UNSTABLE."""
     figures = {
         name: UNSTABLE if isinstance(value, float) and math.isinf(value) else value
         for name, value in result.figures.items()

@@ -1,4 +1,4 @@
-"""A study as it is kept, with all that its text speaks of as that was when it was begun."""
+"""Creates and reads stored studies; each includes the experiment, plant and banks as of its creation."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pydantic import TypeAdapter
 
 from backend.errors import Path
-from backend.execution import BankOf, list_plan_banks
+from backend.execution import LoadBank, list_plan_banks
 from backend.experiments import (
     KIND,
     ExperimentDefinition,
@@ -18,55 +18,55 @@ from backend.experiments import (
 )
 from backend.models import DocumentCodec, Value, complete_motion
 from backend.storage import Bank, NewStudy, StoredStudy, UnknownRecordError
-from backend.studies.design import FORMAT, STUDY, Design, Study, designed
-from backend.studies.point import StudyBase, planned
+from backend.studies.design import FORMAT, STUDY, Design, Study, build_design
+from backend.studies.point import StudyBase, plan_point
 from plant import PlantParameters
 
 BASE: DocumentCodec[StudyBase] = DocumentCodec(StudyBase, "what it is computed from", 0)
-_BASE = TypeAdapter(StudyBase)  # writes the dates of banks too, which documents by themselves have none of
+_BASE = TypeAdapter(StudyBase)  # serializes the dates of banks, which DocumentCodec does not
 
 
 @dataclass(frozen=True)
 class StudyContext:
-    """What a study is begun among: experiments by name, the plant, the tuning where it names none, the banks."""
+    """Data that a new study refers to: experiments, plant, banks, and the tuning for studies without their own."""
 
-    entry_named: Callable[[str], ExperimentDefinition]
+    find_experiment: Callable[[str], ExperimentDefinition]
     parameters: PlantParameters
     tuning: Mapping[str, Value]
-    bank_of: BankOf
+    load_bank: LoadBank
 
 
-def read(written: str, *, stored: bool = False) -> tuple[Study, Lines]:
-    """Return the study that a text says, and the line of each of its parts. Raises ExperimentError.
+def parse_study(text: str, *, stored: bool = False) -> tuple[Study, Lines]:
+    """Return the study that a text describes, and the line of each of its parts. Raises ExperimentError.
 
-    A ``stored`` text is read as it was accepted.
+    A ``stored`` text is not checked against rules that were added after it was stored.
     """
-    document, lines = parser.document_of(written, stored=stored)
+    document, lines = parser.document_of(text, stored=stored)
     if not isinstance(document, Mapping):
         raise ExperimentError("a study is a mapping with format, name, title and axes or spread", (), 1)
     return parser.in_form(STUDY, FORMAT, document, lines, stored=stored), lines
 
 
-def create_study(written: str, around: StudyContext, who: str) -> NewStudy:
-    """Return a study as it is to be kept. Raises ExperimentError naming line, value, bound and unit."""
-    study, lines = read(written)
-    entry = _entry(study, lines, around)
+def create_study(text: str, context: StudyContext, who: str) -> NewStudy:
+    """Return the study to store. Raises ExperimentError with line, value, bound and unit."""
+    study, lines = parse_study(text)
+    entry = _find_definition(study, lines, context)
     if entry.written is None:
         why = f"{entry.name} is no experiment that is data: write it as one"
         raise ExperimentError(why, ("experiment",), find_line(("experiment",), lines))
     base = StudyBase(
         parser.canonical(entry.written),
         entry.run_kind,
-        around.parameters.name,
-        around.parameters.to_document(),
-        {**around.tuning, **complete_motion(study.settings)},
+        context.parameters.name,
+        context.parameters.to_document(),
+        {**context.tuning, **complete_motion(study.settings)},
     )
-    design = designed(study, lines, base, entry.settings)
-    base = replace(base, banks=_banks(design, around.bank_of, lines))
+    design = build_design(study, lines, base, entry.settings)
+    base = replace(base, banks=_load_banks(design, context.load_bank, lines))
     return NewStudy(
         name=study.name,
         title=study.title,
-        text=written,
+        text=text,
         base=_BASE.dump_python(base, mode="json"),
         points=len(design),
         who=who,
@@ -74,13 +74,13 @@ def create_study(written: str, around: StudyContext, who: str) -> NewStudy:
 
 
 def parse_design(stored: StoredStudy) -> Design:
-    """Return the points of a stored study. Raises UnreadableDocumentError, ExperimentError."""
-    return Design(read(stored.text, stored=True)[0], BASE.read(stored.base, f"study {stored.id}"))
+    """Return the design of a stored study. Raises UnreadableDocumentError, ExperimentError."""
+    return Design(parse_study(stored.text, stored=True)[0], BASE.read(stored.base, f"study {stored.id}"))
 
 
-def _entry(study: Study, lines: Lines, around: StudyContext) -> ExperimentDefinition:
+def _find_definition(study: Study, lines: Lines, context: StudyContext) -> ExperimentDefinition:
     if study.written is None:
-        return around.entry_named(study.experiment)
+        return context.find_experiment(study.experiment)
     inner = {path[1:]: line for path, line in lines.items() if path[:1] == ("written",)}
     try:
         return build_library_entry(study.written, inner, run_kind=KIND)
@@ -88,20 +88,20 @@ def _entry(study: Study, lines: Lines, around: StudyContext) -> ExperimentDefini
         raise ExperimentError(error.why, ("written", *error.path), error.line) from None
 
 
-def _banks(design: Design, bank_of: BankOf, lines: Lines) -> tuple[Bank, ...]:
-    """Return the banks that are used: of the tuning, of an axis, or on the way of the first point."""
-    _, plan, loop = planned(design.base, design.point(0))
-    said_at: dict[int, Path] = dict.fromkeys((loop.bank, *list_plan_banks(plan)), ())
+def _load_banks(design: Design, load_bank: LoadBank, lines: Lines) -> tuple[Bank, ...]:
+    """Return the banks that the study uses: of the tuning, of an axis, of changes during the experiment."""
+    _, plan, loop = plan_point(design.base, design.point(0))
+    paths: dict[int, Path] = dict.fromkeys((loop.bank, *list_plan_banks(plan)), ())
     if "bank" in design.study.settings:
-        said_at[loop.bank] = ("settings", "bank")
-    for place, (name, values) in enumerate(design.axes):
+        paths[loop.bank] = ("settings", "bank")
+    for index, (name, values) in enumerate(design.axes):
         if name == "bank":
-            said_at |= {int(value): ("axes", place, "over") for value in values}
-    return tuple(_bank(bank_of, number, said_at[number], lines) for number in sorted(said_at) if number)
+            paths |= {int(value): ("axes", index, "over") for value in values}
+    return tuple(_load_bank(load_bank, number, paths[number], lines) for number in sorted(paths) if number)
 
 
-def _bank(bank_of: BankOf, number: int, path: Path, lines: Lines) -> Bank:
+def _load_bank(load_bank: LoadBank, number: int, path: Path, lines: Lines) -> Bank:
     try:
-        return bank_of(number)
+        return load_bank(number)
     except UnknownRecordError as error:
         raise ExperimentError(str(error), path, find_line(path, lines)) from None

@@ -1,4 +1,4 @@
-"""What the tests of studies share: a short study, and work that takes no time or dies."""
+"""Fixtures of the tests of studies: a short study, and computations that return at once or die."""
 
 import os
 import signal
@@ -32,7 +32,7 @@ seed: 7
 
 
 def begun(database: Database, text: str = SHORT) -> int:
-    """Keep a study on the lab's plant; return its number."""
+    """Store a study on the lab's plant; return its number."""
     return Studies(database).begin(text, "Ana", load_parameters("lab"), TuningSettings().document()).id
 
 
@@ -42,12 +42,12 @@ def table(database: Database, study: int) -> list[StudyPoint]:
 
 
 def quick(base: StudyBase, point: Point) -> StudyPoint:
-    """A row in no time."""
+    """Return a row without a simulation."""
     return _row(point)
 
 
 def die_once(base: StudyBase, point: Point) -> StudyPoint:
-    """Kill the own process over point 5, the first time."""
+    """Kill this process at point 5, the first time."""
     mark = _folder(base) / "died"
     if point.number == 5 and not mark.exists():
         mark.touch()
@@ -56,14 +56,14 @@ def die_once(base: StudyBase, point: Point) -> StudyPoint:
 
 
 def die_always(base: StudyBase, point: Point) -> StudyPoint:
-    """Kill the own process over point 5, each time."""
+    """Kill this process at point 5, each time."""
     if point.number == 5:
         os.kill(os.getpid(), signal.SIGKILL)
     return _row(point)
 
 
 def patient(base: StudyBase, point: Point) -> StudyPoint:
-    """Wait until somebody puts a file there, from point 4 on; leave a mark for each that is computed."""
+    """From point 4 on, wait for the file ``go``; leave a mark for each computed point."""
     while point.number >= 4 and not (_folder(base) / "go").exists():
         time.sleep(0.01)
     (_folder(base) / f"{point.number}-{os.getpid()}").touch()
@@ -80,6 +80,6 @@ def _row(point: Point) -> StudyPoint:
 
 
 def in_folder(base: StudyBase, folder: Path) -> StudyBase:
-    """A base that tells work of these tests where its marks are."""
+    """Return a study base that tells the computations of these tests the folder of their marks."""
     document: dict[str, Any] = {**base.parameters, "folder": str(folder)}
     return StudyBase(**{**vars(base), "parameters": document})

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from backend.storage.database import Database, open_database
-from backend.studies.cluster import ClusterCrew, use_cluster
-from backend.studies.crew import CrewGoneError
+from backend.studies.cluster import ClusterExecutor, use_cluster
+from backend.studies.executor import ExecutorUnavailableError
 from backend.studies.point import LOST, Point, StudyBase
 from backend.studies.runner import run_study, use_local_processes
 from tests.studies import studying
@@ -78,15 +78,15 @@ def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(
 ) -> None:
     study = begun(database)
 
-    class Losing(ClusterCrew):
-        def give(self, point: Point) -> None:
-            super().give(point)
+    class Losing(ClusterExecutor):
+        def submit(self, point: Point) -> None:
+            super().submit(point)
             if point.number == 5:  # from 4 on they wait: both workers have one in their hands
                 cluster.workers[0].send_signal(signal.SIGKILL)
                 cluster.workers[0].wait()
                 (tmp_path / "go").touch()
 
-    def losing(base: StudyBase) -> ClusterCrew:
+    def losing(base: StudyBase) -> ClusterExecutor:
         return Losing(in_folder(base, tmp_path), cluster.address, studying.patient)
 
     assert run_study(database, study, losing)
@@ -108,14 +108,14 @@ def test_a_point_that_kills_its_worker_is_told_and_computed_when_that_is_asked(
 def test_workers_of_another_version_leave_the_table_as_it_is(database: Database, cluster: Cluster) -> None:
     study = begun(database)
 
-    def other(base: StudyBase) -> ClusterCrew:
-        return ClusterCrew(replace(base, software="99.0"), cluster.address)
+    def other(base: StudyBase) -> ClusterExecutor:
+        return ClusterExecutor(replace(base, software="99.0"), cluster.address)
 
-    with pytest.raises(CrewGoneError, match=r"the study is of Sinew 99\.0.*set up their machines like this one"):
+    with pytest.raises(ExecutorUnavailableError, match=r"is of Sinew 99\.0.*set up their machines like this one"):
         run_study(database, study, other)
     assert table(database, study) == []
 
 
 def test_a_scheduler_that_is_not_there_is_told(database: Database) -> None:
-    with pytest.raises(CrewGoneError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
+    with pytest.raises(ExecutorUnavailableError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
         run_study(database, begun(database), use_cluster("tcp://127.0.0.1:1"))

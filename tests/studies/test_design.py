@@ -1,4 +1,4 @@
-"""Which runs a study has, against what its text says in closed form."""
+"""The points of a study, against closed-form results."""
 
 import itertools
 import math
@@ -44,7 +44,7 @@ def test_equal_factors_are_a_geometric_row_with_its_ends_as_written() -> None:
     values = [grid.point(number).settings["lam_q"] for number in range(5)]
     assert values[0] == 0.4
     assert values[-1] == 1.6
-    assert values == pytest.approx([0.4 * 4.0 ** (place / 4) for place in range(5)])
+    assert values == pytest.approx([0.4 * 4.0 ** (index / 4) for index in range(5)])
 
 
 def test_every_combination_meets_the_same_draws_and_noise() -> None:
@@ -76,7 +76,7 @@ def test_spreads_lie_where_they_are_said_to() -> None:
 
 
 @pytest.mark.parametrize(
-    ("body", "told"),
+    ("body", "reason"),
     [
         ("axes: [{over: lam_q, values: [0.5, 9.0]}]", "line 4: axes 1, over: tuning parameter of the position loop: 9"),
         ("axes: [{over: lam_x, values: [0.5]}]", "unknown setting"),
@@ -113,8 +113,8 @@ def test_spreads_lie_where_they_are_said_to() -> None:
         ("settings: {S_low: 13.0, S_high: 12.0}", "lower level"),
     ],
 )
-def test_what_cannot_be_is_refused_with_its_line_value_and_bound(body: str, told: str) -> None:
-    with pytest.raises(ValueError, match=re.escape(told)) as refused:
+def test_what_cannot_be_is_refused_with_its_line_value_and_bound(body: str, reason: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(reason)) as refused:
         design(body)
     assert isinstance(refused.value, ExperimentError) or "experiment" in body or "S_low" in body
 
@@ -138,8 +138,8 @@ def test_every_number_that_is_offered_can_be_varied() -> None:
     assert {"motor.c0", "spring.k.1", "asymmetry.spring_A", "sensors.force_delay"} <= {one.name for one in offered}
     document = parameters.to_document()
     for one in offered:
-        section, entry, *place = one.name.split(".")
+        section, entry, *index = one.name.split(".")
         said = document[section][entry]
-        assert one.value == (said["value"][int(place[0])] if place else said["value"])
+        assert one.value == (said["value"][int(index[0])] if index else said["value"])
         assert one.unit == said["unit"]
         assert len(design(f"axes: [{{over: {one.name}, values: [{one.value!r}]}}]")) == 1

@@ -1,4 +1,4 @@
-"""The example that the page Studies begins with shows what it says: the time of a step grows with λ."""
+"""The example of the page Studies shows what its text states: the time of a step grows with λ."""
 
 import re
 from contextlib import closing
@@ -32,6 +32,6 @@ def test_the_time_of_a_step_grows_with_lambda_whatever_the_operator_has_active(t
     reach = [row.figures["rise_q_s"] for row in rows]
     assert isinstance(reach[0], float)
     assert isinstance(reach[1], float)
-    # The largest steps are held back by the governor at the smaller λ: their rise times differ by less than λ.
+    # At the smaller λ the governor limits the largest steps, so their rise times differ by less than λ.
     assert reach[1] / reach[0] > 0.7 * float(slow) / float(fast)
     assert float(slow) / float(fast) == pytest.approx(2.5)

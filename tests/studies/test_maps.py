@@ -1,4 +1,4 @@
-"""What a cell of a map shows, and what stands at its axes; what is told of runs with an unstable loop."""
+"""Cells and axis labels of maps, and how runs with an unstable loop are reported."""
 
 import math
 from dataclasses import fields
@@ -14,26 +14,26 @@ from backend.models.settings import SettingError
 from backend.reports import study_map
 from backend.storage.studies import StudyPoint
 from backend.studies.maps import (
-    LEAST_IS_WORST,
-    NEITHER_IS_WORST,
-    PICKS,
+    LOWER_IS_WORSE,
+    NEITHER_IS_WORSE,
+    STATISTICS,
     WORST,
-    FigureName,
+    MetricName,
+    build_map,
+    compute_shares,
     format_axis_labels,
-    map_of,
-    shares,
-    spreadings,
+    summarize_distributions,
 )
-from backend.studies.point import LOOP_FIGURES, UNSTABLE
-from backend.studies.runner import as_stored
+from backend.studies.point import LOOP_METRICS, UNSTABLE
+from backend.studies.runner import to_stored_point
 from backend.units import AngleUnit
 
 AXES = {"lam_q": (0.5, 0.8), "lam_S": (0.5, 0.7)}
 
 
-def named(figure: str) -> FigureName:
+def named(figure: str) -> MetricName:
     """Return a figure with its name for a label."""
-    return FigureName(figure, figure, "1")
+    return MetricName(figure, figure, "1")
 
 
 def runs_of(figure: str, *values: float | None) -> list[StudyPoint]:
@@ -61,22 +61,22 @@ def runs_of(figure: str, *values: float | None) -> list[StudyPoint]:
     ],
 )
 def test_a_cell_shows_the_worst_run_unless_another_is_picked(figure: str, pick: str, shown: str, value: float) -> None:
-    drawn = map_of(runs_of(figure, 4.0, 9.0, None, 2.0), AXES, "lam_q", "lam_S", figure, pick)
+    drawn = build_map(runs_of(figure, 4.0, 9.0, None, 2.0), AXES, "lam_q", "lam_S", figure, pick)
     assert (drawn.pick, drawn.cells) == (shown, ((None, value), (None, None)))
     assert (drawn.counts, drawn.runs) == (((0, 3), (0, 0)), ((0, 4), (0, 0)))
 
 
 def test_what_is_no_pick_is_refused() -> None:
     with pytest.raises(SettingError) as refused:
-        map_of([], AXES, "lam_q", "lam_S", "M_s_q", "spread")
-    assert refused.value.legal == (WORST, *PICKS)
+        build_map([], AXES, "lam_q", "lam_S", "M_s_q", "spread")
+    assert refused.value.legal == (WORST, *STATISTICS)
 
 
 def test_figures_whose_worst_is_not_the_largest_are_there() -> None:
-    known = {item.name for figures in FIGURES.values() for item in fields(figures) if item.metadata} | set(LOOP_FIGURES)
-    assert {*LEAST_IS_WORST, *NEITHER_IS_WORST} <= known
-    assert not set(LEAST_IS_WORST) & set(NEITHER_IS_WORST)
-    assert WORST not in PICKS
+    known = {item.name for figures in FIGURES.values() for item in fields(figures) if item.metadata} | set(LOOP_METRICS)
+    assert {*LOWER_IS_WORSE, *NEITHER_IS_WORSE} <= known
+    assert not set(LOWER_IS_WORSE) & set(NEITHER_IS_WORSE)
+    assert WORST not in STATISTICS
 
 
 def test_neighbours_at_an_axis_read_differently() -> None:
@@ -99,7 +99,7 @@ def test_a_picture_tells_its_numbers_apart(tmp_path: Path) -> None:
 
 XY = {"x": (1, 2), "y": (1,)}
 ROWS = [
-    as_stored(StudyPoint(number, "completed", "", True, {"x": x, "y": 1}, {"M_s_q": M_s_q, "rmse_q": math.nan}))
+    to_stored_point(StudyPoint(number, "completed", "", True, {"x": x, "y": 1}, {"M_s_q": M_s_q, "rmse_q": math.nan}))
     for number, (x, M_s_q) in enumerate(((1, 1.4), (1, math.inf), (1, 1.2), (2, 1.3)))
 ]
 
@@ -109,7 +109,7 @@ def test_an_unstable_loop_is_kept_by_its_word() -> None:
 
 
 def test_no_cell_hides_an_unstable_loop_but_that_of_the_least() -> None:
-    drawn = {pick: map_of(ROWS, XY, "x", "y", "M_s_q", pick) for pick in ("mean", "largest", "least")}
+    drawn = {pick: build_map(ROWS, XY, "x", "y", "M_s_q", pick) for pick in ("mean", "largest", "least")}
     assert drawn["mean"].cells == drawn["largest"].cells == ((None, 1.3),)
     assert drawn["mean"].unstable == drawn["largest"].unstable == ((True, False),)
     assert (drawn["least"].cells, drawn["least"].unstable) == (((1.2, 1.3),), ((False, False),))
@@ -117,20 +117,20 @@ def test_no_cell_hides_an_unstable_loop_but_that_of_the_least() -> None:
 
 def test_margins_of_an_unstable_loop_are_worse_than_any_other() -> None:
     rows = [
-        as_stored(StudyPoint(number, "completed", "", True, {"x": 1, "y": 1}, {"gain_margin_q": margin}))
+        to_stored_point(StudyPoint(number, "completed", "", True, {"x": 1, "y": 1}, {"gain_margin_q": margin}))
         for number, margin in enumerate((3.0, -math.inf, 4.0))
     ]
     assert rows[1].figures == {"gain_margin_q": UNSTABLE}
-    drawn = {pick: map_of(rows, XY, "x", "y", "gain_margin_q", pick) for pick in (WORST, "mean", "p5", "largest")}
+    drawn = {pick: build_map(rows, XY, "x", "y", "gain_margin_q", pick) for pick in (WORST, "mean", "p5", "largest")}
     for pick in (WORST, "mean", "p5"):
         assert (drawn[pick].cells, drawn[pick].unstable) == (((None, None),), ((True, False),))
     assert drawn["largest"].cells == ((4.0, None),)
-    (spread,) = spreadings(rows, [named("gain_margin_q")])
+    (spread,) = summarize_distributions(rows, [named("gain_margin_q")])
     assert (spread.unstable, spread.least, spread.median, spread.largest, spread.deviation) == (1, None, 3.0, 4.0, None)
 
 
 def test_a_spread_tells_how_many_loops_are_unstable() -> None:
-    (spread,) = spreadings(ROWS, [named("M_s_q"), named("rmse_q")])
+    (spread,) = summarize_distributions(ROWS, [named("M_s_q"), named("rmse_q")])
     assert (spread.count, spread.missing, spread.unstable, spread.least, spread.median) == (4, 0, 1, 1.2, 1.35)
     assert (spread.mean, spread.largest, spread.p95, spread.deviation) == (None, None, None, None)
     assert spread.p5 == pytest.approx(1.215)
@@ -138,12 +138,12 @@ def test_a_spread_tells_how_many_loops_are_unstable() -> None:
 
 def test_a_spread_is_that_of_numpy_and_counts_the_runs_without_a_number() -> None:
     values = np.random.default_rng(4).normal(8.0, 2.0, 37)
-    (spread,) = spreadings(runs_of("rmse_q", *values, None, None), [named("rmse_q")])
+    (spread,) = summarize_distributions(runs_of("rmse_q", *values, None, None), [named("rmse_q")])
     assert (spread.count, spread.missing, spread.unstable) == (37, 2, 0)
     assert spread.deviation == pytest.approx(np.std(values, ddof=1))
     percentiles = (spread.p5, spread.median, spread.p95)
     assert percentiles == pytest.approx(tuple(np.percentile(values, (5.0, 50.0, 95.0))))
-    (alone,) = spreadings(runs_of("rmse_q", 2.0), [named("rmse_q")])
+    (alone,) = summarize_distributions(runs_of("rmse_q", 2.0), [named("rmse_q")])
     assert (alone.p5, alone.p95, alone.deviation, alone.unstable) == (2.0, 2.0, None, 0)
 
 
@@ -154,7 +154,7 @@ def ended(*ends: tuple[str, bool | None]) -> list[StudyPoint]:
 
 def test_shares_are_told_with_their_confidence_interval_and_what_they_leave_out() -> None:
     runs = ended(*[("completed", True)] * 8, *[("completed", False)] * 7, ("tripped", False), *[("refused", None)] * 2)
-    not_completed, failed = shares(runs)
+    not_completed, failed = compute_shares(runs)
     assert (not_completed.name, not_completed.count, not_completed.of, not_completed.left_out) == (
         "not_completed",
         3,
@@ -166,16 +166,16 @@ def test_shares_are_told_with_their_confidence_interval_and_what_they_leave_out(
         interval = binomtest(share.count, share.of).proportion_ci(0.95, "wilson")
         assert (share.low, share.high) == pytest.approx((100.0 * interval.low, 100.0 * interval.high))
         assert share.percent == pytest.approx(100.0 * share.count / share.of)
-    none, all_of_them = (shares(ended(*[("completed", passed)] * 5))[1] for passed in (True, False))
+    none, all_of_them = (compute_shares(ended(*[("completed", passed)] * 5))[1] for passed in (True, False))
     assert (none.percent, none.low, all_of_them.percent, all_of_them.high) == (0.0, 0.0, 100.0, 100.0)
     assert none.high == pytest.approx(100.0 * binomtest(0, 5).proportion_ci(0.95, "wilson").high)
-    unjudged = shares(ended(("refused", None)))[1]
+    unjudged = compute_shares(ended(("refused", None)))[1]
     assert (unjudged.of, unjudged.left_out, unjudged.percent, unjudged.low, unjudged.high) == (0, 1, None, None, None)
 
 
 def test_a_map_of_a_share_has_the_interval_of_each_cell() -> None:
     runs = ended(("completed", True), ("lost", None), ("tripped", False))
-    drawn = map_of(runs, AXES, "lam_q", "lam_S", "criteria_failed", WORST)
+    drawn = build_map(runs, AXES, "lam_q", "lam_S", "criteria_failed", WORST)
     assert drawn.pick == "share"
     assert [cell for row in drawn.cells for cell in row] == [None, 50.0, None, None]
     assert (drawn.counts[0][1], drawn.runs[0][1]) == (2, 3)

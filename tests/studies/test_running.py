@@ -1,4 +1,4 @@
-"""A study on this machine: the rows of single runs, whatever dies, is stopped, or is taken up again."""
+"""A study on this machine: its rows, also after killed processes, a stop and a resumption."""
 
 import asyncio
 import json
@@ -28,8 +28,8 @@ from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
 from backend.storage.studies import StudyPoint
 from backend.studies import point
-from backend.studies.crew import DEATHS_MAX, LocalCrew, Work
-from backend.studies.point import FAILED, LOOP_FIGURES, LOST, REFUSED, UNSTABLE, OtherSoftwareError, StudyBase
+from backend.studies.executor import CRASHES_MAX, ComputePoint, LocalExecutor
+from backend.studies.point import FAILED, LOOP_METRICS, LOST, REFUSED, UNSTABLE, OtherSoftwareError, StudyBase
 from backend.studies.runner import Progress, TakenError, run_study, use_local_processes
 from backend.studies.stored import parse_design
 from backend.tuning.gains import designed_point
@@ -43,8 +43,8 @@ def database(tmp_path: Path) -> Database:
     return open_database(tmp_path / "data")
 
 
-def with_work(work: Work, folder: Path, jobs: int = 2) -> Callable[[StudyBase], LocalCrew]:
-    return lambda base: LocalCrew(in_folder(base, folder), jobs, work)
+def with_work(work: ComputePoint, folder: Path, jobs: int = 2) -> Callable[[StudyBase], LocalExecutor]:
+    return lambda base: LocalExecutor(in_folder(base, folder), jobs, work)
 
 
 def test_a_study_begun_with_a_bank_in_force_computes_with_it(database: Database) -> None:
@@ -93,7 +93,7 @@ def test_what_no_run_can_be_made_of_is_a_row_that_says_why(database: Database) -
     (row,) = table(database, study)
     assert row.state == "refused"
     assert row.figures["M_s_q"] == row.figures["gain_margin_q_true"] == UNSTABLE
-    assert row.figures.keys() == LOOP_FIGURES.keys()
+    assert row.figures.keys() == LOOP_METRICS.keys()
     assert "M_s exceeds 1.7" in row.detail
 
 
@@ -110,7 +110,7 @@ def test_a_point_that_kills_every_worker_is_told_and_takes_no_other_with_it(data
     rows = table(database, study)
     assert [row.number for row in rows if row.state != "completed"] == [5]
     assert rows[5].state == LOST
-    assert f"died {DEATHS_MAX} times" in rows[5].detail
+    assert f"died {CRASHES_MAX} times" in rows[5].detail
 
 
 def test_a_study_that_is_stopped_goes_on_with_what_is_missing(database: Database, tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_a_study_that_is_stopped_goes_on_with_what_is_missing(database: Database
     asked: list[int] = []
 
     def notify(progress: Progress) -> None:
-        if asked:  # by now it is known
+        if asked:  # the request has been read by now
             (tmp_path / "go").touch()
         elif progress.done == 4:
             asked.append(progress.done)
@@ -126,7 +126,7 @@ def test_a_study_that_is_stopped_goes_on_with_what_is_missing(database: Database
                 studies.ask_to_stop(session, study)
 
     assert not run_study(database, study, with_work(studying.patient, tmp_path, jobs=1), notify)
-    assert [row.number for row in table(database, study)] == list(range(6))  # those in its hands were waited for
+    assert [row.number for row in table(database, study)] == list(range(6))  # submitted points were waited for
     stopped = Studies(database).view(study)
     assert (stopped.state, stopped.problem) == ("stopped", "")
     Studies(database).resume(study)
@@ -189,13 +189,13 @@ KILLED = """
 import sys
 from pathlib import Path
 from backend.storage import open_database
-from backend.studies.crew import LocalCrew
+from backend.studies.executor import LocalExecutor
 from backend.studies.runner import run_study
 from tests.studies.studying import in_folder, patient
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     database = open_database(folder / "data")
-    run_study(database, int(sys.argv[2]), lambda base: LocalCrew(in_folder(base, folder), 2, patient))
+    run_study(database, int(sys.argv[2]), lambda base: LocalExecutor(in_folder(base, folder), 2, patient))
 """
 
 
@@ -214,15 +214,15 @@ def test_a_study_that_is_killed_goes_on_where_it_was(database: Database, tmp_pat
     killed = Studies(database).view(study)
     assert killed.state == "stopped"
     assert "died without a word" in killed.problem
-    until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))  # none is left behind
+    until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))  # all workers have ended
     (tmp_path / "go").touch()
     assert run_study(database, study, with_work(studying.patient, tmp_path))
     assert [row.number for row in table(database, study)] == list(range(16))
-    assert computed_in(tmp_path) == list(range(16))  # each of them once
+    assert computed_in(tmp_path) == list(range(16))  # each once
 
 
 def computed_in(folder: Path) -> list[int]:
-    """Return the numbers of all marks that were left there."""
+    """Return the numbers of the points that have left a mark in the folder."""
     return sorted(int(path.name.split("-")[0]) for path in folder.glob("*-*"))
 
 
@@ -231,13 +231,13 @@ def children(process: int) -> list[int]:
 
 
 def until(reached: Callable[[], bool]) -> None:
-    while not reached():  # the time limit of the test ends what never comes
+    while not reached():  # bounded by the time limit of the test
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize(("seconds", "told"), [(59.7, "00:01:00"), (108_000.0, "30:00:00"), (360_000.0, "100:00:00")])
-def test_the_time_left_may_be_more_than_a_day(seconds: float, told: str) -> None:
-    assert _in_time(seconds) == told
+@pytest.mark.parametrize(("seconds", "text"), [(59.7, "00:01:00"), (108_000.0, "30:00:00"), (360_000.0, "100:00:00")])
+def test_the_time_left_may_be_more_than_a_day(seconds: float, text: str) -> None:
+    assert _in_time(seconds) == text
 
 
 def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
@@ -262,11 +262,11 @@ def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
     ]
     assert drawn.read_bytes().startswith(b"\x89PNG")
     assert shown["pick"] == "least"
-    told = sinew("map", "1", "--figure", "rmse_q", *over, "--pick", "mean", options=data[:-1]).stdout
-    assert "RMSE of q [°], mean of the runs in a cell" in told
-    assert "sensors.force_noise [N] \\ λ_q [s]" in told
+    output = sinew("map", "1", "--figure", "rmse_q", *over, "--pick", "mean", options=data[:-1]).stdout
+    assert "RMSE of q [°], mean of the runs in a cell" in output
+    assert "sensors.force_noise [N] \\ λ_q [s]" in output
     in_degrees = [math.degrees(row["figures"]["rmse_q"]) for row in rows]
-    numbers = [float(number) for number in re.findall(r"(?<=│ )[0-9.]+(?= )", told)]
+    numbers = [float(number) for number in re.findall(r"(?<=│ )[0-9.]+(?= )", output)]
     assert all(pytest.approx(value, rel=1e-3) in numbers for value in in_degrees)
     assert "there is no figure weight" in sinew("map", "1", "--figure", "weight").stderr
     assert "a picture ends in .png, .svg, .pdf" in sinew("map", "1", *over, "--out", str(tmp_path / "map.bmp")).stderr

@@ -1,4 +1,4 @@
-"""Robustness figures of a row against the frequency response written down by hand, for the plant that was drawn."""
+"""Robustness metrics of a row against an independently derived frequency response of the drawn plant."""
 
 import math
 
@@ -10,7 +10,7 @@ from backend.services.studies import Studies
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.studies.design import Design
-from backend.studies.point import LOOP_FIGURES, loop_figures, planned, run_point
+from backend.studies.point import LOOP_METRICS, compute_loop_metrics, plan_point, run_point
 from backend.studies.stored import parse_design
 from backend.tuning.gains import MotorModel, motor_gains
 from backend.tuning.robustness import motor_robustness
@@ -38,15 +38,15 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Database:
     return open_database(tmp_path_factory.mktemp("data"))
 
 
-def designed(database: Database, text: str) -> Design:
+def build_design(database: Database, text: str) -> Design:
     begun = Studies(database).begin(text, "Ana", load_parameters("ideal"), TuningSettings().document())
     with database.reading() as session:
         return parse_design(studies.get(session, begun.id))
 
 
 def figures_of(design: Design, number: int) -> dict[str, float | None]:
-    parameters, _, loop = planned(design.base, design.point(number))
-    return loop_figures(parameters, (), loop)
+    parameters, _, loop = plan_point(design.base, design.point(number))
+    return compute_loop_metrics(parameters, (), loop)
 
 
 def loops(lam_q: float, own_K_m: float, own_T_m: float) -> dict[str, np.ndarray]:
@@ -71,7 +71,7 @@ def loops(lam_q: float, own_K_m: float, own_T_m: float) -> dict[str, np.ndarray]
 
 
 def by_hand(loop: np.ndarray) -> tuple[float, float, float]:
-    """M_s, gain margin [1] and phase margin [rad] by looking at each point of a dense grid."""
+    """Compute M_s, gain margin [1] and phase margin [rad] on a dense frequency grid."""
     crossing = np.flatnonzero((loop.imag[:-1] < 0.0) & (loop.imag[1:] >= 0.0) & (loop.real[:-1] < 0.0))[0]
     unity = np.flatnonzero((np.abs(loop[:-1]) > 1.0) & (np.abs(loop[1:]) <= 1.0))[0]
     M_s = float(np.max(1.0 / np.abs(1.0 + loop)))
@@ -80,7 +80,7 @@ def by_hand(loop: np.ndarray) -> tuple[float, float, float]:
 
 @pytest.mark.parametrize("text", [GRID, DRAWN])
 def test_each_row_has_the_margins_of_its_own_plant_beside_those_of_the_model(database: Database, text: str) -> None:
-    design = designed(database, text)
+    design = build_design(database, text)
     for number in range(len(design)):
         values = design.point(number)
         lam_q = float(values.settings.get("lam_q", 0.4))
@@ -94,14 +94,14 @@ def test_each_row_has_the_margins_of_its_own_plant_beside_those_of_the_model(dat
 
 
 def test_a_grid_of_motors_gives_the_sensitivity_peaks_of_an_analysis_by_others(database: Database) -> None:
-    design = designed(database, GRID)
+    design = build_design(database, GRID)
     peaks = {}
     for number in range(len(design)):
         point, found = design.point(number), figures_of(design, number)
         lam_q, factors = point.settings["lam_q"], (point.plant["motor.K_m"] / K_m, point.plant["motor.T_m"] / T_m)
         peaks[lam_q, round(factors[0], 3), round(factors[1], 3)] = found["M_s_q_true"]
         assert found["M_s_q"] == pytest.approx(1.486 if lam_q == 0.4 else 1.667, abs=0.001)
-    for place, M_s in (
+    for index, M_s in (
         ((0.4, 1.1, 1.0), 1.446),
         ((0.4, 1.0, 1.0), 1.486),
         ((0.4, 0.9, 1.0), 1.539),
@@ -109,16 +109,16 @@ def test_a_grid_of_motors_gives_the_sensitivity_peaks_of_an_analysis_by_others(d
         ((0.4, 1.0, 1.2), 1.583),
         ((0.36, 0.9, 1.2), 1.97),
     ):
-        assert peaks[place] == pytest.approx(M_s, abs=0.005)
+        assert peaks[index] == pytest.approx(M_s, abs=0.005)
 
 
 def test_motors_and_springs_that_are_not_alike_have_loops_of_their_own(database: Database) -> None:
     axes = "axes: [{over: asymmetry.spring_A, values: [1.0, 1.3]}, {over: asymmetry.motor_B, values: [1.0, 1.2]}]"
-    design = designed(database, HEAD + axes)
+    design = build_design(database, HEAD + axes)
     alike, motor, spring, _ = (figures_of(design, number) for number in range(4))
-    assert {alike[name] for name in LOOP_FIGURES if name.startswith("M_s_q")} == {alike["M_s_q"]}
+    assert {alike[name] for name in LOOP_METRICS if name.startswith("M_s_q")} == {alike["M_s_q"]}
     assert spring["M_s_q"] == motor["M_s_q"] == alike["M_s_q"]
-    # A motor with more torque is as one whose K_m is more, of which the worse of both motors is told.
+    # A motor with more torque behaves as one with a higher K_m; the row has the worse of both motors.
     K_t_more = motor_robustness(MotorModel(1.2 * K_m, T_m, TAU_E), motor_gains(K_m, T_m, LAM)).M_s
     assert motor["M_s_motor_true"] == pytest.approx(K_t_more, rel=1e-9)
     assert spring["M_s_motor_true"] == alike["M_s_motor_true"] != pytest.approx(K_t_more, rel=1e-3)
@@ -126,8 +126,8 @@ def test_motors_and_springs_that_are_not_alike_have_loops_of_their_own(database:
 
 
 def test_a_row_that_was_run_has_them_too(database: Database) -> None:
-    design = designed(database, HEAD + SHORT + f"axes: [{{over: motor.K_m, values: [{0.9 * K_m}]}}]")
+    design = build_design(database, HEAD + SHORT + f"axes: [{{over: motor.K_m, values: [{0.9 * K_m}]}}]")
     row = run_point(design.base, design.point(0))
     assert row.state == "completed"
     assert row.figures["rmse_q"] is not None
-    assert {name: row.figures[name] for name in LOOP_FIGURES} == figures_of(design, 0)
+    assert {name: row.figures[name] for name in LOOP_METRICS} == figures_of(design, 0)
