@@ -47,7 +47,7 @@ from backend.services import (
     Formulas,
     History,
     JobManager,
-    KeptFigures,
+    RobustnessCache,
     LiveState,
     LiveStream,
     Maintenance,
@@ -118,7 +118,7 @@ class BootContext:
     database: Database
     claim: HeldClaim
     soundness: Soundness
-    figures: KeptFigures
+    figures: RobustnessCache
     kept: TuningStore
     tuning: ActiveTuning
     said: str
@@ -146,7 +146,7 @@ def bootstrap(
     soundness = Soundness(database, settings.data)
     soundness.before_start()
     _close_interrupted(database)
-    figures = KeptFigures()
+    figures = RobustnessCache()
     figures.restore()
     stack.callback(figures.keep)
     kept = TuningStore(database)
@@ -244,17 +244,17 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
 
     parameters, database, kept, tuning = foundation.parameters, foundation.database, foundation.kept, foundation.tuning
     soundness, hands, supervisor = foundation.soundness, foundation.hands, foundation.supervisor
-    present = LiveState(supervisor, parameters, tuning)
+    live_state = LiveState(supervisor, parameters, tuning)
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.on_event)
 
     quota = Quota(settings.flight_records, settings.flight_records_MB * 1_000_000)
-    flights = FlightRecorder(database, lambda: supervisor.ring, quota, present.is_expected)
+    flights = FlightRecorder(database, lambda: supervisor.ring, quota, live_state.is_expected)
     supervisor.listen(flights.on_event)
     stack.callback(flights.close)
     keep(FLIGHTS, flights.run)
 
-    trigger = Trigger(database, lambda: supervisor.ring, quota, lambda: _lengths(present), events)
+    trigger = Trigger(database, lambda: supervisor.ring, quota, lambda: _lengths(live_state), events)
     stack.callback(trigger.close)
     keep(TRIGGER, trigger.run)
 
@@ -269,14 +269,14 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     events.subscribe(AccessChanged, lambda access: journal.record(EventKind.ACCESS, access.text, access.who))
     if foundation.said:
         journal.note(MarkKind.TUNING, foundation.said, tick=0)
-    supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, present.tick))
-    safe_stop = SafeStop(supervisor, present, supervision)
+    supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, live_state.tick))
+    safe_stop = SafeStop(supervisor, live_state, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name)
     choice = settings.plant_choice
     recording = describe_recording(choice.recording, database) if choice.kind is PlantKind.REPLAY else None
     actuator = ActuatorService(
         supervisor=supervisor,
-        present=present,
+        live_state=live_state,
         database=database,
         session_runs=sessions,
         journal=journal,
@@ -287,9 +287,11 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         events=events,
         recording=recording,
     )
-    control = ControlLease(events, actuator.operator_lost, actuator.note_control)
+    control = ControlLease(events, actuator.stop_after_operator_loss, actuator.log_control_change)
     events.subscribe(ControlReleased, lambda _: actuator.let_go())
-    events.subscribe(HolderChanged, lambda _: actuator.retuning.leave_trial("as the holder of control has changed"))
+    events.subscribe(
+        HolderChanged, lambda _: actuator.tuning_service.cancel_trial("as the holder of control has changed")
+    )
 
     def say_of_control(text: str, who: str) -> None:
         """Put on record what is asked and answered: nothing on the time axis, where control itself is a mark."""
@@ -306,12 +308,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     keep(FOLDER, watch.run)
     soundness.start()
 
-    history = History(database, parameters, lambda: _id_of_bank(present.operators_tuning))
+    history = History(database, parameters, lambda: _id_of_bank(live_state.operator_tuning))
     processes = Processes(supervision)
     stack.callback(processes.close)
-    evaluations = Evaluations(database, processes.evaluations, lambda: present.task, events)
+    evaluations = Evaluations(database, processes.evaluations, lambda: live_state.task, events)
     downloads = Downloads(database, processes.reports, settings.data, evaluations.again)
-    banks = StoredBanks(database, processes.computing, lambda: present.tuning)
+    banks = StoredBanks(database, processes.computing, lambda: live_state.tuning)
     station = ExperimentRig(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
 
     def prepare() -> None:
@@ -337,14 +339,14 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     events.subscribe(RunReevaluated, lambda evaluated: ordered_runs.evaluated(evaluated.run))
     stored_runs = StoredRuns(
         database,
-        lambda: present.task,
+        lambda: live_state.task,
         lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run),
         processes.reports,
     )
 
     replay = ReplayView(database)
     mirrors = {
-        "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest(), lambda: present.wall),
+        "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest(), lambda: live_state.wall),
         "/replay": SceneMirror(parameters, replay.row, replay.wall),
     }
     drawing: list[KeptThread] = []
@@ -366,7 +368,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     studies = StudyScheduler(
         database=database,
         parameters=parameters,
-        tuning=lambda: present.operators_tuning.choice,
+        tuning=lambda: live_state.operator_tuning.choice,
         computing=processes.studies,
         reading=processes.reports,
         texts=texts,
@@ -382,14 +384,14 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
 
     def problems() -> list[str]:
         first = watch, soundness, recorder, flights, trigger, journal
-        sweep = actuator.touching.sweep
+        sweep = actuator.contact.sweep
         parts = *first, supervisor.watchdog_monitor, retention, authentication.sessions, bring_up, hands, sweep
         return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
 
     state = ServiceState(
-        present=present,
-        touch=actuator.touching.view,
-        trial=actuator.retuning.trial,
+        live_state=live_state,
+        touch=actuator.contact.view,
+        trial=actuator.tuning_service.trial,
         trigger=triggers.view,
         player=actuator.player.view,
         holder=control.view,
@@ -425,7 +427,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         figures=RecordedFigures(database),
         run_library=RunLibrary(database),
         identifications=StoredIdentifications(
-            database, stored_runs.progress, processes.computing, lambda: present.tuning
+            database, stored_runs.progress, processes.computing, lambda: live_state.tuning
         ),
         evaluations=evaluations,
         banks=banks,
@@ -447,8 +449,8 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     return Services(service, recorder, journal, scenes, draw)
 
 
-def _lengths(present: LiveState) -> dict[str, float]:
-    geometry = present.parameters.geometry
+def _lengths(live_state: LiveState) -> dict[str, float]:
+    geometry = live_state.parameters.geometry
     return {"r_m": geometry.r_m, "r_j": geometry.r_j}
 
 

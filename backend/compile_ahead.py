@@ -8,7 +8,7 @@ from backend.api import create_app
 from backend.cli import server
 from backend.realtime import heartbeat
 from backend.server import prepare_routes
-from backend.services import KeptFigures, default_tuning
+from backend.services import RobustnessCache, default_tuning
 from plant import load_parameters
 
 PARAMETERS = "lab"
@@ -18,7 +18,7 @@ STARTED = (main, app, create_app, server, prepare_routes)
 
 def compile_ahead() -> None:
     """Go through what the service and a tuning compile, and keep what they compute."""
-    figures = KeptFigures()
+    figures = RobustnessCache()
     figures.restore()
     default_tuning(load_parameters(PARAMETERS))
     figures.keep()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.services.tuning_state import KeptFigures
+from backend.services.tuning_state import RobustnessCache
 from backend.tuning import robustness
 from backend.tuning.gains import MotorModel
 from backend.tuning.preview import TuningPreviewer
@@ -20,10 +20,10 @@ STARTED = """
 import sys
 from collections.abc import Callable
 import backend.main, backend.app, backend.api.app
-from backend.app import KeptFigures, TuningStore, load_parameters, open_database
+from backend.app import RobustnessCache, TuningStore, load_parameters, open_database
 from pathlib import Path
 database = open_database(Path(sys.argv[1]))
-KeptFigures(Path(sys.argv[1])).restore()
+RobustnessCache(Path(sys.argv[1])).restore()
 tuning, _ = TuningStore(database).restore(load_parameters("lab"))
 tuning.view(0.0), tuning.command()
 print(*[name for name in sys.argv[2:] if name in sys.modules])
@@ -49,7 +49,7 @@ def test_no_start_but_the_first_loads_what_the_first_curve_does_not_need(
 ) -> None:
     assert "control" in loaded(tmp_path)  # nothing has been computed yet
     TuningPreviewer(load_parameters("lab"))
-    KeptFigures(tmp_path).keep()
+    RobustnessCache(tmp_path).keep()
     assert loaded(tmp_path) == []
 
 
@@ -64,9 +64,9 @@ def test_the_loop_process_loads_none_of_it_at_all() -> None:
 def test_what_is_kept_is_what_would_be_computed(tmp_path: Path, nothing_known: dict[str, tuple[float, ...]]) -> None:
     motor = MotorModel(2.86, 0.22, 0.002)
     computed = robustness.motor_range(motor)
-    KeptFigures(tmp_path).keep()
+    RobustnessCache(tmp_path).keep()
     nothing_known.clear()
-    KeptFigures(tmp_path).restore()
+    RobustnessCache(tmp_path).restore()
     assert len(nothing_known) == 1
     assert robustness.motor_range(motor) == computed
 
@@ -86,14 +86,14 @@ def test_a_damaged_file_is_not_believed(
     tmp_path: Path, nothing_known: dict[str, tuple[float, ...]], damage: Callable[[str], str]
 ) -> None:
     robustness.motor_range(MotorModel(2.86, 0.22, 0.002))
-    kept = KeptFigures(tmp_path)
+    kept = RobustnessCache(tmp_path)
     kept.keep()
     assert kept.file is not None
     whole = kept.file.read_text(encoding="ascii")
     kept.file.write_text(damage(whole), encoding="ascii")
     assert damage(whole) != whole
     nothing_known.clear()
-    KeptFigures(tmp_path).restore()
+    RobustnessCache(tmp_path).restore()
     assert nothing_known == {}
 
 

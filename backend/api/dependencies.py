@@ -46,7 +46,7 @@ from backend.services import (
     StudyScheduler,
     TextWork,
     Triggers,
-    WorkPlaces,
+    WorkLimiter,
 )
 from backend.storage import Database, StorageError
 from backend.units import AngleUnit
@@ -239,7 +239,7 @@ class Service:
     triggers: Triggers
     formulas: Formulas
 
-    def places_for(self, method: str, path: str) -> WorkPlaces | None:
+    def places_for(self, method: str, path: str) -> WorkLimiter | None:
         """Return where a request takes its place before its body is read; None for one that needs none."""
         if method != "POST":
             return None

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from backend.models import Setting
     from backend.reports import RunData
     from backend.schemas import QueueView, TaskView
-    from backend.services import ExperimentCheck, KeptFigures
+    from backend.services import ExperimentCheck, RobustnessCache
     from backend.storage import Database
     from plant import PlantParameters
 
@@ -229,11 +229,11 @@ def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
 
 
 @cache
-def _figures() -> "KeptFigures":
+def _figures() -> "RobustnessCache":
     """Return what commands before, and the service, have computed for a tuning."""
-    from backend.services import KeptFigures
+    from backend.services import RobustnessCache
 
-    return KeptFigures()
+    return RobustnessCache()
 
 
 def current_user() -> str:

@@ -1,6 +1,6 @@
 from . import background_work, downloads, queue, signals
 from .actuator import ActuatorService, SafeStop, SessionRuns, set_obstacle
-from .background_work import ChartSheets, TextWork, WorkPlaces, run_while_connected
+from .background_work import ChartSheets, TextWork, WorkLimiter, run_while_connected
 from .banks import StoredBanks
 from .commissioning import BringUp
 from .downloads import Downloads, import_run_file, stream_bundle
@@ -38,7 +38,7 @@ from .state import LiveState, ServiceState
 from .studies import Studies, StudyScheduler, axis_symbol, axis_unit
 from .triggers import Triggers
 from .tuning import SavedTunings
-from .tuning_state import ActiveTuning, KeptFigures, TuningStore, default_tuning
+from .tuning_state import ActiveTuning, RobustnessCache, TuningStore, default_tuning
 
 __all__ = [
     "EVENT_LOG_PART",
@@ -59,7 +59,7 @@ __all__ = [
     "Formulas",
     "History",
     "JobManager",
-    "KeptFigures",
+    "RobustnessCache",
     "LiveState",
     "LiveStream",
     "Maintenance",
@@ -90,7 +90,7 @@ __all__ = [
     "TextWork",
     "Triggers",
     "TuningStore",
-    "WorkPlaces",
+    "WorkLimiter",
     "apply_fault",
     "axis_symbol",
     "axis_unit",

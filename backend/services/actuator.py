@@ -36,11 +36,11 @@ from backend.realtime import (
     wait_for_result,
 )
 from backend.schemas import MarkKind, PlayedRecording, PushRequest, References, StopProof, WallOrder, WallView
-from backend.services.contact import Touching
+from backend.services.contact import ContactService
 from backend.services.event_log import EventLog
-from backend.services.live_stream import mark_of
+from backend.services.live_stream import build_mark
 from backend.services.player import RecordingPlayer
-from backend.services.state import F_PUSH_MAX, LiveState, wall_bounds, wall_in_words
+from backend.services.state import F_PUSH_MAX, LiveState, compute_wall_bounds, describe_wall
 from backend.services.tuning import TuningService
 from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import Database, EndState, NewRun, RunKind, runs
@@ -66,12 +66,12 @@ def raise_if_rejected(answer: Accepted | Refused) -> Accepted:
 # Whether the actuator may go to another mode now, and in which words it is refused.
 
 
-def require_legal(present: LiveState, wanted: Mode, *, loop_alive: bool) -> None:
+def require_legal(live_state: LiveState, wanted: Mode, *, loop_alive: bool) -> None:
     """Raise RequestRejectedError for a mode that cannot be gone to; a dead or unready loop says so itself."""
-    mode = present.mode
-    legal = present.legal(mode)
-    paused = present.task is not None and present.task.paused and wanted in MOVING
-    if wanted in legal or (present.unready and wanted in LEGAL[mode] and not paused) or not loop_alive:
+    mode = live_state.mode
+    legal = live_state.legal(mode)
+    paused = live_state.task is not None and live_state.task.paused and wanted in MOVING
+    if wanted in legal or (live_state.unready and wanted in LEGAL[mode] and not paused) or not loop_alive:
         return
     if mode is Mode.TRIPPED:
         reason = "a fault is latched: reset it first"
@@ -104,9 +104,9 @@ _log = logging.getLogger(__name__)
 class SafeStop:
     """Stops softly by command; where the loop does not take it, by silence, upon which the loop stops by itself."""
 
-    def __init__(self, supervisor: Supervisor, present: LiveState, supervision: Supervision) -> None:
+    def __init__(self, supervisor: Supervisor, live_state: LiveState, supervision: Supervision) -> None:
         self._supervisor = supervisor
-        self._present = present
+        self._live_state = live_state
         self._supervision = supervision
         self._stopping: KeptTask | None = None
 
@@ -116,7 +116,7 @@ class SafeStop:
 
     async def _stop(self, fault: Fault) -> None:
         try:
-            if self._present.mode in _STILL or not self._supervisor.is_alive:
+            if self._live_state.mode in _STILL or not self._supervisor.is_alive:
                 return
             await asyncio.wait_for(self._supervisor.send(Stop(fault, hard=False)), ANSWER_S)
         except LoopExitedError:
@@ -194,7 +194,7 @@ class ActuatorService:
     def __init__(
         self,
         supervisor: Supervisor,
-        present: LiveState,
+        live_state: LiveState,
         database: Database,
         session_runs: SessionRuns,
         journal: EventLog,
@@ -205,7 +205,7 @@ class ActuatorService:
         events: EventBus,
         recording: PlayedRecording | None = None,
     ) -> None:
-        self.present = present
+        self.live_state = live_state
         self._database = database
         self._supervisor, self._session_runs, self._journal = supervisor, session_runs, journal
         self._on_new_ring = on_new_ring
@@ -216,25 +216,25 @@ class ActuatorService:
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._events = events
         self._turn, self.starting = asyncio.Lock(), asyncio.Lock()
-        self.touching = Touching(
+        self.contact = ContactService(
             supervisor=supervisor,
-            present=present,
+            live_state=live_state,
             journal=journal,
             command=self._command,
             changed=self.changed,
             starting=self.starting,
             events=events,
         )
-        self.retuning = TuningService(
+        self.tuning_service = TuningService(
             supervisor=supervisor,
-            present=present,
+            live_state=live_state,
             journal=journal,
             kept=kept,
             supervision=supervision,
             send=self._command,
             turn=self._turn,
             changed=self.changed,
-            touching=self.touching,
+            contact=self.contact,
             events=events,
         )
         self.player = RecordingPlayer(recording, self._command, self.changed)
@@ -261,19 +261,19 @@ class ActuatorService:
             self._journal.note(MarkKind.NOTE, "STOP was pressed: the recording is paused", stopped.arrived_tick, who)
         else:
             self._journal.note(MarkKind.TRIP, EXPLAINED[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
-        return self.present.proof_of(stopped)
+        return self.live_state.proof_of(stopped)
 
-    async def operator_lost(self, who: str) -> None:
+    async def stop_after_operator_loss(self, who: str) -> None:
         """Stop softly: the page that held control was not heard, and the references were held long enough."""
-        self.note_control("control lost", who)
-        if self.present.mode in _STILL or not self._supervisor.is_alive:
+        self.log_control_change("control lost", who)
+        if self.live_state.mode in _STILL or not self._supervisor.is_alive:
             return
         with suppress(LoopExitedError):
             await self._supervisor.send(commands.Stop(Fault.OPERATOR_LOST, hard=False))
 
-    def note_control(self, text: str, who: str) -> None:
+    def log_control_change(self, text: str, who: str) -> None:
         """Put on record what happens to control."""
-        self._journal.note(MarkKind.NOTE, text, self.present.tick, who)
+        self._journal.note(MarkKind.NOTE, text, self.live_state.tick, who)
         self.changed()
 
     async def reset(self, who: str) -> None:
@@ -282,16 +282,16 @@ class ActuatorService:
         Starts the loop anew where it failed by itself, and where it, its watchdog or its card died.
         """
         async with self.starting, self._turn:
-            has_failed = self.present.fault is Fault.INTERNAL_ERROR
-            lost = has_failed or self._supervisor.watchdog_monitor.is_watchdog_lost or self.present.card_lost
+            has_failed = self.live_state.fault is Fault.INTERNAL_ERROR
+            lost = has_failed or self._supervisor.watchdog_monitor.is_watchdog_lost or self.live_state.card_lost
             if self._supervisor.is_alive and not lost:
                 accepted = await self._command(commands.Reset())
                 self._journal.note(MarkKind.NOTE, "reset", accepted.tick, who)
             else:
                 self.require_unoccupied()  # a new loop has another zero, and a step works with this one
                 await self._start_anew("after its end", "loop started again", who)
-        self.present.forget_stop()
-        await self._until_shown(lambda: self.present.fault is Fault.NONE)
+        self.live_state.forget_stop()
+        await self._until_shown(lambda: self.live_state.fault is Fault.NONE)
 
     async def take_up(self, take: Callable[[], None], found: str, who: str) -> None:
         """Start the loop anew with what was ``found``, once ``take`` has.
@@ -299,9 +299,9 @@ class ActuatorService:
         Raises RequestRejectedError unless it is off.
         """
         async with self._turn:
-            if self.present.mode is not Mode.OFF:
+            if self.live_state.mode is not Mode.OFF:
                 raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, f"{found} takes effect in off; the mode is {self.present.mode}"
+                    ErrorCode.NOT_NOW, f"{found} takes effect in off; the mode is {self.live_state.mode}"
                 )
             take()
             try:
@@ -317,11 +317,11 @@ class ActuatorService:
         brought_up = await asyncio.to_thread(find_for_next_start, self._database, plant, before)
         if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
             self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
-        self.touching.forget("the control loop was started anew")
+        self.contact.forget("the control loop was started anew")
         self.changed()
         await self._supervisor.restart(purpose)
         self._on_new_ring(self._supervisor.ring)
-        self.present.starts += 1
+        self.live_state.starts += 1
         self._journal.note(MarkKind.NOTE, text, 0, who)
 
     async def set_mode(self, mode: Mode, who: str) -> None:
@@ -335,10 +335,10 @@ class ActuatorService:
 
     async def _move_to(self, mode: Mode, who: str) -> None:
         async with self._turn:
-            require_legal(self.present, mode, loop_alive=self._supervisor.is_alive)
+            require_legal(self.live_state, mode, loop_alive=self._supervisor.is_alive)
             sessions, run = self._session_runs, 0
             if mode in RECORDED:
-                run = await asyncio.to_thread(sessions.begin, mode, self.present.tuning, who)
+                run = await asyncio.to_thread(sessions.begin, mode, self.live_state.tuning, who)
             self._asked = mode, who
             try:
                 await self._command(commands.SetMode(mode, run))
@@ -347,12 +347,12 @@ class ActuatorService:
                 if run:
                     await asyncio.to_thread(sessions.abandon, run)
                 raise
-        await self._until_shown(lambda: self.present.mode is mode)
+        await self._until_shown(lambda: self.live_state.mode is mode)
 
     def require_unoccupied(self) -> None:
         """Raise RequestRejectedError while something has the rig for itself."""
-        if self.present.occupied:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{self.present.occupied}: wait for its end, or cancel it")
+        if self.live_state.occupied:
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{self.live_state.occupied}: wait for its end, or cancel it")
 
     async def switch_drives(self, on: bool, who: str) -> None:
         """Take the drives away, at any time, or give them back.
@@ -372,10 +372,10 @@ class ActuatorService:
 
     async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
         """Set the references of the cascade. Raises OutOfRangeError."""
-        b = self.present.bounds
+        b = self.live_state.bounds
         check_range("q_ref", q_ref, b.q_min, b.q_max, "rad")
         check_range("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
-        self.touching.sweep.break_off("other references were set", who)
+        self.contact.sweep.break_off("other references were set", who)
         accepted = await self._command(commands.SetReferences(q_ref, S_ref))
         text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref, 4)} N·m/rad"
         self._journal.note(MarkKind.REFERENCES, text, accepted.tick, who)
@@ -384,7 +384,7 @@ class ActuatorService:
 
     async def push(self, push: PushRequest, who: str) -> PushRequest:
         """Push the joint of a simulated plant. Raises RequestRejectedError on any other, OutOfRangeError."""
-        plant = self.present.plant
+        plant = self.live_state.plant
         if not plant.simulated:
             by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
             message = f"only what is simulated is pushed by command, and what is driven is the {plant.name}{by_hand}"
@@ -409,7 +409,7 @@ class ActuatorService:
 
     def let_go(self) -> None:
         """Let go of a push and end learning, at once: whoever ordered it does not hold control any more."""
-        self.touching.sweep.break_off("whoever began it does not hold control any more")
+        self.contact.sweep.break_off("whoever began it does not hold control any more")
         if self._pushed:
             self._releasing = self._supervision.keep_task(_RELEASE, self._let_go)
 
@@ -419,9 +419,9 @@ class ActuatorService:
             return
         with suppress(LoopExitedError):
             await self._supervisor.send(commands.ApplyPush(0.0, 0.0))
-        self._journal.note(MarkKind.NOTE, "push let go: control is lost", self.present.tick)
+        self._journal.note(MarkKind.NOTE, "push let go: control is lost", self.live_state.tick)
 
-    async def break_plant(self, broken: Broken | None, who: str) -> None:
+    async def inject_fault(self, broken: Broken | None, who: str) -> None:
         """Break a part of the plant to try a reaction, None to mend it; refused where nothing can be broken."""
         text = "mended" if broken is None else f"broken on purpose: {broken.words}"
         await self.carry_out(commands.Inject(broken), text, who)
@@ -434,7 +434,7 @@ class ActuatorService:
     def fall_silent(self, duration_s: float, who: str) -> None:
         """Send the loop no heartbeat for a while, to try its reaction."""
         self._supervisor.fall_silent(duration_s)
-        self._journal.note(MarkKind.NOTE, "the service falls silent on purpose", self.present.tick, who)
+        self._journal.note(MarkKind.NOTE, "the service falls silent on purpose", self.live_state.tick, who)
 
     async def _command(self, command: Command) -> Accepted:
         return raise_if_rejected(await self._supervisor.send(command))
@@ -446,17 +446,17 @@ class ActuatorService:
         self.changed()
 
     def _hear(self, event: Event | LoopExited) -> None:
-        self.present.hear(event)
+        self.live_state.hear(event)
         if isinstance(event, PlayerMoved):
             self.player.hear(event)
         if isinstance(event, PushReleased):
             self._pushed = False
         if isinstance(event, ModeChanged):
-            self.retuning.leave_trial(f"as the mode is {event.after}")
+            self.tuning_service.cancel_trial(f"as the mode is {event.after}")
         elif isinstance(event, LoopExited):
-            self.retuning.leave_trial("as the control loop has ended")
-        if (mark := mark_of(event, self.present.tick)) is not None:
-            if isinstance(event, Stopped) and self.present.is_expected(event.fault):
+            self.tuning_service.cancel_trial("as the control loop has ended")
+        if (mark := build_mark(event, self.live_state.tick)) is not None:
+            if isinstance(event, Stopped) and self.live_state.is_expected(event.fault):
                 mark = mark._replace(kind=MarkKind.NOTE)
             self._journal.note(*mark, who=self._who_asked(event))
         if isinstance(event, Stopped):
@@ -485,17 +485,17 @@ async def set_obstacle(actuator: ActuatorService, order: WallOrder, who: str) ->
     Raises OutOfRangeError, and RequestRejectedError where the plant is not simulated, where the joint is inside the
     wall and while a program puts up its own.
     """
-    plant = actuator.present.plant
+    plant = actuator.live_state.plant
     if not plant.simulated:
         message = f"a wall is put only in the way of what is simulated, and what is driven is the {plant.name}"
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
-    wall = None if order.wall is None else _possible(order.wall, actuator.present.parameters)
-    await actuator.carry_out(Obstruct(wall), wall_in_words(wall), who)
+    wall = None if order.wall is None else _possible(order.wall, actuator.live_state.parameters)
+    await actuator.carry_out(Obstruct(wall), describe_wall(wall), who)
     return order
 
 
 def _possible(wall: WallView, parameters: PlantParameters) -> Obstacle:
-    bounds, q_max = wall_bounds(parameters), parameters.geometry.q_max
+    bounds, q_max = compute_wall_bounds(parameters), parameters.geometry.q_max
     remedy = "the simulator's steps do not resolve more"
     check_range("q_wall", wall.q_wall, -q_max, q_max, "rad", path=("wall", "q_wall"))
     check_range(

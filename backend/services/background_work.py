@@ -27,13 +27,13 @@ from plant import ErrorCode, PlantParameters
 
 T = TypeVar("T")
 
-HasLeft = Callable[[], Awaitable[bool]]
+IsDisconnected = Callable[[], Awaitable[bool]]
 """Tells whether the connection of whoever asked is closed."""
 
 LOOK_S = 0.5
 
 
-async def run_while_connected(work: Coroutine[Any, Any, T], has_left: HasLeft) -> T:
+async def run_while_connected(work: Coroutine[Any, Any, T], is_disconnected: IsDisconnected) -> T:
     """Return what ``work`` returns; cancel it when whoever waits for it has left.
 
     Work in a process beside the service ends with that process. Raises RequestRejectedError after whoever asked has
@@ -42,7 +42,7 @@ async def run_while_connected(work: Coroutine[Any, Any, T], has_left: HasLeft) -
     working = asyncio.ensure_future(work)
     try:
         while not (await asyncio.wait({working}, timeout=LOOK_S))[0]:
-            if await has_left():
+            if await is_disconnected():
                 raise RequestRejectedError(
                     ErrorCode.UNAVAILABLE, "whoever asked for this has left: its computation was ended"
                 )
@@ -67,7 +67,7 @@ _keeping = Lock()
 
 
 @dataclass(frozen=True)
-class AskedTuning:
+class TuningSnapshot:
     """A tuning as it goes from one process to another: ``ranges`` are the smallest λ_q and λ_S [s] of each entry."""
 
     parameters: PlantParameters
@@ -76,7 +76,7 @@ class AskedTuning:
     ranges: Sequence[tuple[float, ...]]
 
     @classmethod
-    def of(cls, tuning: ActiveTuning) -> "AskedTuning":
+    def of(cls, tuning: ActiveTuning) -> "TuningSnapshot":
         """Return what is asked of a tuning in use."""
         return cls(tuning.parameters, tuning.choice, tuning.bank, tuning.previewer.ranges)
 
@@ -103,7 +103,7 @@ class AskedTuning:
 
 
 def preview_tuning(
-    asked: AskedTuning,
+    asked: TuningSnapshot,
     lam_q: float,
     lam_S: float,
     S: float,
@@ -118,12 +118,12 @@ def preview_tuning(
     return made.preview(lam_q, lam_S, S, entry, motion=motion, u_plan=u_plan, k_ext=k_ext, printed=printed)
 
 
-def preview_motor(asked: AskedTuning, lam_motor: float) -> MotorPreview:
+def preview_motor(asked: TuningSnapshot, lam_motor: float) -> MotorPreview:
     """Return what ``ActiveTuning.motor`` does. Raises OutOfRangeError."""
     return asked.made().motor(lam_motor)
 
 
-def compute_robustness(asked: AskedTuning, M_s: float) -> RobustTuning:
+def compute_robustness(asked: TuningSnapshot, M_s: float) -> RobustTuning:
     """Return what ``ActiveTuning.robust`` does."""
     return asked.made().robust(M_s)
 
@@ -137,11 +137,11 @@ def compute_robustness(asked: AskedTuning, M_s: float) -> RobustTuning:
 RETRY_S = 1
 """How long to wait before asking again where there was no place [s]."""
 
-_held: ContextVar["WorkPlaces | None"] = ContextVar("held", default=None)
+_held: ContextVar["WorkLimiter | None"] = ContextVar("held", default=None)
 """Where the request under way has had its place from its head on."""
 
 
-class WorkPlaces:
+class WorkLimiter:
     """``places`` in all, ``viewers`` of them for viewers, ``each`` for one person. Belongs to one event loop.
 
     ``work`` names one such work, and ``works`` several, in refusals. A request whose body is large takes its place
@@ -209,14 +209,14 @@ class ChartSheets:
 
     def __init__(self, offload: Offload) -> None:
         self._offload = offload
-        self.places = WorkPlaces(
+        self.places = WorkLimiter(
             "a sheet of charts", "sheets of charts", SHEET_PLACES, VIEWERS_SHEET_PLACES, SHEET_PLACES_EACH
         )
 
-    async def pdf(self, svg: str, person: User, has_left: HasLeft) -> bytes:
+    async def pdf(self, svg: str, person: User, is_disconnected: IsDisconnected) -> bytes:
         """Return a sheet as PDF. Raises RequestRejectedError for what is no sheet or finds no place, WorkLimitError."""
         with self.places.held(person):
-            return await run_while_connected(self._offload.run(render_sheet_pdf, svg), has_left)
+            return await run_while_connected(self._offload.run(render_sheet_pdf, svg), is_disconnected)
 
 
 # Text work -----------------------------------------------------------------------------------------
@@ -251,20 +251,22 @@ class TextWork:
 
     def __init__(self, operators: Offload, viewers: Offload) -> None:
         self._operators, self._viewers = operators, viewers
-        self.places = WorkPlaces("a text", "texts", TEXT_PLACES, VIEWERS_TEXT_PLACES, TEXT_PLACES_EACH)
-        self.previews = WorkPlaces("a preview", "previews", PREVIEWS, VIEWERS_PREVIEWS, PREVIEWS_EACH)
+        self.places = WorkLimiter("a text", "texts", TEXT_PLACES, VIEWERS_TEXT_PLACES, TEXT_PLACES_EACH)
+        self.previews = WorkLimiter("a preview", "previews", PREVIEWS, VIEWERS_PREVIEWS, PREVIEWS_EACH)
         self._turns = {operators: asyncio.Lock(), viewers: asyncio.Lock()}
 
-    async def run(self, person: User, has_left: HasLeft, work: Callable[P, T], *asked: P.args, **_none: P.kwargs) -> T:
+    async def run(
+        self, person: User, is_disconnected: IsDisconnected, work: Callable[P, T], *asked: P.args, **_none: P.kwargs
+    ) -> T:
         """Return ``work(*asked)``, as long as the person who asked has not left.
 
         Raises what the work raises, WorkLimitError, and RequestRejectedError where there is no place.
         """
         process = self._operators if is_operator(person) else self._viewers
         with self.places.held(person):
-            return await run_while_connected(process.run(work, *asked, **_none), has_left)
+            return await run_while_connected(process.run(work, *asked, **_none), is_disconnected)
 
-    def previewing(self, person: User, has_left: HasLeft) -> Compute:
+    def make_preview_runner(self, person: User, is_disconnected: IsDisconnected) -> Compute:
         """Return what computes previews for a person.
 
         One whose asker has left before its turn is not computed; one that is under way ends, with its process kept.
@@ -274,7 +276,7 @@ class TextWork:
         async def compute(work: Callable[..., T], *asked: Any) -> T:
             process = self._operators if is_operator(person) else self._viewers
             with self.previews.held(person):
-                await _turn(self._turns[process], has_left)
+                await _turn(self._turns[process], is_disconnected)
                 try:
                     return await process.run(work, *asked)
                 finally:
@@ -287,12 +289,12 @@ class TextWork:
         return await self._operators.run(work, *asked, **_none)
 
 
-async def _turn(turn: asyncio.Lock, has_left: HasLeft) -> None:
+async def _turn(turn: asyncio.Lock, is_disconnected: IsDisconnected) -> None:
     """Wait for a turn and take it. Raises RequestRejectedError where whoever asked has left meanwhile."""
     waiting = asyncio.ensure_future(turn.acquire())
     try:
         while not (await asyncio.wait({waiting}, timeout=LOOK_S))[0]:
-            if await has_left():
+            if await is_disconnected():
                 raise RequestRejectedError(ErrorCode.UNAVAILABLE, "whoever asked for this has left: it is not computed")
     except BaseException:
         if not waiting.cancel():  # it is there after all

@@ -45,7 +45,7 @@ from plant import (
 # How the steps of the bring-up are shown.
 
 
-def nothing_to_do(why_not: str) -> BringUpView:
+def build_inapplicable_view(why_not: str) -> BringUpView:
     """Return the steps where there is no rig to be brought up."""
     never = StepStatus(StepState.NEVER, why_not)
     return BringUpView(
@@ -54,11 +54,11 @@ def nothing_to_do(why_not: str) -> BringUpView:
         drives_on=None,
         drives_locked=False,
         drives_left=None,
-        steps=[step_view(step, never, None, why_not, None) for step in STEPS],
+        steps=[build_step_view(step, never, None, why_not, None) for step in STEPS],
     )
 
 
-def step_view(
+def build_step_view(
     step: CommissioningStep,
     standing: StepStatus,
     result: StoredStepResult | None,
@@ -108,7 +108,7 @@ class CommissioningResults:
 
     def why_not(self) -> str:
         """Return why there is nothing to be brought up; empty where there is."""
-        plant = self._actuator.present.plant
+        plant = self._actuator.live_state.plant
         if plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
             return ""
         return f"a rig is brought up; what is driven here is the {plant.name}"
@@ -150,7 +150,7 @@ class CommissioningResults:
 
     def wiring(self) -> Wiring:
         """Return the wiring as its file says it now. Raises PlantError."""
-        return load_wiring_choice(self._actuator.present.plant)
+        return load_wiring_choice(self._actuator.live_state.plant)
 
     def not_driven(self, wiring: Wiring) -> str:
         """Return why no step can be played: it would be kept for the file of now, and be found with another."""
@@ -201,7 +201,7 @@ class BringUp:
         self._hands = hands
         self._findings = CommissioningResults(actuator, supervisor, database)
         self._running: _Running | None = None
-        self._started = actuator.present.starts, datetime.now(UTC)
+        self._started = actuator.live_state.starts, datetime.now(UTC)
 
     @property
     def problem(self) -> str:
@@ -216,7 +216,7 @@ class BringUp:
         """Return all steps and how each stands."""
         why_not = self._findings.why_not()
         if why_not:
-            return nothing_to_do(why_not)
+            return build_inapplicable_view(why_not)
         wiring: Wiring | None = None
         try:
             wiring = await asyncio.to_thread(self._findings.wiring)
@@ -226,7 +226,7 @@ class BringUp:
         kept = await asyncio.to_thread(status.kept, self._database)
         states, results = self._states(kept, wiring), kept.results
         steps = [
-            step_view(
+            build_step_view(
                 step,
                 states[step.id],
                 results.get(step.id),
@@ -340,7 +340,7 @@ class BringUp:
 
         # What is stored, in force already or not: a tare measures volts, and keeps the slope it is given.
         in_force = apply_calibration(wiring, self._supervisor.setup.brought_up.calibrations)
-        computed = self._actuator.present.plant.simulated
+        computed = self._actuator.live_state.plant.simulated
         work = ProcedureContext(
             self._supervisor,
             in_force,
@@ -372,7 +372,7 @@ class BringUp:
             self._actuator.changed()
 
     def _states(self, kept: Kept, wiring: Wiring | None) -> dict[StepId, StepStatus]:
-        starts = self._actuator.present.starts
+        starts = self._actuator.live_state.starts
         if starts != self._started[0]:
             self._started = starts, datetime.now(UTC)
         found = status.states(kept, wiring, self._started[1])
@@ -384,17 +384,17 @@ class BringUp:
 
     def _occupy(self, running: _Running | None) -> None:
         """Say in the state what has the rig for itself, and which trip it provokes."""
-        present = self._actuator.present
-        present.occupied = "" if running is None else f"{STEP[running.step].title} of the bring-up is under way"
+        live_state = self._actuator.live_state
+        live_state.occupied = "" if running is None else f"{STEP[running.step].title} of the bring-up is under way"
         tries_module = running is not None and running.step is StepId.SAFETY_MODULE
-        present.provoked_trip = Fault.SAFETY_MODULE if tries_module else Fault.NONE
+        live_state.provoked_fault = Fault.SAFETY_MODULE if tries_module else Fault.NONE
 
     def _blocked(self, step: CommissioningStep, states: dict[StepId, StepStatus]) -> str:
-        present = self._actuator.present
+        live_state = self._actuator.live_state
         if self._running is not None:
             return f"{STEP[self._running.step].title} is under way"
-        if present.task is not None:
-            return f"run {present.task.run} is under way"
-        if present.mode is not Mode.OFF:
-            return f"the mode is {present.mode}: bring it to off first"
+        if live_state.task is not None:
+            return f"run {live_state.task.run} is under way"
+        if live_state.mode is not Mode.OFF:
+            return f"the mode is {live_state.mode}: bring it to off first"
         return find_blocking_steps(step, states)

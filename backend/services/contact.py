@@ -110,7 +110,7 @@ _NEAR_S = 0.2
 _LOG = logging.getLogger(__name__)
 
 
-class TouchSweep:
+class BiasSweep:
     """Belongs to the service's event loop. ``learn`` learns at the stiffness that is held, of samples since a tick.
 
     ``gives_way`` tells whether the joint gives way to contacts: then it is not held for learning.
@@ -120,14 +120,14 @@ class TouchSweep:
     def __init__(
         self,
         supervisor: Supervisor,
-        present: LiveState,
+        live_state: LiveState,
         journal: EventLog,
         command: Callable[[Command], Awaitable[Accepted]],
         learn: Callable[[int], Awaitable[None]],
         gives_way: Callable[[], bool],
         changed: Callable[[], None],
     ) -> None:
-        self._supervisor, self._present, self._journal = supervisor, present, journal
+        self._supervisor, self._live_state, self._journal = supervisor, live_state, journal
         self._command, self._learn, self._gives_way, self._changed = command, learn, gives_way, changed
         self._view: SweepView | None = None
         self._task: asyncio.Task[None] | None = None
@@ -156,7 +156,7 @@ class TouchSweep:
         why = self._why_not_now(rows)
         if why:
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"nothing is learned over S: {why}")
-        bounds = self._present.bounds
+        bounds = self._live_state.bounds
         points = np.linspace(bounds.S_min, bounds.S_max, SWEEP_POINTS).tolist()
         q_ref, S_ref = (float(rows[-1, INDEX[name]]) for name in ("q_ref", "S_ref"))
         self._held, self.problem = (q_ref, S_ref), ""
@@ -237,7 +237,7 @@ class TouchSweep:
 
     async def _put_back(self) -> None:
         """Hold S as it was before, where the joint is still held for it."""
-        if self._present.mode is Mode.RUN and self._supervisor.is_alive:
+        if self._live_state.mode is Mode.RUN and self._supervisor.is_alive:
             with suppress(RequestRejectedError, LoopExitedError):
                 await self._go(self._held[1], why="as before learning")
 
@@ -252,18 +252,18 @@ class TouchSweep:
         self._view = view.model_copy(update={"under_way": False, "why": why})
         at = f"at point {view.point} of {view.points}, {in_digits(view.S_ref)} N·m/rad"
         text = f"learning over S ended {at}: {why}" if why else f"learned over S at {view.points} points"
-        self._journal.note(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._present.tick, who)
+        self._journal.note(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._live_state.tick, who)
         self._changed()
 
     def _why_not_now(self, rows: NDArray[np.float64]) -> str:
         """Why it cannot begin; ``rows`` is the newest sample."""
-        task = self._present.task
+        task = self._live_state.task
         if self.under_way:
             return "that is under way already"
         if task is not None:
             return f"run {task.run}, {task.kind}, is under way: wait for its end or stop it"
-        if self._present.mode is not Mode.RUN:
-            return f"the joint has to be held in run, and the mode is {self._present.mode}"
+        if self._live_state.mode is not Mode.RUN:
+            return f"the joint has to be held in run, and the mode is {self._live_state.mode}"
         if self._gives_way():
             return "the joint gives way to contacts: let it hold on first"
         if not np.all(np.isfinite(rows[-1:, INDEX["F_ext_hat"]])):
@@ -292,11 +292,11 @@ def _restless(rows: NDArray[np.float64], S_ref: float) -> str:
 
 
 @dataclass(frozen=True)
-class TouchForgotten:
+class BiasDiscarded:
     """The loop knows nothing of the outside force any more."""
 
 
-class Touching:
+class ContactService:
     """Learns, arms and shows. Belongs to the service's event loop.
 
     ``changed`` is called when there is news. Publishes TouchForgotten.
@@ -305,16 +305,16 @@ class Touching:
     def __init__(
         self,
         supervisor: Supervisor,
-        present: LiveState,
+        live_state: LiveState,
         journal: EventLog,
         command: Callable[[Command], Awaitable[Accepted]],
         changed: Callable[[], None],
         starting: asyncio.Lock,
         events: EventBus,
     ) -> None:
-        self.sweep = TouchSweep(
+        self.sweep = BiasSweep(
             supervisor=supervisor,
-            present=present,
+            live_state=live_state,
             journal=journal,
             command=command,
             learn=self._learn_on,
@@ -434,7 +434,7 @@ class Touching:
         """Begin with nothing learned, as a new loop does, and ``why``."""
         self.sweep.break_off(why)
         self._points, self._contact_N, self._felt, self._since = [], 0.0, None, 0
-        self._events.publish(TouchForgotten())
+        self._events.publish(BiasDiscarded())
 
 
 def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:

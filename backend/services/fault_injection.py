@@ -94,7 +94,7 @@ async def apply_fault(actuator: ActuatorService, control: ControlLease, injectio
     Raises RequestRejectedError where the plant is not simulated, as nobody breaks a rig on purpose, and for what only
     a card has where there is none.
     """
-    plant = actuator.present.plant
+    plant = actuator.live_state.plant
     if not plant.simulated:
         message = f"faults are injected only into what is simulated, and what is driven is the {plant.name}"
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
@@ -108,9 +108,9 @@ async def apply_fault(actuator: ActuatorService, control: ControlLease, injectio
         case Silence.PAGE_SILENT:
             control.mute()
         case _:
-            await actuator.break_plant(_broken(injection), who)
+            await actuator.inject_fault(_broken(injection), who)
 
 
 async def clear_faults(actuator: ActuatorService, who: str) -> None:
     """Mend whatever is broken."""
-    await actuator.break_plant(None, who)
+    await actuator.inject_fault(None, who)

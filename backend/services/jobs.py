@@ -76,7 +76,7 @@ from backend.schemas import (
     TuningView,
 )
 from backend.services.actuator import ActuatorService, SafeStop
-from backend.services.background_work import Compute, HasLeft, TextWork
+from backend.services.background_work import Compute, IsDisconnected, TextWork
 from backend.services.banks import StoredBanks
 from backend.services.library import ExperimentCheck, OwnExperiments, view_of
 from backend.services.queue import DryRuns, Queue
@@ -91,7 +91,7 @@ from plant import ErrorCode, PlantKind, PlantParameters, T_s
 # From what is asked for to plans of identification, and what these would do to the rig.
 
 
-def plans_of(request: IdentificationRequest) -> tuple[IdentificationPlan, ...]:
+def build_plans(request: IdentificationRequest) -> tuple[IdentificationPlan, ...]:
     """Return the plans that are asked for, several where tensions are listed. Raises SettingError, OutOfRangeError."""
     match request:
         case MotorRequest():
@@ -102,11 +102,11 @@ def plans_of(request: IdentificationRequest) -> tuple[IdentificationPlan, ...]:
             return _actuator_plans(request)
 
 
-def prediction_of(
+def predict_runs(
     request: IdentificationRequest, parameters: PlantParameters, lam_motor: float, start: Start
 ) -> Prediction:
     """Tell what a run would do from ``start``; of several runs, the whole way and the largest figures."""
-    plans = plans_of(request)
+    plans = build_plans(request)
     told = forecast_identifications(plans, parameters, start, lam_motor)
     worth = _worth(request, plans, parameters, lam_motor)
     try:
@@ -240,10 +240,10 @@ class Pause:
     ``wanted`` is what was last asked for of the order under way; ``following`` are its runs that have still to begin.
     """
 
-    def __init__(self, present: LiveState, changed: Callable[[], None]) -> None:
+    def __init__(self, live_state: LiveState, changed: Callable[[], None]) -> None:
         self.wanted = False
         self.following = 0
-        self._present = present
+        self._live_state = live_state
         self._changed = changed
 
     def begin(self, following: int) -> None:
@@ -252,13 +252,13 @@ class Pause:
 
     def ask(self, wanted: bool) -> None:
         """Let the next run of the order wait, or begin. Raises RequestRejectedError where none follows."""
-        task = self._present.task
+        task = self._live_state.task
         if task is None or self.following == 0:
             what = "nothing is under way" if task is None else "no run of the same order follows"
             remedy = "several tensions in turn can be paused between two of them"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what}: {remedy}")
         self.wanted = wanted
-        self._present.task = task.model_copy(update={"pause_wanted": wanted})
+        self._live_state.task = task.model_copy(update={"pause_wanted": wanted})
         self._changed()
 
     async def over(self, loop: LoopClient, show: Callable[[], None]) -> None:
@@ -442,7 +442,7 @@ class Ordered:
         )
 
 
-def run_progress(present: LiveState, ordered: Ordered, pause: Pause) -> ProgressCallback:
+def run_progress(live_state: LiveState, ordered: Ordered, pause: Pause) -> ProgressCallback:
     """Return what puts into ``present`` how far a run is.
 
     What it is told counts from the start of each part; what is shown counts from the start of the run. Once the program
@@ -465,7 +465,7 @@ def run_progress(present: LiveState, ordered: Ordered, pause: Pause) -> Progress
             RunPhase.PAUSED: expected_s,
             RunPhase.EVALUATION: expected_s,
         }[doing]
-        present.task = TaskView(
+        live_state.task = TaskView(
             kind=plan.kind,
             title=title,
             run=ordered.run,
@@ -526,7 +526,7 @@ class JobManager:
         self.queue = Queue(self.start_experiment, self.checked, supervision, station.database)
         self._problem = ""
         self._results = PendingEvaluations()
-        self.pause = Pause(actuator.present, actuator.changed)
+        self.pause = Pause(actuator.live_state, actuator.changed)
         self._running: asyncio.Task[None] | None = None
         self._closing = False
 
@@ -541,15 +541,15 @@ class JobManager:
             self._results.forget()
             self._actuator.changed()
 
-    async def experiment_kinds(self, person: User, has_left: HasLeft) -> list[ExperimentKind]:
+    async def experiment_kinds(self, person: User, is_disconnected: IsDisconnected) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
-        present = self._actuator.present
+        live_state = self._actuator.live_state
         settings = self._loop_settings()
-        self._dry_runs.get_ready(present.tuning.parameters, settings)  # who looks at experiments may well try one
-        tuning, plant = present.operators_tuning.view(0.0), present.plant.kind
+        self._dry_runs.get_ready(live_state.tuning.parameters, settings)  # who looks at experiments may well try one
+        tuning, plant = live_state.operator_tuning.view(0.0), live_state.plant.kind
         asked = self._experiments, settings, tuning, plant
         if await asyncio.to_thread(self._experiments.has_own):
-            return await self._texts.run(person, has_left, _experiment_kinds, *asked)
+            return await self._texts.run(person, is_disconnected, _experiment_kinds, *asked)
         return await asyncio.to_thread(_experiment_kinds, *asked)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
@@ -568,68 +568,72 @@ class JobManager:
         """
         name, plan, wanted = await self._ordered(request)
         self._require_seed(wanted)
-        tuning, bank = self._actuator.present.tuning, await self._bank_of(wanted)
+        tuning, bank = self._actuator.live_state.tuning, await self._bank_of(wanted)
         await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
         await self._texts.order(_require_playable, self._station.database, tuning.parameters, plan, wanted.tuning)
         return ExperimentRequest(
             name=name, settings={**request.settings, **list_setting_values(plan), **asdict(wanted)}
         )
 
-    async def check_experiment(self, asked: ExperimentToCheck, person: User, has_left: HasLeft) -> CheckedExperiment:
+    async def check_experiment(
+        self, asked: ExperimentToCheck, person: User, is_disconnected: IsDisconnected
+    ) -> CheckedExperiment:
         """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.
 
         Raises ExperimentError.
         """
-        checked = await self._looked_over(asked.text, person, has_left)
+        checked = await self._looked_over(asked.text, person, is_disconnected)
         if not asked.play:
             return checked.view({}, "it was looked over only")
         try:
             played = await self._play_dry(
-                RunRequest(checked.plan, self._loop_settings(), person.name), person, has_left
+                RunRequest(checked.plan, self._loop_settings(), person.name), person, is_disconnected
             )
         except (RequestRejectedError, InvalidValueError) as error:
             busy = isinstance(error, RequestRejectedError) and error.category is ErrorCode.TOO_MANY
             return checked.view({}, str(error), busy=busy)
         return checked.view({item.name: item.value for item in played.metrics}, dry_run=played)
 
-    async def keep_experiment(self, written: str, person: User, has_left: HasLeft) -> OwnExperiment:
+    async def keep_experiment(self, written: str, person: User, is_disconnected: IsDisconnected) -> OwnExperiment:
         """Keep an own experiment as the next version of its name. Raises ExperimentError."""
-        checked = await self._looked_over(written, person, has_left)
+        checked = await self._looked_over(written, person, is_disconnected)
         kept = await asyncio.to_thread(self._experiments.store, checked, written, person.name)
         return view_of(kept, checked.title)
 
-    async def _looked_over(self, written: str, person: User, has_left: HasLeft) -> ExperimentCheck:
-        here = self._actuator.present.tuning.parameters, self._loop_settings().tuning
-        return await self._texts.run(person, has_left, self._experiments.checked, written, *here)
+    async def _looked_over(self, written: str, person: User, is_disconnected: IsDisconnected) -> ExperimentCheck:
+        here = self._actuator.live_state.tuning.parameters, self._loop_settings().tuning
+        return await self._texts.run(person, is_disconnected, self._experiments.checked, written, *here)
 
-    async def dry_run(self, request: ExperimentRequest, person: User, has_left: HasLeft) -> DryRunView:
+    async def dry_run(self, request: ExperimentRequest, person: User, is_disconnected: IsDisconnected) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
         asked = request.name, self._loop_settings(), request.settings
         if request.name in experiments_by_name():
             _, plan, wanted = await asyncio.to_thread(self._experiments.plan, *asked)
         else:
-            _, plan, wanted = await self._texts.run(person, has_left, self._experiments.plan, *asked)
-        return await self._play_dry(RunRequest(plan, wanted, person.name), person, has_left)
+            _, plan, wanted = await self._texts.run(person, is_disconnected, self._experiments.plan, *asked)
+        return await self._play_dry(RunRequest(plan, wanted, person.name), person, is_disconnected)
 
-    async def _play_dry(self, order: RunRequest, person: User, has_left: HasLeft) -> DryRunView:
+    async def _play_dry(self, order: RunRequest, person: User, is_disconnected: IsDisconnected) -> DryRunView:
         bank = await self._bank_of(order.loop_settings)
         others = list_plan_banks(order.plan) - {0 if bank is None else bank.id}
         used = [
             *([] if bank is None else [bank]),
             *(await asyncio.to_thread(self._banks.existing, others) if others else ()),
         ]
-        return await self._dry_runs.play(self._actuator.present.tuning.parameters, order, used, person, has_left)
+        return await self._dry_runs.play(
+            self._actuator.live_state.tuning.parameters, order, used, person, is_disconnected
+        )
 
     async def start_identification(self, request: IdentificationRequest, who: str) -> int:
         """Start an identification, or several in turn, and return the first run.
 
         Raises RequestRejectedError, SettingError, OutOfRangeError.
         """
-        plans = plans_of(request)
+        plans = build_plans(request)
         async with self._actuator.starting:
             self._require_free()
             parameters = self._station.parameters
-            loop, bank = self._loop_settings(), self._actuator.present.tuning.bank
+            loop, bank = self._loop_settings(), self._actuator.live_state.tuning.bank
             start = read_start(self._station.loop.ring.newest())
             told = await self._texts.order(forecast_identifications, plans, parameters, start, loop.lam_motor)
             told.require_within_range(parameters)
@@ -637,8 +641,8 @@ class JobManager:
 
     async def predict_identification(self, request: IdentificationRequest, compute: Compute) -> Prediction:
         """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
-        tuning, start = self._actuator.present.tuning, read_start(self._station.loop.ring.newest())
-        told: Prediction = await compute(prediction_of, request, tuning.parameters, tuning.lambdas.lam_motor, start)
+        tuning, start = self._actuator.live_state.tuning, read_start(self._station.loop.ring.newest())
+        told: Prediction = await compute(predict_runs, request, tuning.parameters, tuning.lambdas.lam_motor, start)
         return told
 
     def is_evaluating(self, run_id: int) -> bool:
@@ -654,19 +658,19 @@ class JobManager:
 
     def _require_free(self) -> None:
         self._actuator.require_unoccupied()
-        if (task := self._actuator.present.task) is not None:
+        if (task := self._actuator.live_state.task) is not None:
             remedy = "wait for its end or stop it"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"run {task.run}, {task.kind}, is under way: {remedy}")
-        if self._actuator.retuning.trial() is not None:
+        if self._actuator.tuning_service.trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
 
     async def _start(self, bank: Bank | None, *orders: RunRequest) -> int:
         """Start orders in turn, all with the tuning of the first on the models of ``bank``."""
-        await self._actuator.retuning.lend(orders[0].loop_settings.tuning, bank, orders[0].who)
+        await self._actuator.tuning_service.apply_temporary(orders[0].loop_settings.tuning, bank, orders[0].who)
         try:
             run = await asyncio.to_thread(create_run, self._station, orders[0])
         except BaseException:
-            await self._actuator.retuning.give_back()
+            await self._actuator.tuning_service.restore_operator_tuning()
             raise
         self._problem = ""
         self._results.forget()
@@ -693,8 +697,10 @@ class JobManager:
                     run, playing = following, True
                     show = await self._progress(orders, position, run)
                     show(RunPhase.STARTING, 0.0)
-                self._actuator.present.on_the_way = await self._on_the_way(order)
-                over = self._actuator.retuning.give_back if position == len(orders) - 1 else _nothing
+                self._actuator.live_state.program_tunings = await self._on_the_way(order)
+                over = (
+                    self._actuator.tuning_service.restore_operator_tuning if position == len(orders) - 1 else _nothing
+                )
                 closed = await play_run(self._station, order, run, show, over)
                 end_state = EndState(closed.end_state)
                 work = asyncio.create_task(evaluate_closed_run(self._station, order.plan, closed))
@@ -715,9 +721,9 @@ class JobManager:
                 self._problem = self._problem or f"The watch over run {run.id} was ended: what it moved was stopped."
                 self._safe_stop.begin(Fault.SERVICE_LOST)
             if not self._closing:  # the next start finds the operator's tuning: what was lent is not kept
-                await self._actuator.retuning.give_back()
+                await self._actuator.tuning_service.restore_operator_tuning()
             await self._results.end(giving_up=self._closing)
-            self._actuator.present.task = None
+            self._actuator.live_state.task = None
             self._actuator.changed()
             self.queue.ended(run.id, end_state)
 
@@ -746,7 +752,7 @@ class JobManager:
         plan, start = orders[position].plan, read_start(self._station.loop.ring.newest())
         told = await asyncio.to_thread(forecast_duration, plan, self._station.parameters, start)
         ordered = Ordered(plan, run.id, told, position + 1, len(orders))
-        return run_progress(self._actuator.present, ordered, self.pause)
+        return run_progress(self._actuator.live_state, ordered, self.pause)
 
     def _require_seed(self, wanted: LoopSettings) -> None:
         if wanted.seed != self._seed:
@@ -764,7 +770,7 @@ class JobManager:
         return await self._texts.order(self._experiments.plan, *asked)
 
     def _loop_settings(self) -> LoopSettings:
-        return LoopSettings(**self._actuator.present.operators_tuning.choice.document(), seed=self._seed)
+        return LoopSettings(**self._actuator.live_state.operator_tuning.choice.document(), seed=self._seed)
 
 
 def _experiment_kinds(

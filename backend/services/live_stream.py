@@ -34,7 +34,7 @@ from backend.realtime import (
 )
 from backend.sample import STORED
 from backend.schemas import EventMessage, LayoutMessage, MarkKind, StateMessage
-from backend.services.state import wall_in_words
+from backend.services.state import describe_wall
 from backend.supervision import Part
 from plant import T_s
 
@@ -51,7 +51,7 @@ class Mark(NamedTuple):
     tick: int
 
 
-def mark_of(event: Event | LoopExited, now: int) -> Mark | None:
+def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
     """Return the mark of an event, None where whoever asked for it leaves one; ``now`` is the newest tick."""
     match event:
         case ModeChanged(tick, before, after):
@@ -69,7 +69,7 @@ def mark_of(event: Event | LoopExited, now: int) -> Mark | None:
         case TuningChanged(tick, _, lam_q, lam_S):
             return Mark(MarkKind.TUNING, f"by the program: λ_q {lam_q:g} s, λ_S {lam_S:g} s", tick)
         case WallChanged(tick, number, wall) if number:
-            return Mark(MarkKind.NOTE, f"by the program: {wall_in_words(wall)}", tick)
+            return Mark(MarkKind.NOTE, f"by the program: {describe_wall(wall)}", tick)
         case Stopped(fault=Fault.STOP_PRESSED):
             return None
         case Stopped(fault=fault, arrived_tick=tick, detail=seen):

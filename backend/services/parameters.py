@@ -258,9 +258,9 @@ class Applied:
                 raise RequestRejectedError(
                     ErrorCode.NOT_NOW, "the parameter file has changed: start the service anew first"
                 )
-            applied, before = propose(), self._actuator.present.operators_tuning
+            applied, before = propose(), self._actuator.live_state.operator_tuning
             parameters = self._base.with_identified(changed_sections(applied))
-            return _Wanted(applied, parameters, before, self._kept.carried_over(before, parameters))
+            return _Wanted(applied, parameters, before, self._kept.choose_for_parameters(before, parameters))
         except (NotApplicableError, ParameterError, TuningError) as error:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, f"it cannot be applied: {error}") from None
 
@@ -276,9 +276,9 @@ class Applied:
             with self._database.session() as session:
                 store_parameters(session, applied, who)
             self._kept.put(tuning, who)
-            present = self._actuator.present
-            present.use(parameters, tuning)
-            present.begin_steps(self._kept.earlier(tuning))
+            live_state = self._actuator.live_state
+            live_state.use(parameters, tuning)
+            live_state.begin_steps(self._kept.earlier(tuning))
             identified = changed_sections(applied)
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
             self._events.publish(ParametersApplied(parameters))
@@ -292,18 +292,18 @@ class Applied:
 
     def _require_idle(self, tuning: ActiveTuning) -> None:
         """Raise RequestRejectedError unless the actuator is off, nothing is under way and this tuning is in force."""
-        present = self._actuator.present
+        live_state = self._actuator.live_state
         self._actuator.require_unoccupied()
-        if present.task is not None or present.own_tuning is not None:
+        if live_state.task is not None or live_state.own_tuning is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a run is under way: parameters change when it is over")
-        if self._actuator.retuning.trial() is not None:
+        if self._actuator.tuning_service.trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
-        if present.mode is not Mode.OFF:
+        if live_state.mode is not Mode.OFF:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"parameters are applied in off only; the mode is {present.mode}: switch it off first",
+                f"parameters are applied in off only; the mode is {live_state.mode}: switch it off first",
             )
-        if present.tuning is not tuning:
+        if live_state.tuning is not tuning:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, "the tuning was changed meanwhile: look at it, then try again"
             )

@@ -13,9 +13,9 @@ from backend.errors import RequestRejectedError, check_range
 from backend.execution import RunPhase, RunRequest, dry_run, read_progress, warm_up_dry_run
 from backend.experiments import LoopSettings, list_setting_values
 from backend.schemas import DryRunProgress, DryRunView, ExperimentRequest, QueuedView, QueueView
-from backend.services.background_work import HasLeft, WorkPlaces, run_while_connected
+from backend.services.background_work import IsDisconnected, WorkLimiter, run_while_connected
 from backend.services.runs import dry_run_view
-from backend.services.tuning_state import KeptFigures
+from backend.services.tuning_state import RobustnessCache
 from backend.storage import Bank, Database, EndState, StorageError, queue
 from backend.supervision import Part, Supervision
 from backend.workers import Offload
@@ -48,7 +48,7 @@ class DryRuns:
 
     def __init__(self, offload: Offload) -> None:
         self._offload = offload
-        self.places = WorkPlaces("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
+        self.places = WorkLimiter("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
         self._under_way: dict[User, tuple[Path, float]] = {}
 
     def get_ready(self, parameters: PlantParameters, settings: LoopSettings) -> None:
@@ -70,7 +70,7 @@ class DryRuns:
         order: RunRequest,
         used: Sequence[Bank],
         person: User,
-        has_left: HasLeft,
+        is_disconnected: IsDisconnected,
     ) -> DryRunView:
         """Play an order with the banks that it uses, until whoever asked has left.
 
@@ -93,7 +93,7 @@ class DryRuns:
             self._under_way[person] = Path(folder), duration_s
             try:
                 played = await run_while_connected(
-                    self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), has_left
+                    self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), is_disconnected
                 )
             finally:
                 self._under_way.pop(person, None)
@@ -105,7 +105,7 @@ class DryRuns:
 
 def _get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
     """Take over what was computed for a tuning before, which loads half of SciPy, and load the rest."""
-    KeptFigures().restore()
+    RobustnessCache().restore()
     warm_up_dry_run(parameters, settings)
 
 

@@ -65,7 +65,7 @@ from backend.schemas import (
     WallView,
     WishView,
 )
-from backend.services.tuning_state import ActiveTuning, ResolvedTuning, chosen_view, shown_with
+from backend.services.tuning_state import ActiveTuning, ResolvedTuning, build_chosen_tuning, overlay_tuning
 from plant import (
     K_LEAST,
     SUBSTEPS,
@@ -134,17 +134,17 @@ class Observation:
         return self._timing
 
 
-def mode_of(sample: Sample | None) -> Mode:
+def read_mode(sample: Sample | None) -> Mode:
     """Return the mode in a sample; OFF before the first."""
     return Mode.OFF if sample is None else MODES[int(sample["mode"])]
 
 
-def fault_of(sample: Sample | None) -> Fault:
+def read_fault(sample: Sample | None) -> Fault:
     """Return the latched fault in a sample."""
     return Fault.NONE if sample is None else FAULTS[int(sample["fault"])]
 
 
-def references_of(sample: Sample | None) -> ReferencesView:
+def read_references(sample: Sample | None) -> ReferencesView:
     """Return the references in force; where none are, what the joint does, from where a mode would start.
 
     Slack tendons have no stiffness: S_ref is None then.
@@ -159,7 +159,7 @@ def references_of(sample: Sample | None) -> ReferencesView:
     )
 
 
-def entry_of(sample: Sample | None) -> float:
+def read_entry(sample: Sample | None) -> float:
     """Return the active entry of the bank, fractional while interpolating."""
     return 0.0 if sample is None else _number(sample["bank_entry"])
 
@@ -198,14 +198,16 @@ def chain(supervisor: Supervisor, holder: HolderView | None, link: LinkView, fau
             says="beats" if beat_s is not None else "has no loop to beat for",
         ),
         ChainLinkView(name="loop", good=ticks, silent_s=link.silent_s, says="ticks" if ticks else "does not tick"),
-        *behind_loop(supervisor.setup.plant, supervisor.card.state(), supervisor.watchdog_monitor, alive, fault),
+        *build_downstream_links(
+            supervisor.setup.plant, supervisor.card.state(), supervisor.watchdog_monitor, alive, fault
+        ),
     ]
 
 
 def _restarting(supervisor: Supervisor, link: LinkView, fault: Fault) -> list[ChainLinkView]:
     """Return the links behind the page while the loop process is replaced as planned, drives off: that is no fault."""
     card, guard = supervisor.card.state(), supervisor.watchdog_monitor
-    behind = behind_loop(supervisor.setup.plant, card, guard, False, fault)
+    behind = build_downstream_links(supervisor.setup.plant, card, guard, False, fault)
     sound = not (card.expired or card.safety_tripped or guard.is_watchdog_lost or fault is Fault.SAFETY_MODULE)
     return [
         ChainLinkView(name="service", good=True, silent_s=None, says="waits for the loop"),
@@ -214,7 +216,7 @@ def _restarting(supervisor: Supervisor, link: LinkView, fault: Fault) -> list[Ch
     ]
 
 
-def behind_loop(
+def build_downstream_links(
     plant: PlantChoice, card: CardState, guard: WatchdogMonitor, alive: bool, fault: Fault
 ) -> tuple[ChainLinkView, ChainLinkView]:
     """Return watchdog and safety module: what is left when the loop is not.
@@ -289,7 +291,7 @@ class WallBounds(NamedTuple):
 NO_WALL_POSSIBLE = WallBounds(0.0, 0.0, 0.0)
 
 
-def wall_bounds(parameters: PlantParameters) -> WallBounds:
+def compute_wall_bounds(parameters: PlantParameters) -> WallBounds:
     """Return what the steps of the simulation resolve of a wall."""
     joint, step_s = parameters.make_dynamics().joint, T_s / SUBSTEPS
     return WallBounds(
@@ -297,7 +299,7 @@ def wall_bounds(parameters: PlantParameters) -> WallBounds:
     )
 
 
-def wall_in_words(wall: Obstacle | None) -> str:
+def describe_wall(wall: Obstacle | None) -> str:
     """Say what stands in the joint's way."""
     if wall is None:
         return "no wall"
@@ -305,7 +307,7 @@ def wall_in_words(wall: Obstacle | None) -> str:
     return f"wall {side} {wall.q_wall:.4g} rad, {wall.k_wall:.4g} N/m, {wall.c_wall:.4g} s/m"
 
 
-def wall_view(wall: Obstacle | None) -> WallView | None:
+def build_wall_view(wall: Obstacle | None) -> WallView | None:
     """Return a wall as the page shows it."""
     if wall is None:
         return None
@@ -339,14 +341,14 @@ class LiveState:
     def __init__(self, supervisor: Supervisor, parameters: PlantParameters, tuning: ActiveTuning) -> None:
         self.own_tuning: ActiveTuning | None = None
         self.tuning_problem = ""
-        self.on_the_way: Sequence[ResolvedTuning] = ()
+        self.program_tunings: Sequence[ResolvedTuning] = ()
         self._tuning_number = 0
         self.undo_stack: deque[ResolvedTuning] = deque(maxlen=UNDO_STEPS)
         self.redo_stack: deque[ResolvedTuning] = deque(maxlen=UNDO_STEPS)
         self.task: TaskView | None = None
         self.starts = 1
         self.occupied = ""
-        self.provoked_trip = Fault.NONE
+        self.provoked_fault = Fault.NONE
         self.wall: Obstacle | None = None
         self._unready = ""
         self.use(parameters, tuning)
@@ -361,7 +363,7 @@ class LiveState:
         self.parameters, self.tuning = parameters, tuning
         self.bounds = compute_bounds(parameters)
         self._tensions = _tensions(parameters, self.bounds)
-        self._wall_bounds = wall_bounds(parameters)
+        self._wall_bounds = compute_wall_bounds(parameters)
 
     @property
     def plant(self) -> PlantChoice:
@@ -374,7 +376,7 @@ class LiveState:
         return bool(self._plant_problem) and self.plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 
     @property
-    def operators_tuning(self) -> ActiveTuning:
+    def operator_tuning(self) -> ActiveTuning:
         """What the operator has chosen, also while a run has another in force."""
         return self.own_tuning or self.tuning
 
@@ -386,12 +388,12 @@ class LiveState:
     @property
     def mode(self) -> Mode:
         """Mode of the newest sample."""
-        return mode_of(self._observation.sample())
+        return read_mode(self._observation.sample())
 
     @property
     def fault(self) -> Fault:
         """Fault latched in the newest sample."""
-        return fault_of(self._observation.sample())
+        return read_fault(self._observation.sample())
 
     @property
     def tick(self) -> int:
@@ -405,7 +407,7 @@ class LiveState:
         return self._references_view(self._observation.sample())
 
     def _references_view(self, sample: Sample | None) -> ReferencesView:
-        references = references_of(sample)
+        references = read_references(sample)
         if self.plant.kind is PlantKind.REPLAY:  # what was asked for then is asked of nothing now
             return references.model_copy(update={"in_force": False})
         return references
@@ -413,7 +415,7 @@ class LiveState:
     @property
     def entry(self) -> float:
         """Active entry of the bank, fractional while interpolating."""
-        return entry_of(self._observation.sample())
+        return read_entry(self._observation.sample())
 
     def legal(self, mode: Mode) -> list[Mode]:
         """Return where an operator may go from ``mode`` now."""
@@ -490,7 +492,7 @@ class LiveState:
         All values of a sample come from one sample, as the loop writes newer ones meanwhile.
         """
         sample = self._observation.sample()
-        mode = mode_of(sample)
+        mode = read_mode(sample)
         tick = 0 if sample is None else int(sample["tick"])
         holder = parts.holder()
         link = self._observation.link(self._supervisor.is_alive, self.starts, self._supervisor.restarting)
@@ -503,7 +505,7 @@ class LiveState:
             link=link,
             timing=self._observation.timing(),
             references=self._references_view(sample),
-            tuning=self._tuning_view(entry_of(sample)),
+            tuning=self._tuning_view(read_entry(sample)),
             limits=self._limits(),
             touch=parts.touch(),
             fault=self._fault_view(sample),
@@ -513,15 +515,15 @@ class LiveState:
             holder=holder,
             people=parts.people(),
             wishes=parts.wishes(),
-            chain=chain(self._supervisor, holder, link, fault_of(sample)),
+            chain=chain(self._supervisor, holder, link, read_fault(sample)),
             task=self.task,
             trial=parts.trial(),
             trigger=parts.trigger(),
-            own_tuning=None if self.own_tuning is None else chosen_view(self.own_tuning),
-            wall=wall_view(self.wall),
+            own_tuning=None if self.own_tuning is None else build_chosen_tuning(self.own_tuning),
+            wall=build_wall_view(self.wall),
             player=parts.player(tick),
-            earlier=chosen_view(self.undo_stack[-1]) if self.undo_stack else None,
-            later=chosen_view(self.redo_stack[-1]) if self.redo_stack else None,
+            earlier=build_chosen_tuning(self.undo_stack[-1]) if self.undo_stack else None,
+            later=build_chosen_tuning(self.redo_stack[-1]) if self.redo_stack else None,
             recording_run=None if sample is None or sample["run"] == 0 else int(sample["run"]),
             problems=[*parts.problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
         )
@@ -535,10 +537,10 @@ class LiveState:
 
     def _tuning_view(self, entry: float) -> TuningView:
         """Return the tuning in force: while an experiment has put one into use on its way, that one."""
-        number, changed = self._tuning_number, self.on_the_way
+        number, changed = self._tuning_number, self.program_tunings
         if not 0 < number <= len(changed):
             return self.tuning.view(entry)
-        return shown_with(self.tuning.view(entry), changed[number - 1], entry)
+        return overlay_tuning(self.tuning.view(entry), changed[number - 1], entry)
 
     def _plant_view(self) -> PlantView:
         plant = self.plant
@@ -569,7 +571,7 @@ class LiveState:
         )
 
     def _fault_view(self, sample: Sample | None) -> FaultView | None:
-        fault = fault_of(sample)
+        fault = read_fault(sample)
         if fault is Fault.NONE:
             return None
         seen, tick = "", 0 if sample is None else int(sample["tick"])
@@ -586,7 +588,7 @@ class LiveState:
 
     def is_expected(self, fault: Fault) -> bool:
         """Tell whether a stop with this fault is no alarm: provoked by the bring-up, or the pause of a recording."""
-        return fault is not Fault.NONE and (fault is self.provoked_trip or self.plant.kind is PlantKind.REPLAY)
+        return fault is not Fault.NONE and (fault is self.provoked_fault or self.plant.kind is PlantKind.REPLAY)
 
 
 @dataclass(frozen=True)
@@ -597,7 +599,7 @@ class ServiceState:
     fault of the loop.
     """
 
-    present: LiveState
+    live_state: LiveState
     touch: Callable[[], TouchView]
     trial: Callable[[], TrialView | None]
     trigger: Callable[[], TriggerView | None]
@@ -609,7 +611,7 @@ class ServiceState:
 
     def view(self) -> State:
         """Return everything the status line and the controls show."""
-        return self.present.state(self)
+        return self.live_state.state(self)
 
 
 def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:

@@ -23,7 +23,7 @@ from backend.schemas import (
     StudyList,
     StudyView,
 )
-from backend.services.background_work import HasLeft, TextWork
+from backend.services.background_work import IsDisconnected, TextWork
 from backend.services.library import OwnExperiments
 from backend.storage import Database, StoredStudy, StudyPoint, studies
 from backend.studies import (
@@ -231,7 +231,7 @@ class StudyScheduler:
         self._turn, self._door = asyncio.Lock(), asyncio.Lock()
         self._looked_at: dict[tuple[int, str], tuple[float, StudyDetail]] = {}
         self._waiting: dict[int, asyncio.Task[None]] = {}
-        self._present: dict[int, asyncio.Task[None]] = {}
+        self._live_state: dict[int, asyncio.Task[None]] = {}
 
     def use(self, parameters: PlantParameters) -> None:
         """Begin studies around these parameters from now on."""
@@ -256,12 +256,14 @@ class StudyScheduler:
             self._looked_at = resting | {(study_id, pick): (ended + REST * (ended - begun), found)}
         return found.model_copy(update={"study": self._told(study)})
 
-    async def check(self, text: str, person: User, has_left: HasLeft) -> CheckedStudy:
+    async def check(self, text: str, person: User, is_disconnected: IsDisconnected) -> CheckedStudy:
         """Return what a text says and whether it could be begun.
 
         Raises RequestRejectedError where there is no place.
         """
-        return await self._texts.run(person, has_left, _check, self._database, text, self._parameters, self._tuning())
+        return await self._texts.run(
+            person, is_disconnected, _check, self._database, text, self._parameters, self._tuning()
+        )
 
     def numbers(self) -> PlantNumbers:
         """Return the numbers of the plant that a study can vary."""
@@ -291,7 +293,7 @@ class StudyScheduler:
         """Have a study stop, whoever computes it. Raises UnknownRecordError."""
         study = await asyncio.to_thread(self._kept.stop, study_id)
         due = self._waiting.pop(study_id, None)
-        begun = self._present.get(study_id) if study.state == "stopped" else None  # its process only comes up
+        begun = self._live_state.get(study_id) if study.state == "stopped" else None  # its process only comes up
         for task in (due, begun):
             if task is not None:
                 task.cancel()
@@ -300,13 +302,13 @@ class StudyScheduler:
 
     async def close(self) -> None:
         """Let go of all; what is computed is kept."""
-        tasks = [*self._waiting.values(), *self._present.values()]
+        tasks = [*self._waiting.values(), *self._live_state.values()]
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
     def _require_place(self) -> None:
-        if len(self._waiting) + len(self._present) >= WAITING_MAX:
+        if len(self._waiting) + len(self._live_state) >= WAITING_MAX:
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"{WAITING_MAX} studies wait already: stop one of them first")
 
     def _have_computed(self, study: StudyView) -> StudyView:
@@ -316,7 +318,7 @@ class StudyScheduler:
 
     async def _compute(self, study_id: int) -> None:
         async with self._turn:
-            self._present[study_id] = self._waiting.pop(study_id)
+            self._live_state[study_id] = self._waiting.pop(study_id)
             try:
                 await self._computing.run(_compute, self._database, study_id)
             except WorkerDiedError as died:
@@ -324,11 +326,11 @@ class StudyScheduler:
             except Exception:  # the study says what it was
                 _LOG.exception("Study %s failed.", study_id)
             finally:
-                del self._present[study_id]
+                del self._live_state[study_id]
 
     def _told(self, study: StudyView) -> StudyView:
         """Return a study that nobody computes yet as one that waits, where that is so."""
-        under_way = study.id in self._waiting or study.id in self._present
+        under_way = study.id in self._waiting or study.id in self._live_state
         return study.model_copy(update={"state": WAITING}) if under_way and study.state == "stopped" else study
 
 

@@ -98,7 +98,7 @@ class Triggers:
             return {one.name: build_derived_signal(one) for one in formulas.find(session)}
 
     def _note(self, text: str, who: str) -> None:
-        self._journal.note(MarkKind.NOTE, text, self._actuator.present.tick, who)
+        self._journal.note(MarkKind.NOTE, text, self._actuator.live_state.tick, who)
 
 
 def _possible(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:

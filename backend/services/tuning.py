@@ -24,11 +24,11 @@ from backend.schemas import (
     TuningView,
 )
 from backend.services import background_work
-from backend.services.background_work import AskedTuning, Compute
-from backend.services.contact import TouchForgotten, Touching
+from backend.services.background_work import TuningSnapshot, Compute
+from backend.services.contact import BiasDiscarded, ContactService
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
-from backend.services.tuning_state import ActiveTuning, ResolvedTuning, TuningStore, TuningTrial, parts_of
+from backend.services.tuning_state import ActiveTuning, ResolvedTuning, TuningStore, TuningTrial, list_tuning_parts
 from backend.storage import Bank, Database, StoredSetting, settings
 from backend.supervision import Supervision
 from backend.tuning import DEVIATIONS, UNSEEN_F
@@ -55,27 +55,27 @@ class TuningService:
     def __init__(
         self,
         supervisor: Supervisor,
-        present: LiveState,
+        live_state: LiveState,
         journal: EventLog,
         kept: TuningStore,
         supervision: Supervision,
         send: Callable[[SetTuning], Awaitable[Accepted]],
         turn: asyncio.Lock,
         changed: Callable[[], None],
-        touching: Touching,
+        contact: ContactService,
         events: EventBus,
     ) -> None:
         self._supervisor = supervisor
-        self._present = present
+        self._live_state = live_state
         self._journal = journal
         self._kept = kept
         self._send = send
         self._turn = turn
         self._changed = changed
-        self._touching = touching
+        self._contact = contact
         self._trial = TuningTrial(self._end_trial_by_itself, supervision)
-        events.subscribe(TouchForgotten, lambda _: self._leave_pushes())
-        present.begin_steps(kept.earlier(present.tuning))
+        events.subscribe(BiasDiscarded, lambda _: self._leave_pushes())
+        live_state.begin_steps(kept.earlier(live_state.tuning))
 
     def trial(self) -> TrialView | None:
         """Return what is on trial; None for nothing."""
@@ -87,9 +87,9 @@ class TuningService:
         await self._keep(who)
         return view
 
-    async def try_out(self, request: TrialRequest, who: str) -> None:
+    async def start_trial(self, request: TrialRequest, who: str) -> None:
         """Change the tuning for a while. Raises OutOfRangeError. A trial of a trial goes back to before the first."""
-        before = self._trial.before or self._present.tuning
+        before = self._trial.before or self._live_state.tuning
         await self._change(request, who, self._put_in_force)
         self._trial.begin(before, request.duration_s)
         self._changed()
@@ -102,13 +102,13 @@ class TuningService:
         if keep:
             self._trial.forget()
             self._remember_step(before)
-            self._journal.note(MarkKind.TUNING, "trial kept", self._present.tick, who)
+            self._journal.note(MarkKind.TUNING, "trial kept", self._live_state.tick, who)
             await self._keep(who)
         else:
             await self._end_trial(before, who)
         self._changed()
 
-    def leave_trial(self, cause: str) -> None:
+    def cancel_trial(self, cause: str) -> None:
         """End a trial because of ``cause``; returns at once, and does nothing where nothing is on trial."""
         self._trial.end(cause)
 
@@ -116,24 +116,24 @@ class TuningService:
         """Use the models of a bank, None for those of geometry. Raises OutOfRangeError when λ is not safe on them."""
         async with self._turn:
             self._require_own()
-            before = self._present.tuning
+            before = self._live_state.tuning
             tick = await self._choose(await asyncio.to_thread(before.with_bank, bank))
             said = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
             self._journal.note(MarkKind.BANK, said, tick, who)
         await self._keep(who)
-        return self._present.tuning.view(self._present.entry)
+        return self._live_state.tuning.view(self._live_state.entry)
 
     async def undo(self, who: str) -> TuningView:
         """Put back in force what the operator had before the last change; once more goes one change further back.
 
         Raises RequestRejectedError where there is nothing to undo, OutOfRangeError where it would not be safe any more.
         """
-        stack, other = self._present.undo_stack, self._present.redo_stack
+        stack, other = self._live_state.undo_stack, self._live_state.redo_stack
         return await self._step(stack, other, "undone", "no change of the tuning is left to undo", who)
 
     async def redo(self, who: str) -> TuningView:
         """Put in force again what the last undo took back. Raises like ``undo``."""
-        stack, other = self._present.redo_stack, self._present.undo_stack
+        stack, other = self._live_state.redo_stack, self._live_state.undo_stack
         return await self._step(stack, other, "done again", "no change of the tuning was undone", who)
 
     async def _step(
@@ -146,7 +146,7 @@ class TuningService:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
             if not stack:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, nothing)
-            step, before = stack[-1], self._present.tuning
+            step, before = stack[-1], self._live_state.tuning
             after = await asyncio.to_thread(before.with_choice, step.choice, step.bank)
             tick = await self._put_in_force(after)
             stack.pop()
@@ -154,9 +154,9 @@ class TuningService:
             self._changed()
             self._journal.note(MarkKind.TUNING, f"{done}: {after.difference(before)}", tick, who)
         await self._keep(who)
-        return self._present.tuning.view(self._present.entry)
+        return self._live_state.tuning.view(self._live_state.entry)
 
-    async def lend(self, choice: TuningSettings, bank: Bank | None, who: str) -> None:
+    async def apply_temporary(self, choice: TuningSettings, bank: Bank | None, who: str) -> None:
         """Put in force what a run asks for, until ``give_back``; nobody changes the tuning meanwhile.
 
         Raises OutOfRangeError and RequestRejectedError; nothing changes then.
@@ -165,17 +165,17 @@ class TuningService:
             self._require_own()
             if self._trial.before is not None:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
-            own = self._present.tuning
+            own = self._live_state.tuning
             if choice != own.choice:
                 wanted = await asyncio.to_thread(own.with_choice, choice, bank)
                 tick = await self._put_in_force(wanted)
                 self._journal.note(MarkKind.TUNING, f"for the run: {wanted.difference(own)}", tick, who)
-            self._present.own_tuning = own
+            self._live_state.own_tuning = own
         self._changed()
 
-    async def give_back(self) -> None:
+    async def restore_operator_tuning(self) -> None:
         """Put the operator's tuning back in force; does so as soon as the loop takes it."""
-        own = self._present.own_tuning
+        own = self._live_state.own_tuning
         if own is not None:
             await self._until_put_back("The operator's tuning", own, lambda: self._return(own))
         self._changed()
@@ -196,27 +196,27 @@ class TuningService:
 
         Raises OutOfRangeError for a stiffness, a limit or a share that is not offered.
         """
-        present, bounds = self._present, self._present.bounds
+        live_state, bounds = self._live_state, self._live_state.bounds
         if S is None:
-            S_ref = present.references.S_ref
+            S_ref = live_state.references.S_ref
             S = bounds.S_min if S_ref is None else min(max(S_ref, bounds.S_min), bounds.S_max)
         check_range("S_ref", S, bounds.S_min, bounds.S_max, "N·m/rad")
-        asked = AskedTuning.of(present.tuning)
-        wanted = lam_q, lam_S, S, present.entry, motion, u_plan, k_ext, printed
+        asked = TuningSnapshot.of(live_state.tuning)
+        wanted = lam_q, lam_S, S, live_state.entry, motion, u_plan, k_ext, printed
         previewed: TuningPreview = await compute(background_work.preview_tuning, asked, *wanted)
         return previewed
 
     async def motor(self, lam_motor: float, compute: Compute) -> MotorPreview:
         """Tell how robust the motor loops are at a λ."""
         found: MotorPreview = await compute(
-            background_work.preview_motor, AskedTuning.of(self._present.tuning), lam_motor
+            background_work.preview_motor, TuningSnapshot.of(self._live_state.tuning), lam_motor
         )
         return found
 
     async def robust(self, M_s: float, compute: Compute) -> RobustTuning:
         """Find the λ of each loop for a wanted M_s."""
         found: RobustTuning = await compute(
-            background_work.compute_robustness, AskedTuning.of(self._present.tuning), M_s
+            background_work.compute_robustness, TuningSnapshot.of(self._live_state.tuning), M_s
         )
         return found
 
@@ -225,31 +225,33 @@ class TuningService:
     ) -> TuningView:
         async with self._turn:
             self._require_own()
-            before = self._present.tuning
+            before = self._live_state.tuning
             after = await asyncio.to_thread(before.changed, request)
             tick = await put(after)
             self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
-        return after.view(self._present.entry)
+        return after.view(self._live_state.entry)
 
     def _leave_pushes(self) -> None:
         """Show that pushes are left to the position loop: what was learned is gone, and the loop does so by itself."""
-        present = self._present
-        if present.tuning.choice.k_ext == 0.0:
+        live_state = self._live_state
+        if live_state.tuning.choice.k_ext == 0.0:
             return
-        present.tuning = present.tuning.without_rejection()
-        self._supervisor.setup = replace(self._supervisor.setup, tuning=present.tuning.command())
-        self._journal.note(MarkKind.TUNING, "pushes are not rejected any more: what was learned is gone", present.tick)
+        live_state.tuning = live_state.tuning.without_rejection()
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=live_state.tuning.command())
+        self._journal.note(
+            MarkKind.TUNING, "pushes are not rejected any more: what was learned is gone", live_state.tick
+        )
         self._changed()
 
     def _as_learned(self, tuning: ActiveTuning) -> ActiveTuning:
         """Return what can come back into force of a tuning."""
-        return tuning if self._touching.learned else tuning.without_rejection()
+        return tuning if self._contact.learned else tuning.without_rejection()
 
     def _require_felt(self, tuning: ActiveTuning) -> None:
         """Raise RequestRejectedError for a rejection of a force that is not known, or not well enough."""
         if tuning.choice.k_ext == 0.0:
             return
-        points = self._touching.learned
+        points = self._contact.learned
         if not points:
             raise RequestRejectedError(ErrorCode.NOT_NOW, BIAS_NOT_CALIBRATED)
         noise = max(point.std_N for point in points)
@@ -269,37 +271,37 @@ class TuningService:
                 except Exception as error:
                     # A loop that is being restarted refuses for a moment; what was promised to come back does.
                     _log.exception("The service could not restore %s yet.", what)
-                    self._present.tuning_problem = (
-                        f"{what} ({tuning.difference(self._present.tuning)}) is not back in force: {error}. "
+                    self._live_state.tuning_problem = (
+                        f"{what} ({tuning.difference(self._live_state.tuning)}) is not back in force: {error}. "
                         f"It is tried again every {RETRY_S:g} s. If this stays, stop softly and start the service "
                         "again: it starts with the operator's tuning."
                     )
                     self._changed()
                     await asyncio.sleep(RETRY_S)
         finally:
-            if self._present.tuning_problem:
-                self._present.tuning_problem = ""
+            if self._live_state.tuning_problem:
+                self._live_state.tuning_problem = ""
                 self._changed()
 
     async def _return(self, own: ActiveTuning) -> None:
         async with self._turn:
-            if self._present.own_tuning is not own:  # given back by another road while this waited
+            if self._live_state.own_tuning is not own:  # given back by another road while this waited
                 return
-            lent, back = self._present.tuning, self._as_learned(own)
+            lent, back = self._live_state.tuning, self._as_learned(own)
             if back.choice != lent.choice:
                 try:
                     tick = await self._put_in_force(back) if self._supervisor.is_alive else self._remember(back)
                 except LoopExitedError:
                     tick = self._remember(back.without_rejection())
                 self._journal.note(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
-            self._present.own_tuning = None
+            self._live_state.own_tuning = None
 
     async def _end_trial_by_itself(self, before: ActiveTuning, cause: str) -> None:
         await self._until_put_back("The tuning before the trial", before, lambda: self._end_trial(before, cause=cause))
 
     async def _end_trial(self, before: ActiveTuning, who: str = "", cause: str = "") -> None:
         async with self._turn:
-            tried = self._present.tuning
+            tried = self._live_state.tuning
             if self._trial.before is not before:  # somebody chose another tuning while this waited
                 return
             back = self._as_learned(before)
@@ -309,19 +311,19 @@ class TuningService:
 
     def _require_own(self) -> None:
         """Raise RequestRejectedError while a run has the tuning."""
-        if self._present.own_tuning is None:
+        if self._live_state.own_tuning is None:
             return
-        task = self._present.task
+        task = self._live_state.task
         what = "a run is being started" if task is None else f"{task.kind} is running"
         raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what} and its tuning is part of its record: stop it first")
 
     async def _keep(self, who: str) -> None:
         """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
-        await asyncio.to_thread(self._kept.put, self._present.tuning, who)
+        await asyncio.to_thread(self._kept.put, self._live_state.tuning, who)
 
     async def _choose(self, tuning: ActiveTuning) -> int:
         """Put in force what the operator has chosen for good; the way back is remembered."""
-        before = self._trial.before or self._present.tuning
+        before = self._trial.before or self._live_state.tuning
         tick = await self._put_in_force(tuning)
         if tuning.choice != before.choice:
             self._remember_step(before)
@@ -330,8 +332,8 @@ class TuningService:
 
     def _remember_step(self, before: ResolvedTuning) -> None:
         """Let ``undo`` go back to a tuning; what was undone before is not done again any more."""
-        self._present.undo_stack.append(before)
-        self._present.redo_stack.clear()
+        self._live_state.undo_stack.append(before)
+        self._live_state.redo_stack.clear()
 
     async def _put_in_force(self, tuning: ActiveTuning) -> int:
         self._require_felt(tuning)
@@ -342,10 +344,10 @@ class TuningService:
     def _remember(self, tuning: ActiveTuning) -> int:
         """Show ``tuning`` as in force, and give it to a loop process that is started anew."""
         self._trial.forget()
-        self._present.tuning = tuning
+        self._live_state.tuning = tuning
         self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
         self._changed()
-        return self._present.tick
+        return self._live_state.tick
 
 
 # Saved tunings -------------------------------------------------------------------------------------
@@ -366,11 +368,11 @@ class SavedTunings:
         if stored is not None:
             return _saved(stored)
         default = tuning.default()
-        return SavedTuning(**parts_of(default.choice), who=None, at=None, moved=default.moved)
+        return SavedTuning(**list_tuning_parts(default.choice), who=None, at=None, moved=default.moved)
 
     def save(self, tuning: ActiveTuning, who: str) -> SavedTuning:
         """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
-        parts = SAVED_TUNING.write(SavedParts(**parts_of(tuning.choice)))
+        parts = SAVED_TUNING.write(SavedParts(**list_tuning_parts(tuning.choice)))
         with self._database.session() as session:
             stored = settings.save(session, _setting_of(tuning), parts, who)
         return _saved(stored)
@@ -378,7 +380,7 @@ class SavedTunings:
 
 def _saved(stored: StoredSetting) -> SavedTuning:
     read = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”")
-    return SavedTuning(**parts_of(TuningSettings.of(read.known())), who=stored.who, at=stored.at, moved="")
+    return SavedTuning(**list_tuning_parts(TuningSettings.of(read.known())), who=stored.who, at=stored.at, moved="")
 
 
 def _setting_of(tuning: ActiveTuning) -> str:

@@ -79,7 +79,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 _log = logging.getLogger(__name__)
 
 
-class KeptFigures:
+class RobustnessCache:
     """The file of ``robustness.FIGURES`` in a ``folder``, that of caches where none is given; None without either."""
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -102,17 +102,17 @@ class KeptFigures:
 
     def keep(self) -> None:
         """Write down what is remembered, where that is not what the file holds; a disk that refuses is no matter."""
-        present = dict(FIGURES)
-        if self.file is None or present == self._kept:
+        live_state = dict(FIGURES)
+        if self.file is None or live_state == self._kept:
             return
-        content = {key: list(figures) for key, figures in present.items()}
+        content = {key: list(figures) for key, figures in live_state.items()}
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             write_private(self.file, json.dumps({"figures": content, "digest": _digest(content)}))
         except OSError as error:
             _log.info("The service cannot write %s, so that its next start takes longer: %s", self.file, error)
         else:
-            self._kept = present
+            self._kept = live_state
 
 
 def _read(text: str) -> dict[str, tuple[float, ...]]:
@@ -201,7 +201,7 @@ class ActiveTuning(ResolvedTuning):
         lam_motor_min, lam_motor_max = self.previewer.motor_range()
         u_plan_min, u_plan_max = self.previewer.plan_range()
         return TuningView(
-            **parts_of(self.choice),
+            **list_tuning_parts(self.choice),
             lam_q_min=lam_q_min,
             lam_q_max=LAM_MAX,
             lam_S_min=lam_S_min,
@@ -301,21 +301,21 @@ def default_tuning(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
     return ActiveTuning(default.choice, None, parameters, default.previewer), default.moved
 
 
-def parts_of(choice: TuningSettings) -> dict[str, Any]:
+def list_tuning_parts(choice: TuningSettings) -> dict[str, Any]:
     """Return the parts of a tuning that ``schemas.tuning.TuningParts`` shows; the bank is shown beside them."""
     return {name: value for name, value in choice.document().items() if name != "bank"}
 
 
-def chosen_view(tuning: ResolvedTuning) -> ChosenTuning:
+def build_chosen_tuning(tuning: ResolvedTuning) -> ChosenTuning:
     """Return a tuning with its bank, as the page shows one that is not in force."""
-    return ChosenTuning(**parts_of(tuning.choice), bank=_reference(tuning.bank))
+    return ChosenTuning(**list_tuning_parts(tuning.choice), bank=_reference(tuning.bank))
 
 
-def shown_with(view: TuningView, chosen: ResolvedTuning, entry: float) -> TuningView:
+def overlay_tuning(view: TuningView, chosen: ResolvedTuning, entry: float) -> TuningView:
     """Return what the page shows of a tuning with parts and bank of another one; ``entry`` is the active one."""
     bank = chosen.bank
     name = "" if bank is None else active_entry_name(bank.entries, entry)
-    parts = {**parts_of(chosen.choice), "bank": _reference(bank), "entry": entry, "entry_name": name}
+    parts = {**list_tuning_parts(chosen.choice), "bank": _reference(bank), "entry": entry, "entry_name": name}
     return view.model_copy(update=parts)
 
 
@@ -424,7 +424,7 @@ class TuningStore:
             _log.exception("The service cannot read the tuning before the active one.")
             return None
 
-    def carried_over(self, now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
+    def choose_for_parameters(self, now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
         """Return what to go on with on other ``parameters``: what they were left with, else λ as it is, else defaults.
 
         A bank stays with the parameters that its models were made with. Raises TuningError where nothing is safe.
@@ -532,7 +532,7 @@ class TuningTrial:
         if self._before is None:
             return None
         return TrialView(
-            **parts_of(self._before.choice),
+            **list_tuning_parts(self._before.choice),
             remaining_s=max(0.0, self._ends - asyncio.get_running_loop().time()),
             duration_s=self._duration_s,
         )

@@ -89,7 +89,7 @@ class Parts:
     """What orders go through."""
 
     supervisor: Stepped
-    present: LiveState
+    live_state: LiveState
     service_state: ServiceState
     actuator: ActuatorService
     ordered_runs: JobManager
@@ -107,7 +107,7 @@ class Parts:
 
     async def ended(self) -> None:
         """Wait until no task is under way and the queue has nothing to start."""
-        while self.present.task is not None or self.ordered_runs.queue.view().running:
+        while self.live_state.task is not None or self.ordered_runs.queue.view().running:
             await asyncio.sleep(0.01)
 
 
@@ -128,16 +128,16 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
     loop.listen(recorder.on_event)
     supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
     events = EventBus()
-    present, journal = LiveState(supervisor, parameters, tuning), EventLog(database, events)
+    live_state, journal = LiveState(supervisor, parameters, tuning), EventLog(database, events)
     sessions = SessionRuns(database, "simulator")
     hands = KeptHands(database, SIMULATOR)
     actuator = ActuatorService(
-        supervisor, present, database, sessions, journal, kept, recorder.follow, supervision, hands, events
+        supervisor, live_state, database, sessions, journal, kept, recorder.follow, supervision, hands, events
     )
     service_state = ServiceState(
-        present=present,
-        touch=actuator.touching.view,
-        trial=actuator.retuning.trial,
+        live_state=live_state,
+        touch=actuator.contact.view,
+        trial=actuator.tuning_service.trial,
         trigger=lambda: None,
         player=actuator.player.view,
         holder=lambda: None,
@@ -149,26 +149,26 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
     ordered_runs = JobManager(
         ExperimentRig(supervisor, database, "simulator", parameters),
         actuator,
-        StoredBanks(database, here, lambda: present.tuning),
+        StoredBanks(database, here, lambda: live_state.tuning),
         OwnExperiments(database),
         lambda: None,
         SEED,
         DryRuns(here),
         TextWork(here, here),
         supervision,
-        SafeStop(supervisor, present, supervision),
+        SafeStop(supervisor, live_state, supervision),
     )
-    runs = StoredRuns(database, lambda: present.task, lambda _run: False)
+    runs = StoredRuns(database, lambda: live_state.task, lambda _run: False)
     try:
         yield Parts(
             supervisor,
-            present,
+            live_state,
             service_state,
             actuator,
             ordered_runs,
             SavedTunings(database),
             runs,
-            StoredIdentifications(database, runs.progress, here, lambda: present.tuning),
+            StoredIdentifications(database, runs.progress, here, lambda: live_state.tuning),
             kept,
             journal,
             events,

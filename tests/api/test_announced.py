@@ -32,9 +32,9 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
         began = parts.supervisor.ring.count
         seen: list[TaskView] = []
         first = await parts.ordered_runs.start_identification(ORDER, OPERATOR.name)
-        while parts.present.task is not None:
-            if not seen or parts.present.task != seen[-1]:
-                seen.append(parts.present.task)
+        while parts.live_state.task is not None:
+            if not seen or parts.live_state.task != seen[-1]:
+                seen.append(parts.live_state.task)
             await asyncio.sleep(0)
         await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         took_s = (parts.supervisor.ring.count - began) / 1000.0
@@ -58,7 +58,7 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
         with database.session() as session:
             entries = [BankEntry(8.24, MODEL, view.estimate), BankEntry(12.43, MODEL)]
             bank = banks.add(session, "bench", entries, OPERATOR.name)
-        banks_of = StoredBanks(database, Here(lambda _cause: None), lambda: parts.present.tuning)
+        banks_of = StoredBanks(database, Here(lambda _cause: None), lambda: parts.live_state.tuning)
         made, imported = banks_of.bank(bank.id).entries
         # θ_B = 0: both springs share what motor A winds, so that the joint stands at x/r_j, x = 23.49 mm at 10 N.
         assert made.q_nominal == pytest.approx(0.02349 / 0.075, abs=2e-3)

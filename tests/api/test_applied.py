@@ -72,9 +72,9 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
     heard: list[PlantParameters] = []
 
     async def work(parts: Parts) -> None:
-        present = parts.present
-        present.tuning = initial(IDEAL, TuningSettings(lam_q=0.8, lam_S=0.6), bank)
-        parts.kept.put(present.tuning, "Ana")
+        live_state = parts.live_state
+        live_state.tuning = initial(IDEAL, TuningSettings(lam_q=0.8, lam_S=0.6), bank)
+        parts.kept.put(live_state.tuning, "Ana")
         applied = applied_with(parts, heard)
         proposal = applied.view(found.id).proposal
         assert proposal is not None
@@ -91,20 +91,24 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
             ("T_m", "B", 0.22, 0.23),
         ]
         assert file.changes == []
-        then = present.parameters
+        then = live_state.parameters
         assert (then.select_identified("A").K_m, then.select_identified("B").K_m) == (2.3, 2.4)
         assert heard == [then]
-        assert present.tuning.parameters == then
-        assert (present.tuning.choice.lam_q, present.tuning.choice.lam_S, present.tuning.bank) == (0.8, 0.6, None)
+        assert live_state.tuning.parameters == then
+        assert (live_state.tuning.choice.lam_q, live_state.tuning.choice.lam_S, live_state.tuning.bank) == (
+            0.8,
+            0.6,
+            None,
+        )
         (setup,) = restarted
         assert IDEAL.with_identified(setup.identified) == then
-        assert setup.tuning == present.tuning.command()
+        assert setup.tuning == live_state.tuning.command()
 
         undone = await applied.undo(1, "Ben")
         assert [one.number for one in undone.versions] == [2, 1, 0]
         assert undone.versions[0].digest == undone.versions[2].digest
-        assert present.parameters == IDEAL
-        assert present.tuning.bank == bank  # which was in force with these numbers
+        assert live_state.parameters == IDEAL
+        assert live_state.tuning.bank == bank  # which was in force with these numbers
         assert restarted[-1].identified == {}
 
     stepped(database, IDEAL, work)
@@ -116,11 +120,11 @@ def test_nothing_changes_unless_the_actuator_is_off(database: Database, restarte
     async def work(parts: Parts) -> None:
         applied = applied_with(parts, [])
         await parts.actuator.set_mode(Mode.PRETENSION, "Ana")
-        before = parts.present.tuning
+        before = parts.live_state.tuning
         with pytest.raises(RequestRejectedError, match=r"parameters are applied in off only; the mode is pretension"):
             await applied.apply(found.id, "Ana")
         assert len(applied.view().versions) == 1
-        assert (parts.present.parameters, parts.present.tuning) == (IDEAL, before)
+        assert (parts.live_state.parameters, parts.live_state.tuning) == (IDEAL, before)
         assert restarted == []
 
     stepped(database, IDEAL, work)
@@ -148,36 +152,36 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
 
     async def work(parts: Parts) -> None:
-        present, applied = parts.present, applied_with(parts, [])
+        live_state, applied = parts.live_state, applied_with(parts, [])
 
         async def refused(why: str) -> None:
             with pytest.raises(RequestRejectedError, match=why):
                 await applied.apply(found.id, "Ana")
             assert [one.number for one in applied.view().versions] == [0]
-            assert (present.parameters, restarted) == (IDEAL, [])
+            assert (live_state.parameters, restarted) == (IDEAL, [])
 
         homing = "Homing of the bring-up is under way"
         with monkeypatch.context() as during:
-            during.setattr(present, "occupied", homing)
+            during.setattr(live_state, "occupied", homing)
             await refused(homing)
         with monkeypatch.context() as during:
-            during.setattr(present, "own_tuning", present.tuning)
+            during.setattr(live_state, "own_tuning", live_state.tuning)
             await refused("a run is under way: parameters change when it is over")
-        before = present.tuning
-        await parts.actuator.retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), "Ana")
+        before = live_state.tuning
+        await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), "Ana")
         await refused("a tuning is on trial: keep it or revert it first")
-        await parts.actuator.retuning.end_trial(keep=False, who="Ana")
+        await parts.actuator.tuning_service.end_trial(keep=False, who="Ana")
 
-        carried_over = parts.kept.carried_over
+        choose_for_parameters = parts.kept.choose_for_parameters
 
         def meanwhile(now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
-            present.tuning = initial(IDEAL, TuningSettings(lam_q=0.9), None)
-            return carried_over(now, parameters)
+            live_state.tuning = initial(IDEAL, TuningSettings(lam_q=0.9), None)
+            return choose_for_parameters(now, parameters)
 
         with monkeypatch.context() as during:
-            during.setattr(parts.kept, "carried_over", meanwhile)
+            during.setattr(parts.kept, "choose_for_parameters", meanwhile)
             await refused("the tuning was changed meanwhile")
-        present.tuning = before
+        live_state.tuning = before
         parts.supervisor.dead = True
         with pytest.raises(RequestRejectedError, match="the control loop is not running: reset starts it again"):
             await applied.apply(found.id, "Ana")
@@ -198,7 +202,7 @@ def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database,
         both = await asyncio.gather(*(applied.undo(1, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
         assert "version 2 is in force by now, not 1: look at what it changed" in str(refusal)
-        assert parts.present.parameters == IDEAL
+        assert parts.live_state.parameters == IDEAL
         assert len(restarted) == 2
 
     stepped(database, IDEAL, work)
@@ -221,15 +225,15 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
             during.setattr(Supervisor, "restart", dies)
             with pytest.raises(LoopExitedError, match=r"takes effect at the next start of the loop: .* SIGKILL"):
                 await applied.apply(found.id, "Ana")
-        then = parts.present.parameters
+        then = parts.live_state.parameters
         newest = applied.view().versions[0]
         assert (newest.number, newest.digest) == (1, applied_parameters.AppliedVersion(1, then).digest)
         assert heard == [then]
         assert IDEAL.with_identified(parts.supervisor.setup.identified) == then
-        assert parts.supervisor.setup.tuning == parts.present.tuning.command()
+        assert parts.supervisor.setup.tuning == parts.live_state.tuning.command()
 
         await applied.undo(1, "Ana")
-        assert parts.present.parameters == IDEAL
+        assert parts.live_state.parameters == IDEAL
         assert [setup.identified for setup in restarted] == [{}]
 
     stepped(database, IDEAL, work)

@@ -10,7 +10,7 @@ from backend.faults import Fault
 from backend.realtime.heartbeat import WatchdogMonitor
 from backend.realtime.supervisor import Restart, Supervisor
 from backend.schemas.state import ChainLinkView, LinkView
-from backend.services.state import behind_loop, chain
+from backend.services.state import build_downstream_links, chain
 from plant.interface import PlantChoice, PlantKind
 from plant.safety_card import Card, CardState
 
@@ -21,7 +21,9 @@ SEEN = (PlantKind.SIMULATOR, PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 def behind(kind: PlantKind, fault: Fault = Fault.NONE) -> tuple[ChainLinkView, ChainLinkView]:
     """The two links while the loop runs and the registers are as they are made: nothing is armed."""
     card = Card.create()
-    return behind_loop(PlantChoice(kind, package="servo-bench"), card.state(), WatchdogMonitor(card), True, fault)
+    return build_downstream_links(
+        PlantChoice(kind, package="servo-bench"), card.state(), WatchdogMonitor(card), True, fault
+    )
 
 
 @pytest.mark.parametrize("kind", SEEN)
@@ -67,7 +69,7 @@ def test_a_module_that_has_tripped_is_told_whatever_is_driven(kind: PlantKind) -
 def test_the_registers_of_a_simulated_card_tell_without_a_loop_too(kind: PlantKind) -> None:
     card = Card.create()
     card.expire()
-    watchdog, module = behind_loop(PlantChoice(kind), card.state(), WatchdogMonitor(card), False, Fault.NONE)
+    watchdog, module = build_downstream_links(PlantChoice(kind), card.state(), WatchdogMonitor(card), False, Fault.NONE)
     assert (watchdog.good, watchdog.says) == (False, "expired after 0 s without a write: drive-enable off, zero volts")
     assert (module.good, module.says) == (True, "watching")
 
@@ -77,14 +79,14 @@ def test_of_a_rigs_card_is_told_what_was_last_known_once_its_loop_is_gone() -> N
     card = Card.create()
     guard = WatchdogMonitor(card)
     rig = PlantChoice(PlantKind.RIG)
-    for link in behind_loop(rig, card.state(), guard, False, Fault.NONE):
+    for link in build_downstream_links(rig, card.state(), guard, False, Fault.NONE):
         assert (link.good, link.says) == (False, "not seen: no loop has run yet")
     card.mirror(CardState(0, 0, True, True, False, False, False, True, 0.05, 1.0, 2.0))
-    watchdog, module = behind_loop(rig, card.state(), guard, True, Fault.NONE)
+    watchdog, module = build_downstream_links(rig, card.state(), guard, True, Fault.NONE)
     assert (watchdog.good, module.good) == (True, True)
     asyncio.run(asyncio.wait_for(guard.run(None), PATIENCE_S))
     assert "cannot be seen from here" in guard.problem
-    links = behind_loop(rig, card.state(), guard, False, Fault.NONE)
+    links = build_downstream_links(rig, card.state(), guard, False, Fault.NONE)
     since = "not seen since the loop ended; last known: "
     assert [(link.good, link.says) for link in links] == [
         (False, f"{since}armed, drive-enable on"),

@@ -53,13 +53,13 @@ def test_progress_is_that_of_ones_own_until_one_leaves() -> None:
     order = RunRequest(build_ready_plan("tracking"), LoopSettings(), VIEWER.name)
     left = asyncio.Event()
 
-    async def has_left() -> bool:
+    async def is_disconnected() -> bool:
         return left.is_set()
 
     async def whole() -> None:
         dry_runs = DryRuns(Halfway(lambda _cause: None))
         assert not (await dry_runs.progress(VIEWER)).under_way
-        playing = asyncio.ensure_future(dry_runs.play(load_parameters("ideal"), order, (), VIEWER, has_left))
+        playing = asyncio.ensure_future(dry_runs.play(load_parameters("ideal"), order, (), VIEWER, is_disconnected))
         while (told := await dry_runs.progress(VIEWER)).doing is not RunPhase.PROGRAM:
             await asyncio.sleep(0.01)
         assert (told.under_way, told.played_s) == (True, 3.0)

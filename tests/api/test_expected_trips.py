@@ -31,12 +31,12 @@ def test_only_the_trip_that_is_provoked_is_expected(database: Database, provoked
     expected = provoked is Fault.SAFETY_MODULE
 
     async def work(parts: Parts) -> None:
-        present, supervisor = parts.present, parts.supervisor
-        recorder = FlightRecorder(database, lambda: supervisor.ring, Quota(9, 10**9), present.is_expected)
+        live_state, supervisor = parts.live_state, parts.supervisor
+        recorder = FlightRecorder(database, lambda: supervisor.ring, Quota(9, 10**9), live_state.is_expected)
         supervisor.listen(recorder.on_event)
         marks: list[tuple[MarkKind, str]] = []
         parts.events.subscribe(MarkAdded, lambda added: marks.append((added.mark.kind, added.mark.text)))
-        present.provoked_trip = provoked
+        live_state.provoked_fault = provoked
         await supervisor.send(SetMode(Mode.PRETENSION))
         await supervisor.advance(0.1)
         await supervisor.send(Inject(Broken(Breakage.SAFETY_TRIP)))
@@ -51,7 +51,7 @@ def test_only_the_trip_that_is_provoked_is_expected(database: Database, provoked
         recorder.close()
         with database.reading() as session:
             assert len(flights.find(session)) == (0 if expected else 1)
-        assert present.is_expected(Fault.NONE) is False
+        assert live_state.is_expected(Fault.NONE) is False
 
     stepped(database, load_parameters("ideal"), work)
 
@@ -61,6 +61,6 @@ def test_no_stop_of_a_recording_is_an_alarm_and_any_other_plant_error_is_one(dat
         for kind in PlantKind:
             parts.supervisor.setup = replace(parts.supervisor.setup, plant=PlantChoice(kind))
             for fault in (Fault.PLANT_ERROR, Fault.FORCE_LIMIT, Fault.STOP_PRESSED):
-                assert parts.present.is_expected(fault) is (kind is PlantKind.REPLAY)
+                assert parts.live_state.is_expected(fault) is (kind is PlantKind.REPLAY)
 
     stepped(database, load_parameters("ideal"), work)

@@ -24,7 +24,7 @@ def test_reset_starts_a_new_loop_after_a_mistake_of_the_loop(tmp_path: Path, mon
 
     async def work(parts: Parts) -> None:
         monkeypatch.setattr(parts.supervisor._stepped._loop._step, "detect_faults", fail)
-        await parts.supervisor.advance_until(lambda: parts.present.fault is Fault.INTERNAL_ERROR, timeout_s=5.0)
+        await parts.supervisor.advance_until(lambda: parts.live_state.fault is Fault.INTERNAL_ERROR, timeout_s=5.0)
         assert parts.supervisor.is_alive
         await parts.actuator.reset(OPERATOR.name)
 

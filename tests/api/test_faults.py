@@ -118,7 +118,7 @@ class _RigState:
 
 
 class _RigActuator:
-    present = _RigState()
+    live_state = _RigState()
 
 
 @pytest.mark.parametrize("fault", LEADS_TO)

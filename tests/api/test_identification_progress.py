@@ -54,7 +54,7 @@ async def follow(
 ) -> Seen:
     run = await parts.ordered_runs.start_identification(order, OPERATOR.name)
     tasks: list[TaskView] = []
-    while (task := parts.present.task) is not None:
+    while (task := parts.live_state.task) is not None:
         if not tasks or task != tasks[-1]:
             tasks.append(task)
             at_each(task)
@@ -209,8 +209,8 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
             while not waited:
                 await asyncio.sleep(0)
             await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
-            assert parts.present.task is not None
-            assert parts.present.task.phase is RunPhase.PAUSED
+            assert parts.live_state.task is not None
+            assert parts.live_state.task.phase is RunPhase.PAUSED
             assert parts.state().legal_modes == [Mode.STOPPING, Mode.OFF]
             for mode in (Mode.RUN, Mode.COMPLIANCE):
                 with pytest.raises(RequestRejectedError, match="go on, or stop softly; legal now: stopping, off"):

@@ -17,7 +17,7 @@ from backend.schemas.preferences import NEW_HERE, Preferences
 from backend.schemas.run import NoteRequest
 from backend.schemas.state import PushRequest, References
 from backend.schemas.tuning import BankFile, BankRequest, TrialRequest
-from backend.services.jobs import plans_of
+from backend.services.jobs import build_plans
 from backend.units import AngleUnit
 from tests.api.test_units import CODE_NAME, SYMBOL
 
@@ -142,11 +142,11 @@ def test_it_is_told_in_words_and_at_its_place(path: str, body: Any, place: list[
 
 def test_the_tension_that_is_refused_is_told_among_several() -> None:
     with pytest.raises(OutOfRangeError) as refused:
-        plans_of(ActuatorRequest(tensions_N=[10.0, 4000.0]))
+        build_plans(ActuatorRequest(tensions_N=[10.0, 4000.0]))
     assert refused.value.path == ("tensions_N", 1)
     assert refused.value.sentence(AngleUnit.DEGREES).startswith("tension 2: 4000 N is ")
     with pytest.raises(OutOfRangeError) as refused:
-        plans_of(
+        build_plans(
             ActuatorRequest(tensions_N=[10.0], amplitude_rad=math.pi / 2).model_copy(update={"amplitude_rad": 9.0})
         )
     assert refused.value.path == ("amplitude_rad",), "what all of them share is not laid to one tension"

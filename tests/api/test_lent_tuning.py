@@ -62,9 +62,9 @@ def own(bank: Bank) -> TuningSettings:
 
 async def started(parts: Parts, bank: Bank) -> None:
     """The operator's own tuning in force, with the bank."""
-    await parts.actuator.retuning.set(TuningRequest(lam_q=0.55, lam_S=0.45), WHO)
-    await parts.actuator.retuning.use_bank(bank, WHO)
-    assert parts.present.tuning.choice == own(bank)
+    await parts.actuator.tuning_service.set(TuningRequest(lam_q=0.55, lam_S=0.45), WHO)
+    await parts.actuator.tuning_service.use_bank(bank, WHO)
+    assert parts.live_state.tuning.choice == own(bank)
 
 
 def sequence(segments: str = SHORT, **settings: float | bool) -> ExperimentRequest:
@@ -79,18 +79,18 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
     async def work(parts: Parts) -> int:
         await started(parts, bank)
         run = await parts.ordered_runs.start_experiment(sequence(**ASKED), WHO)
-        during.append(parts.present.tuning.choice)
+        during.append(parts.live_state.tuning.choice)
         shown = parts.state()
         assert (shown.tuning.b, shown.tuning.bank) == (1.0, None)
         assert shown.own_tuning is not None
         assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, bank.id)
         with pytest.raises(RequestRejectedError, match="part of its record"):
-            await parts.actuator.retuning.set(TuningRequest(lam_q=0.9), WHO)
+            await parts.actuator.tuning_service.set(TuningRequest(lam_q=0.9), WHO)
         await parts.ended()
-        assert parts.present.tuning.choice == own(bank)
+        assert parts.live_state.tuning.choice == own(bank)
         assert parts.state().own_tuning is None
-        assert parts.supervisor.setup.tuning == parts.present.tuning.command()
-        await parts.actuator.retuning.set(TuningRequest(), WHO)  # and it can be changed again
+        assert parts.supervisor.setup.tuning == parts.live_state.tuning.command()
+        await parts.actuator.tuning_service.set(TuningRequest(), WHO)  # and it can be changed again
         view = parts.runs.experiment(run)
         assert {name: view.settings[name] for name in ASKED} == ASKED
         return run
@@ -124,7 +124,7 @@ def test_a_restart_finds_the_operators_tuning_also_in_the_middle_of_an_experimen
         await parts.ordered_runs.close()
 
     async def again(parts: Parts) -> TuningSettings:
-        return parts.present.tuning.choice
+        return parts.live_state.tuning.choice
 
     stepped(database, IDEAL, broken_off)
     assert stepped(database, IDEAL, again) == own(bank)
@@ -134,17 +134,17 @@ def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, ban
     async def work(parts: Parts) -> None:
         await started(parts, bank)
         await parts.ordered_runs.start_experiment(sequence(LONG, **ASKED), WHO)
-        while parts.present.mode != "experiment":
+        while parts.live_state.mode != "experiment":
             await asyncio.sleep(0.0)
         await parts.supervisor.send(Stop())
         await parts.ended()
-        assert parts.present.fault == "stop_pressed"
-        assert parts.present.tuning.choice == own(bank)
+        assert parts.live_state.fault == "stop_pressed"
+        assert parts.live_state.tuning.choice == own(bank)
         await parts.actuator.reset(WHO)
         await parts.ordered_runs.start_experiment(sequence(SHORT, **ASKED), WHO)
         parts.supervisor.dead = True
         await parts.ended()
-        assert parts.present.tuning.choice == own(bank)
+        assert parts.live_state.tuning.choice == own(bank)
         assert parts.supervisor.setup.tuning == initial(IDEAL, own(bank), bank).command()  # what a new loop gets
 
     stepped(database, IDEAL, work)
@@ -166,19 +166,19 @@ def test_a_tuning_that_does_not_come_back_is_told_until_it_does(database: Databa
             "again every 0.5 s. If this stays, stop softly and start the service again: it starts with the operator's "
             "tuning."
         ]
-        assert parts.present.tuning.choice.lam_q == 0.7  # and that is what is shown as in force
+        assert parts.live_state.tuning.choice.lam_q == 0.7  # and that is what is shown as in force
         parts.supervisor.refuses = ""
         await until(False, parts)
-        assert parts.present.tuning.choice == own(bank)
+        assert parts.live_state.tuning.choice == own(bank)
         await parts.ended()
 
-        await parts.actuator.retuning.try_out(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
+        await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.8, duration_s=1.0), WHO)
         parts.supervisor.refuses = "a gain is not a finite number"
         told = await until(True, parts)
         assert told[0].startswith("The tuning before the trial (λ_q 0.8 → 0.55 s) is not back in force: a gain")
         parts.supervisor.refuses = ""
         await until(False, parts)
-        assert parts.present.tuning.choice == own(bank)
+        assert parts.live_state.tuning.choice == own(bank)
 
     stepped(database, IDEAL, work)
 
@@ -194,11 +194,11 @@ def test_what_is_refused_changes_nothing(database: Database, bank: Bank) -> None
         ):
             with pytest.raises(refusal):
                 await parts.ordered_runs.start_experiment(sequence(**settings), WHO)
-            assert (parts.present.tuning.choice, parts.present.own_tuning) == (own(bank), None)
-        await parts.actuator.retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
+            assert (parts.live_state.tuning.choice, parts.live_state.own_tuning) == (own(bank), None)
+        await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
         with pytest.raises(RequestRejectedError, match="trial"):
             await parts.ordered_runs.start_experiment(sequence(), WHO)
-        await parts.actuator.retuning.end_trial(False, WHO)
+        await parts.actuator.tuning_service.end_trial(False, WHO)
 
     stepped(database, IDEAL, work)
 
@@ -217,7 +217,7 @@ def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Databas
         assert queue.view().items == []
         await queue.add(sequence(bank=0), WHO)
         await queue.add(sequence(), WHO)
-        await parts.actuator.retuning.set(TuningRequest(lam_q=0.8), WHO)  # after they were added
+        await parts.actuator.tuning_service.set(TuningRequest(lam_q=0.8), WHO)  # after they were added
         shown = [item.settings for item in queue.view().items]
         assert [(one["lam_q"], one["bank"], one["segments"]) for one in shown] == [
             (0.55, 0, SHORT),
@@ -229,7 +229,7 @@ def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Databas
         for run, one in zip((first, first + 1), shown, strict=True):
             played = {name: value for name, value in one.items() if name != "segments"}  # an experiment by now
             assert parts.runs.experiment(run).settings == played
-        assert parts.present.tuning.lambdas.lam_q == 0.8
+        assert parts.live_state.tuning.lambdas.lam_q == 0.8
 
     stepped(database, IDEAL, work)
 
@@ -240,7 +240,7 @@ def test_a_held_queue_says_how_to_go_on(database: Database, bank: Bank) -> None:
         for segments in (LONG, SHORT):
             await queue.add(sequence(segments), WHO)
         run = (await queue.run()).run
-        while parts.present.mode != "experiment":
+        while parts.live_state.mode != "experiment":
             await asyncio.sleep(0.0)
         await parts.supervisor.send(Stop())
         await parts.ended()
@@ -265,6 +265,6 @@ def test_a_dry_run_says_what_it_was_played_with(database: Database, bank: Bank) 
         played = await parts.ordered_runs.dry_run(sequence(b=0.5), OPERATOR, left)
         expected = {**own(bank).document(), "b": 0.5, "seed": 0}
         assert (played.status, played.settings) == ("completed", expected)
-        assert parts.present.tuning.choice == own(bank)
+        assert parts.live_state.tuning.choice == own(bank)
 
     stepped(database, IDEAL, work)

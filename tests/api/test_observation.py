@@ -9,7 +9,7 @@ from backend.faults import FAULTS, Fault
 from backend.realtime.modes import MODES, Mode
 from backend.sample import NAMES
 from backend.schemas.state import ReferencesView
-from backend.services.state import Observation, references_of
+from backend.services.state import Observation, read_references
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
 from tests.api.stepped_service import Parts, stepped
@@ -31,7 +31,7 @@ def test_what_is_measured_is_not_shown_as_a_reference(
     sample: dict[str, float] | None, shown: tuple[float, float | None, bool]
 ) -> None:
     q_ref, S_ref, in_force = shown
-    told = references_of(None if sample is None else {**SAMPLE, **sample})
+    told = read_references(None if sample is None else {**SAMPLE, **sample})
     assert told == ReferencesView(q_ref=q_ref, S_ref=S_ref, in_force=in_force)
 
 

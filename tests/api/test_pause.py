@@ -66,12 +66,12 @@ class Present:
 
 
 def paused(following: int) -> tuple[Pause, Present]:
-    present = Present()
-    pause = Pause(cast(LiveState, present), lambda: None)
+    live_state = Present()
+    pause = Pause(cast(LiveState, live_state), lambda: None)
     pause.begin(following)
     if following:
         pause.ask(True)
-    return pause, present
+    return pause, live_state
 
 
 def wait(pause: Pause, loop: FakeLoop) -> int:
@@ -82,9 +82,9 @@ def wait(pause: Pause, loop: FakeLoop) -> int:
 
 
 def test_it_lasts_until_the_next_run_is_let_begin_and_one_less_follows_then() -> None:
-    pause, present = paused(2)
-    assert present.task is not None
-    assert present.task.pause_wanted
+    pause, live_state = paused(2)
+    assert live_state.task is not None
+    assert live_state.task.pause_wanted
     loop = FakeLoop(*[Mode.PRETENSION] * 5, at_each=lambda advanced: pause.ask(False) if advanced == 3 else None)
     assert (wait(pause, loop), loop.advanced, pause.following) == (3, 3, 1)
 
@@ -122,12 +122,12 @@ def test_a_loop_that_dies_ends_it() -> None:
 
 
 def test_none_is_accepted_once_no_run_will_follow() -> None:
-    pause, present = paused(1)
+    pause, live_state = paused(1)
     pause.begin(0)
     assert not pause.wanted
     with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
         pause.ask(True)
-    present.task = None
+    live_state.task = None
     with pytest.raises(RequestRejectedError, match="nothing is under way"):
         pause.ask(True)
 
@@ -180,7 +180,7 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
         await parts.ended()
         monkeypatch.undo()
         await parts.supervisor.advance(0.1)  # a stop that was begun would show by now
-        return parts.ordered_runs.problems, parts.present.mode
+        return parts.ordered_runs.problems, parts.live_state.mode
 
     monkeypatch.setattr(jobs, "create_run", second_refused)
     try:

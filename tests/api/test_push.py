@@ -48,7 +48,9 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
     async def lost(parts: Parts) -> None:
         await in_run(parts)
         now = 100.0
-        control = ControlLease(parts.events, parts.actuator.operator_lost, parts.actuator.note_control, lambda: now)
+        control = ControlLease(
+            parts.events, parts.actuator.stop_after_operator_loss, parts.actuator.log_control_change, lambda: now
+        )
         parts.events.subscribe(ControlReleased, lambda _: parts.actuator.let_go())
         control.take(ANA, is_page=True)
         await parts.actuator.push(PushRequest(F_push=6.0, duration_s=10.0), ANA.name)
@@ -57,7 +59,7 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
             now += LOOK_S
             await control.look()
             await parts.supervisor.advance(0.01)
-        assert parts.present.mode is Mode.RUN  # long before the soft stop
+        assert parts.live_state.mode is Mode.RUN  # long before the soft stop
         for _ in range(100):
             await parts.supervisor.advance(0.01)
             if pushed_by(parts) == 0.0:
@@ -74,7 +76,7 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
 def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Database) -> None:
     async def offered(parts: Parts) -> None:
         def why_not(kind: PlantKind) -> dict[str, str]:
-            tuning, offers = parts.present.tuning.view(0.0), experiments_by_name().values()
+            tuning, offers = parts.live_state.tuning.view(0.0), experiments_by_name().values()
             return {one.name: one.why_not for one in experiment_kinds(offers, LoopSettings(), tuning, kind)}
 
         assert set(why_not(PlantKind.VIRTUAL_CARD).values()) == set(why_not(PlantKind.SIMULATOR).values()) == {""}

@@ -29,30 +29,30 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 async def learned(parts: Parts) -> None:
     await at_rest(parts)
-    await parts.actuator.touching.order(TouchOrder(learn=True), WHO)
+    await parts.actuator.contact.order(TouchOrder(learn=True), WHO)
 
 
 def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Database) -> None:
     async def operate(parts: Parts) -> None:
-        retuning, touching = parts.actuator.retuning, parts.actuator.touching
+        tuning_service, contact = parts.actuator.tuning_service, parts.actuator.contact
         with pytest.raises(RequestRejectedError, match="learn it first"):
-            await retuning.set(TuningRequest(k_ext=0.7), WHO)
+            await tuning_service.set(TuningRequest(k_ext=0.7), WHO)
         with pytest.raises(RequestRejectedError, match="learn it first"):
-            await retuning.try_out(TrialRequest(k_ext=0.7, duration_s=5.0), WHO)
-        assert parts.present.tuning.choice.k_ext == 0.0
+            await tuning_service.start_trial(TrialRequest(k_ext=0.7, duration_s=5.0), WHO)
+        assert parts.live_state.tuning.choice.k_ext == 0.0
         await learned(parts)
         with pytest.raises(OutOfRangeError, match="outside force that is rejected"):
-            await retuning.set(TuningRequest(k_ext=1.5), WHO)
-        view = await retuning.set(TuningRequest(lam_q=2.0, k_ext=1.0), WHO)
+            await tuning_service.set(TuningRequest(k_ext=1.5), WHO)
+        view = await tuning_service.set(TuningRequest(lam_q=2.0, k_ext=1.0), WHO)
         assert (view.lam_q, view.k_ext) == (2.0, 1.0)
         q = newest(parts, "q")
         await push(parts, 5.0, 1.5)
         assert abs(newest(parts, "q") - q) > 0.02  # it swings back out as it is let go
         with pytest.raises(RequestRejectedError, match="k_ext to 0"):
-            await touching.order(TouchOrder(forget=True), WHO)
-        assert len(touching.view().learned) == 1
-        assert (await retuning.set(TuningRequest(k_ext=0.0), WHO)).k_ext == 0.0
-        assert (await touching.order(TouchOrder(forget=True), WHO)).learned == []
+            await contact.order(TouchOrder(forget=True), WHO)
+        assert len(contact.view().learned) == 1
+        assert (await tuning_service.set(TuningRequest(k_ext=0.0), WHO)).k_ext == 0.0
+        assert (await contact.order(TouchOrder(forget=True), WHO)).learned == []
 
     stepped(database, load_parameters("lab"), operate)
 
@@ -60,10 +60,10 @@ def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Da
 def test_an_estimate_that_moves_by_itself_is_refused(database: Database) -> None:
     async def operate(parts: Parts) -> None:
         await learned(parts)
-        touching = parts.actuator.touching
-        touching._points = [TouchPoint(S=10.0, F=0.0, std_N=0.2)]
+        contact = parts.actuator.contact
+        contact._points = [TouchPoint(S=10.0, F=0.0, std_N=0.2)]
         with pytest.raises(RequestRejectedError, match=r"moves by 0\.2 N"):
-            await parts.actuator.retuning.set(TuningRequest(k_ext=0.5), WHO)
+            await parts.actuator.tuning_service.set(TuningRequest(k_ext=0.5), WHO)
 
     stepped(database, load_parameters("lab"), operate)
 
@@ -73,22 +73,22 @@ def test_what_is_lost_takes_it_along_and_what_comes_back_comes_without_it(
     database: Database, how: BiasLost | LoopExited
 ) -> None:
     async def operate(parts: Parts) -> None:
-        retuning = parts.actuator.retuning
+        tuning_service = parts.actuator.tuning_service
         await learned(parts)
-        await retuning.set(TuningRequest(k_ext=0.7), WHO)
-        own = parts.present.tuning
-        await retuning.lend(replace(own.choice, k_ext=0.0, lam_q=0.9), None, WHO)
-        parts.actuator.touching._hear(how)
-        await retuning.give_back()
-        assert parts.present.tuning.choice == replace(own.choice, k_ext=0.0)
+        await tuning_service.set(TuningRequest(k_ext=0.7), WHO)
+        own = parts.live_state.tuning
+        await tuning_service.apply_temporary(replace(own.choice, k_ext=0.0, lam_q=0.9), None, WHO)
+        parts.actuator.contact._hear(how)
+        await tuning_service.restore_operator_tuning()
+        assert parts.live_state.tuning.choice == replace(own.choice, k_ext=0.0)
 
         await learned(parts)
-        await retuning.set(TuningRequest(k_ext=0.7), WHO)
-        parts.actuator.touching._hear(how)
-        assert parts.present.tuning.choice.k_ext == 0.0
+        await tuning_service.set(TuningRequest(k_ext=0.7), WHO)
+        parts.actuator.contact._hear(how)
+        assert parts.live_state.tuning.choice.k_ext == 0.0
         assert parts.state().tuning.k_ext == 0.0
         assert parts.supervisor.setup.tuning.k_ext == 0.0
-        assert "k_ext" in (await retuning.undo(WHO)).model_dump()  # to before it was on
+        assert "k_ext" in (await tuning_service.undo(WHO)).model_dump()  # to before it was on
 
     stepped(database, load_parameters("lab"), operate)
 
@@ -99,10 +99,10 @@ def test_a_start_begins_without_it(database: Database) -> None:
 
     async def operate(parts: Parts) -> None:
         await learned(parts)
-        await parts.actuator.retuning.set(TuningRequest(lam_q=0.9, k_ext=0.7), WHO)
+        await parts.actuator.tuning_service.set(TuningRequest(lam_q=0.9, k_ext=0.7), WHO)
 
     async def again(parts: Parts) -> None:
-        chosen.append(parts.present.tuning.choice)
+        chosen.append(parts.live_state.tuning.choice)
 
     stepped(database, parameters, operate)
     kept = tuning_settings.newest_tuning(database, parameters)
@@ -114,7 +114,7 @@ def test_a_start_begins_without_it(database: Database) -> None:
 
 def test_what_it_does_is_previewed_before_it_is_chosen(database: Database) -> None:
     async def operate(parts: Parts) -> None:
-        preview = partial(parts.actuator.retuning.preview, compute=asyncio.to_thread)
+        preview = partial(parts.actuator.tuning_service.preview, compute=asyncio.to_thread)
         plain = (await preview(2.0, 0.5)).pushed
         assert (plain.k_ext, plain.rejected) == (0.0, None)
         pushed = (await preview(2.0, 0.5, k_ext=1.0)).pushed

@@ -92,7 +92,7 @@ def test_the_bias_is_known_between_the_points_and_S_is_as_it_was(database: Datab
 
     async def learn(parts: Parts) -> None:
         await at_rest(parts, 10.4)
-        begun = (await parts.actuator.touching.order(BEGIN, WHO)).sweep
+        begun = (await parts.actuator.contact.order(BEGIN, WHO)).sweep
         assert begun == SweepView(under_way=True, point=1, points=SWEEP_POINTS, S_ref=8.0, why="")
         seen: list[SweepView] = []
         while sweep_of(parts).under_way:
@@ -103,7 +103,7 @@ def test_the_bias_is_known_between_the_points_and_S_is_as_it_was(database: Datab
         assert (ended.under_way, ended.why) == (False, "")
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.4))
-        assert parts.present.mode is Mode.RUN
+        assert parts.live_state.mode is Mode.RUN
         points = parts.state().touch.learned
         assert [point.S for point in points] == pytest.approx(np.linspace(8.0, 15.0, SWEEP_POINTS), abs=0.1)
         assert all(0.0 < point.std_N < 0.2 for point in points)

@@ -47,8 +47,8 @@ def bank(database: Database) -> Bank:
 
 def in_force(parts: Parts) -> TuningSettings:
     """The tuning in force; what a loop that starts anew is given is the same."""
-    assert parts.supervisor.setup.tuning == parts.present.tuning.command()
-    return parts.present.tuning.choice
+    assert parts.supervisor.setup.tuning == parts.live_state.tuning.command()
+    return parts.live_state.tuning.choice
 
 
 def earlier(parts: Parts) -> TuningSettings | None:
@@ -70,26 +70,26 @@ def settings_of(shown: ChosenTuning | None) -> TuningSettings | None:
 
 def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        retuning = parts.actuator.retuning
+        tuning_service = parts.actuator.tuning_service
         assert earlier(parts) is None
         with pytest.raises(RequestRejectedError, match="left to undo"):
-            await retuning.undo(WHO)
-        await retuning.use_bank(bank, WHO)
+            await tuning_service.undo(WHO)
+        await tuning_service.use_bank(bank, WHO)
         for change in CHANGES:
             before = in_force(parts)
-            await retuning.set(change, WHO)
+            await tuning_service.set(change, WHO)
             changed = in_force(parts)
             assert changed != before
             assert earlier(parts) == before
-            await retuning.set(change, WHO)  # the same again is no change
+            await tuning_service.set(change, WHO)  # the same again is no change
             assert earlier(parts) == before
-            view = await retuning.undo(WHO)
+            view = await tuning_service.undo(WHO)
             assert TuningSettings.of({**view.model_dump(), "bank": bank.id}) == before
             assert (in_force(parts), later(parts)) == (before, changed)
-            await retuning.redo(WHO)
+            await tuning_service.redo(WHO)
             assert (in_force(parts), earlier(parts), later(parts)) == (changed, before, None)
             with pytest.raises(RequestRejectedError, match="was undone"):
-                await retuning.redo(WHO)
+                await tuning_service.redo(WHO)
 
     stepped(database, IDEAL, work)
     with database.reading() as session:
@@ -102,27 +102,27 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
 
 def test_all_changes_are_undone_one_after_the_other_and_done_again(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        retuning = parts.actuator.retuning
+        tuning_service = parts.actuator.tuning_service
         past = [in_force(parts)]
-        await retuning.use_bank(bank, WHO)
+        await tuning_service.use_bank(bank, WHO)
         past.append(in_force(parts))
         for change in CHANGES:
-            await retuning.set(change, WHO)
+            await tuning_service.set(change, WHO)
             past.append(in_force(parts))
         for before in reversed(past[:-1]):
-            await retuning.undo(WHO)
+            await tuning_service.undo(WHO)
             assert in_force(parts) == before
         assert earlier(parts) is None
         for after in past[1:]:
-            await retuning.redo(WHO)
+            await tuning_service.redo(WHO)
             assert in_force(parts) == after
-        await retuning.undo(WHO)
-        await retuning.set(TuningRequest(b=0.75), WHO)  # another way on: what was undone is forgotten
+        await tuning_service.undo(WHO)
+        await tuning_service.set(TuningRequest(b=0.75), WHO)  # another way on: what was undone is forgotten
         assert (later(parts), earlier(parts)) == (None, past[-2])
         for n in range(2 * UNDO_STEPS):
-            await retuning.set(TuningRequest(b=0.2 + 0.01 * n), WHO)
+            await tuning_service.set(TuningRequest(b=0.2 + 0.01 * n), WHO)
         for _ in range(UNDO_STEPS):
-            await retuning.undo(WHO)
+            await tuning_service.undo(WHO)
         assert earlier(parts) is None
 
     stepped(database, IDEAL, work)
@@ -130,15 +130,15 @@ def test_all_changes_are_undone_one_after_the_other_and_done_again(database: Dat
 
 def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        retuning = parts.actuator.retuning
+        tuning_service = parts.actuator.tuning_service
         assert parts.state().tuning.entry_name == ""
-        await retuning.use_bank(bank, WHO)
+        await tuning_service.use_bank(bank, WHO)
         assert parts.state().tuning.entry_name == "10 N"
-        view = await retuning.use_bank(None, WHO)
+        view = await tuning_service.use_bank(None, WHO)
         assert (view.bank, in_force(parts).bank) == (None, 0)
-        await retuning.undo(WHO)
+        await tuning_service.undo(WHO)
         assert in_force(parts).bank == bank.id
-        await retuning.redo(WHO)
+        await tuning_service.redo(WHO)
 
     async def started_again(parts: Parts) -> tuple[TuningSettings, TuningSettings | None]:
         return in_force(parts), earlier(parts)
@@ -150,19 +150,19 @@ def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: 
 
 def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        retuning = parts.actuator.retuning
-        await retuning.set(TuningRequest(lam_q=0.6), WHO)
+        tuning_service = parts.actuator.tuning_service
+        await tuning_service.set(TuningRequest(lam_q=0.6), WHO)
         for lam_q in (0.7, 0.8):
-            await retuning.try_out(TrialRequest(lam_q=lam_q, duration_s=60.0), WHO)
+            await tuning_service.start_trial(TrialRequest(lam_q=lam_q, duration_s=60.0), WHO)
             assert earlier(parts) == DEFAULT
             with pytest.raises(RequestRejectedError, match="on trial"):
-                await retuning.undo(WHO)
-        await retuning.end_trial(True, WHO)
+                await tuning_service.undo(WHO)
+        await tuning_service.end_trial(True, WHO)
         assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
-        await retuning.undo(WHO)
+        await tuning_service.undo(WHO)
         assert in_force(parts) == replace(DEFAULT, lam_q=0.6)
-        await retuning.try_out(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
-        await retuning.set(TuningRequest(b=0.5), WHO)  # chosen from the trial: one step back is before both
+        await tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
+        await tuning_service.set(TuningRequest(b=0.5), WHO)  # chosen from the trial: one step back is before both
         assert in_force(parts) == replace(DEFAULT, lam_q=0.9, b=0.5)
         assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
 
@@ -171,12 +171,12 @@ def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: 
 
 def test_what_a_run_was_lent_is_no_step(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
-        retuning = parts.actuator.retuning
-        await retuning.set(TuningRequest(lam_q=0.6), WHO)
-        await retuning.lend(TuningSettings(lam_q=0.9, b=1.0), None, WHO)
+        tuning_service = parts.actuator.tuning_service
+        await tuning_service.set(TuningRequest(lam_q=0.6), WHO)
+        await tuning_service.apply_temporary(TuningSettings(lam_q=0.9, b=1.0), None, WHO)
         with pytest.raises(RequestRejectedError, match="its tuning is part of its record"):
-            await retuning.undo(WHO)
-        await asyncio.gather(retuning.give_back(), retuning.give_back())
+            await tuning_service.undo(WHO)
+        await asyncio.gather(tuning_service.restore_operator_tuning(), tuning_service.restore_operator_tuning())
         assert (in_force(parts), earlier(parts)) == (replace(DEFAULT, lam_q=0.6), DEFAULT)
 
     stepped(database, IDEAL, work)

@@ -46,7 +46,7 @@ def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database: Database) -
         await in_run(parts)
         assert parts.state().wall is None
         assert await set_obstacle(parts.actuator, UP, "Ana") == UP
-        assert parts.present.wall == Obstacle(1.0, 0.05, 20000.0, 1.0)
+        assert parts.live_state.wall == Obstacle(1.0, 0.05, 20000.0, 1.0)
         assert parts.state().wall == UP.wall
         await parts.actuator.set_references(0.08, 10.0, "Ana")
         await parts.supervisor.advance(1.5)
@@ -56,7 +56,7 @@ def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database: Database) -
         assert (pressed(parts), parts.state().wall) == (0.0, None)
         with pytest.raises(RequestRejectedError, match=r"in a wall at 0\.05 rad: bring it below that first"):
             await set_obstacle(parts.actuator, UP, "Ana")
-        assert parts.present.wall is None
+        assert parts.live_state.wall is None
 
     stepped(database, load_parameters("ideal"), session)
     with database.reading() as session_of_database:

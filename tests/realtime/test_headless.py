@@ -39,7 +39,7 @@ def make(ideal: PlantParameters, tuning: SetTuning) -> Make:
     return build
 
 
-def mode_of(ring: Ring) -> Mode:
+def read_mode(ring: Ring) -> Mode:
     newest = ring.newest()
     assert newest is not None
     return list(MODE_CODE)[int(newest[INDEX["mode"]])]
@@ -92,7 +92,7 @@ def test_refusals_and_stops_are_answered(make: Make) -> None:
         assert isinstance(await headless.send(Stop()), Accepted)
         await headless.advance(0.002)
         assert [event.fault for event in events if isinstance(event, Stopped)] == [Stop().fault]
-        assert mode_of(headless.ring) is Mode.TRIPPED
+        assert read_mode(headless.ring) is Mode.TRIPPED
         forget()
         seen = len(events)
         await headless.send(Stop())

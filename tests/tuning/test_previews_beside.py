@@ -4,14 +4,14 @@ import pickle
 from dataclasses import replace
 
 from backend.services import background_work
-from backend.services.background_work import AskedTuning
+from backend.services.background_work import TuningSnapshot
 from backend.services.tuning_state import default_tuning
 from plant.parameters import load_parameters
 
 
 def test_it_is_the_same_from_what_goes_to_another_process() -> None:
     tuning, _ = default_tuning(load_parameters("lab"))
-    asked = pickle.loads(pickle.dumps(AskedTuning.of(tuning)))
+    asked = pickle.loads(pickle.dumps(TuningSnapshot.of(tuning)))
     wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
     assert background_work.preview_tuning(asked, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
     assert background_work.preview_motor(asked, 0.2) == tuning.motor(0.2)
@@ -20,7 +20,7 @@ def test_it_is_the_same_from_what_goes_to_another_process() -> None:
 
 def test_models_are_kept_for_the_same_tuning_and_made_for_another_one() -> None:
     tuning, _ = default_tuning(load_parameters("lab"))
-    asked = AskedTuning.of(tuning)
+    asked = TuningSnapshot.of(tuning)
     first = asked.made().previewer
     assert asked.made().previewer is first
     assert replace(asked, choice=replace(asked.choice, lam_q=0.9)).made().previewer is first

@@ -81,7 +81,7 @@ faults_router = APIRouter(prefix="/api/faults", tags=["faults"], route_class=Thr
 @faults_router.get("")
 async def list_faults(_person: SignedIn, service: ServiceInUse) -> FaultList:
     """List all faults with message, remedy, and what brings them about on what is driven."""
-    return describe_faults(service.actuator.present.plant)
+    return describe_faults(service.actuator.live_state.plant)
 
 
 @faults_router.post("/injection", status_code=204)
@@ -148,7 +148,7 @@ async def push(body: PushRequest, service: ServiceInUse, person: InControl) -> P
 @operate_router.put("/touch")
 async def set_touch(body: TouchOrder, service: ServiceInUse, person: InControl) -> TouchView:
     """Learn what the outside force reads with nothing outside, and from what force on the joint gives way."""
-    return await service.actuator.touching.order(body, person.name)
+    return await service.actuator.contact.order(body, person.name)
 
 
 @operate_router.put("/wall")

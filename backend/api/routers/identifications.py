@@ -44,7 +44,7 @@ async def predict(
 ) -> identification.Prediction:
     """Tell what joint motion a run would cause, before it starts."""
     return await service.ordered_runs.predict_identification(
-        body, service.texts.previewing(person, request.is_disconnected)
+        body, service.texts.make_preview_runner(person, request.is_disconnected)
     )
 
 

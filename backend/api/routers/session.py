@@ -59,7 +59,7 @@ session_router = APIRouter(prefix="/api", tags=["session"], route_class=ThreadRo
 @session_router.get("/health")
 async def get_health(service: ServiceInUse) -> Health:
     """Tell whether the loop is alive; open to all, without secrets."""
-    return service.actuator.present.health()
+    return service.actuator.live_state.health()
 
 
 @session_router.post("/page-address")

@@ -66,7 +66,7 @@ async def compare_with_bank_in_use(
     service: ServiceInUse, _person: SignedIn, other: OtherBank = None, run: Again = None
 ) -> BankDifference:
     """Tell what another bank, or points identified again, would change about the models and gains in use."""
-    bank = service.actuator.present.tuning.bank
+    bank = service.actuator.live_state.tuning.bank
     _require_one(other, run)
     return await service.banks.difference(None if bank is None else bank.id, other, run or ())
 
@@ -101,14 +101,14 @@ def export_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankFile
 @banks_router.post("/geometry/activate")
 async def use_geometry(service: ServiceInUse, person: InControl) -> TuningView:
     """Use gains from the plant's geometry from now on, no bank; bumpless while the loop runs."""
-    return await service.actuator.retuning.use_bank(None, person.name)
+    return await service.actuator.tuning_service.use_bank(None, person.name)
 
 
 @banks_router.post("/{id}/activate")
 async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
     """Use a bank from now on; bumpless while the loop runs."""
     bank = await in_thread(service.banks.stored_bank, id)
-    await service.actuator.retuning.use_bank(bank, person.name)
+    await service.actuator.tuning_service.use_bank(bank, person.name)
     return await in_thread(service.banks.bank, id)
 
 
@@ -134,64 +134,64 @@ tuning_router = APIRouter(prefix="/api/tuning", tags=["tuning"], route_class=Thr
 @tuning_router.get("")
 async def get_tuning(service: ServiceInUse, _person: SignedIn) -> TuningView:
     """Return the tuning in force and its ranges."""
-    present = service.actuator.present
-    return present.tuning.view(present.entry)
+    live_state = service.actuator.live_state
+    return live_state.tuning.view(live_state.entry)
 
 
 @tuning_router.put("")
 async def set_tuning(body: TuningRequest, service: ServiceInUse, person: InControl) -> TuningView:
     """Change λ while the loop runs, bumpless; returns what is in force then."""
-    return await service.actuator.retuning.set(body, person.name)
+    return await service.actuator.tuning_service.set(body, person.name)
 
 
 @tuning_router.post("/undo")
 async def undo_change(service: ServiceInUse, person: InControl) -> TuningView:
     """Undo the last change of what is in force, λ, b, bank and all; once more undoes the change before that."""
-    return await service.actuator.retuning.undo(person.name)
+    return await service.actuator.tuning_service.undo(person.name)
 
 
 @tuning_router.post("/redo")
 async def redo_change(service: ServiceInUse, person: InControl) -> TuningView:
     """Put in force again what the last undo took back."""
-    return await service.actuator.retuning.redo(person.name)
+    return await service.actuator.tuning_service.redo(person.name)
 
 
 @tuning_router.post("/trial")
 async def try_tuning(body: TrialRequest, service: ServiceInUse, person: InControl) -> State:
     """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""
-    await service.actuator.retuning.try_out(body, person.name)
+    await service.actuator.tuning_service.start_trial(body, person.name)
     return service.state.view()
 
 
 @tuning_router.delete("/trial")
 async def revert_trial(service: ServiceInUse, person: InControl) -> State:
     """Put the tuning before the trial back at once."""
-    await service.actuator.retuning.end_trial(False, person.name)
+    await service.actuator.tuning_service.end_trial(False, person.name)
     return service.state.view()
 
 
 @tuning_router.post("/trial/keep")
 async def keep_trial(service: ServiceInUse, person: InControl) -> State:
     """Keep what is on trial."""
-    await service.actuator.retuning.end_trial(True, person.name)
+    await service.actuator.tuning_service.end_trial(True, person.name)
     return service.state.view()
 
 
 @tuning_router.get("/saved")
 def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTuning:
     """Return the tuning saved for the bank in use, to compare with what is in force."""
-    return service.saved_tunings.of(service.actuator.present.tuning)
+    return service.saved_tunings.of(service.actuator.live_state.tuning)
 
 
 @tuning_router.put("/saved")
 async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
     """Save what is in force for the bank in use. Refused while a tuning is on trial or lent to a run."""
-    present = service.actuator.present
-    if present.own_tuning is not None:
+    live_state = service.actuator.live_state
+    if live_state.own_tuning is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "what is in force belongs to a run: save when it is over")
-    if service.actuator.retuning.trial() is not None:
+    if service.actuator.tuning_service.trial() is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
-    return await in_thread(service.saved_tunings.save, present.tuning, person.name)
+    return await in_thread(service.saved_tunings.save, live_state.tuning, person.name)
 
 
 @tuning_router.get("/preview")
@@ -210,7 +210,7 @@ async def preview_tuning(
     printed: Annotated[bool, Query(description="whether to compute the printed formula (E1) as well")] = False,
 ) -> TuningPreview:
     """Predict M_s, margins, a step of each reference and the recovery from a push, at one stiffness."""
-    return await service.actuator.retuning.preview(
+    return await service.actuator.tuning_service.preview(
         lam_q,
         lam_S,
         S,
@@ -218,7 +218,7 @@ async def preview_tuning(
         u_plan=u_plan,
         k_ext=k_ext,
         printed=printed,
-        compute=service.texts.previewing(person, request.is_disconnected),
+        compute=service.texts.make_preview_runner(person, request.is_disconnected),
     )
 
 
@@ -230,7 +230,9 @@ async def motor_margins(
     lam_motor: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the motor loops [s]")],
 ) -> MotorPreview:
     """Tell M_s and margins of the motor loop as it runs, sampled and with L/R; a λ that is not offered is refused."""
-    return await service.actuator.retuning.motor(lam_motor, service.texts.previewing(person, request.is_disconnected))
+    return await service.actuator.tuning_service.motor(
+        lam_motor, service.texts.make_preview_runner(person, request.is_disconnected)
+    )
 
 
 @tuning_router.get("/robust")
@@ -241,4 +243,6 @@ async def robust_tuning(
     M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
 ) -> RobustTuning:
     """Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is."""
-    return await service.actuator.retuning.robust(M_s, service.texts.previewing(person, request.is_disconnected))
+    return await service.actuator.tuning_service.robust(
+        M_s, service.texts.make_preview_runner(person, request.is_disconnected)
+    )

@@ -122,7 +122,7 @@ def measured(plant: str, settings: LoopSettings) -> tuple[float, float, float, f
         bench.learn(S_REF)
         bench.advance(2.0)
         held_s = 2.0 + 8.0 * settings.lam_q
-        for part_s in parts_of(held_s):
+        for part_s in list_tuning_parts(held_s):
             bench.send(ApplyPush(PUSH_N, part_s + OVERLAP_S))  # the next order replaces this one before it ends
             bench.advance(part_s)
         off = np.abs(bench.seconds("q", held_s) - bench.seconds("q_ref", held_s))
@@ -134,7 +134,7 @@ def measured(plant: str, settings: LoopSettings) -> tuple[float, float, float, f
         bench.close()
 
 
-def parts_of(seconds: float) -> list[float]:
+def list_tuning_parts(seconds: float) -> list[float]:
     """Return the times of the orders by which a push is held for so long: one order holds it for 10 s at most."""
     count = int(np.ceil(seconds / LONGEST_PART_S))
     return [seconds / count] * count
