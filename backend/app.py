@@ -47,7 +47,6 @@ from backend.services import (
     Formulas,
     History,
     JobManager,
-    RobustnessCache,
     LiveState,
     LiveStream,
     Maintenance,
@@ -55,9 +54,10 @@ from backend.services import (
     OwnExperiments,
     ParametersApplied,
     RecordedFigures,
-    Refusals,
+    RejectionLog,
     ReplayView,
     Retention,
+    RobustnessCache,
     RunLibrary,
     RunReevaluated,
     SafeStop,
@@ -119,7 +119,7 @@ class BootContext:
     claim: HeldClaim
     soundness: Soundness
     figures: RobustnessCache
-    kept: TuningStore
+    tuning_store: TuningStore
     tuning: ActiveTuning
     said: str
     hands: KeptHands
@@ -147,12 +147,12 @@ def bootstrap(
     soundness.before_start()
     _close_interrupted(database)
     figures = RobustnessCache()
-    figures.restore()
-    stack.callback(figures.keep)
-    kept = TuningStore(database)
+    figures.load()
+    stack.callback(figures.save)
+    tuning_store = TuningStore(database)
     version, version_said = in_force(database, base)
     parameters, applied = version.parameters, version.applied
-    tuning, said = kept.restore(parameters)
+    tuning, said = tuning_store.restore(parameters)
     said = "; ".join(part for part in (version_said, said) if part)
     brought_up = find_completed_commissioning(database, settings.plant_choice)
     hands = KeptHands(database, settings.plant_choice)
@@ -175,7 +175,7 @@ def bootstrap(
         claim=claim,
         soundness=soundness,
         figures=figures,
-        kept=kept,
+        tuning_store=tuning_store,
         tuning=tuning,
         said=said,
         hands=hands,
@@ -221,7 +221,7 @@ class Services:
 
     service: Service
     recorder: Recorder
-    journal: EventLog
+    event_log: EventLog
     scenes: list[APIRouter]
     draw: Callable[[], None]
 
@@ -242,7 +242,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     ) -> None:
         stack.push_async_callback(supervision.keep_task(part, work, on_death).end)
 
-    parameters, database, kept, tuning = foundation.parameters, foundation.database, foundation.kept, foundation.tuning
+    parameters, database, tuning_store, tuning = (
+        foundation.parameters,
+        foundation.database,
+        foundation.tuning_store,
+        foundation.tuning,
+    )
     soundness, hands, supervisor = foundation.soundness, foundation.hands, foundation.supervisor
     live_state = LiveState(supervisor, parameters, tuning)
     recorder = Recorder(database, supervisor.ring)
@@ -261,15 +266,15 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     retention = Retention(database, RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
     keep(RETENTION, retention.run)
 
-    journal = EventLog(database, events)
-    stack.callback(journal.close)
-    keep(JOURNAL, journal.run)
-    refusals = Refusals(journal, asyncio.get_running_loop().call_later)
+    event_log = EventLog(database, events)
+    stack.callback(event_log.close)
+    keep(JOURNAL, event_log.run)
+    refusals = RejectionLog(event_log, asyncio.get_running_loop().call_later)
     stack.callback(refusals.close)
-    events.subscribe(AccessChanged, lambda access: journal.record(EventKind.ACCESS, access.text, access.who))
+    events.subscribe(AccessChanged, lambda access: event_log.add_entry(EventKind.ACCESS, access.text, access.who))
     if foundation.said:
-        journal.note(MarkKind.TUNING, foundation.said, tick=0)
-    supervision.listen(lambda death: journal.note(MarkKind.FAULT, death, live_state.tick))
+        event_log.add_mark(MarkKind.TUNING, foundation.said, tick=0)
+    supervision.listen(lambda death: event_log.add_mark(MarkKind.FAULT, death, live_state.tick))
     safe_stop = SafeStop(supervisor, live_state, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name)
     choice = settings.plant_choice
@@ -279,23 +284,23 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         live_state=live_state,
         database=database,
         session_runs=sessions,
-        journal=journal,
-        kept=kept,
-        on_new_ring=recorder.follow,
+        event_log=event_log,
+        tuning_store=tuning_store,
+        on_ring_changed=recorder.follow,
         supervision=supervision,
         hands=hands,
         events=events,
         recording=recording,
     )
     control = ControlLease(events, actuator.stop_after_operator_loss, actuator.log_control_change)
-    events.subscribe(ControlReleased, lambda _: actuator.let_go())
+    events.subscribe(ControlReleased, lambda _: actuator.release_push())
     events.subscribe(
         HolderChanged, lambda _: actuator.tuning_service.cancel_trial("as the holder of control has changed")
     )
 
     def say_of_control(text: str, who: str) -> None:
         """Put on record what is asked and answered: nothing on the time axis, where control itself is a mark."""
-        journal.record(EventKind.NOTE, text, who)
+        event_log.add_entry(EventKind.NOTE, text, who)
         actuator.changed()
 
     hand_over = ControlHandover(control, authentication.people, say_of_control)
@@ -303,7 +308,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     stack.push_async_callback(authentication.sessions.save)
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
     keep(HAND_OVER, hand_over.run)
-    triggers = Triggers(trigger, actuator, journal, database)
+    triggers = Triggers(trigger, actuator, event_log, database)
     watch = FolderWatch((folder.problem, soundness.displaced, foundation.claim.problem), actuator.changed)
     keep(FOLDER, watch.run)
     soundness.start()
@@ -377,13 +382,18 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
 
     def use(applied: ParametersApplied) -> None:
         station.parameters = applied.parameters
-        for take_up in (history.use, bring_up.use, studies.use, *(mirror.use for mirror in mirrors.values())):
+        for take_up in (
+            history.use,
+            bring_up.set_parameters,
+            studies.use,
+            *(mirror.use for mirror in mirrors.values()),
+        ):
             take_up(applied.parameters)
 
     events.subscribe(ParametersApplied, use)
 
     def problems() -> list[str]:
-        first = watch, soundness, recorder, flights, trigger, journal
+        first = watch, soundness, recorder, flights, trigger, event_log
         sweep = actuator.contact.sweep
         parts = *first, supervisor.watchdog_monitor, retention, authentication.sessions, bring_up, hands, sweep
         return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
@@ -391,7 +401,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     state = ServiceState(
         live_state=live_state,
         touch=actuator.contact.view,
-        trial=actuator.tuning_service.trial,
+        trial=actuator.tuning_service.view_trial,
         trigger=triggers.view,
         player=actuator.player.view,
         holder=control.view,
@@ -411,7 +421,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
 
     service = Service(
         applied=Applied(
-            actuator=actuator, supervisor=supervisor, database=database, kept=kept, base=foundation.base, events=events
+            actuator=actuator,
+            supervisor=supervisor,
+            database=database,
+            tuning_store=tuning_store,
+            base=foundation.base,
+            events=events,
         ),
         actuator=actuator,
         state=state,
@@ -446,7 +461,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         triggers=triggers,
         formulas=Formulas(database),
     )
-    return Services(service, recorder, journal, scenes, draw)
+    return Services(service, recorder, event_log, scenes, draw)
 
 
 def _lengths(live_state: LiveState) -> dict[str, float]:

@@ -19,9 +19,9 @@ STARTED = (main, app, create_app, server, prepare_routes)
 def compile_ahead() -> None:
     """Go through what the service and a tuning compile, and keep what they compute."""
     figures = RobustnessCache()
-    figures.restore()
+    figures.load()
     default_tuning(load_parameters(PARAMETERS))
-    figures.keep()
+    figures.save()
     heartbeat.compile_heartbeat()
 
 

@@ -102,7 +102,7 @@ async def _serve(
         app.state.service, app.state.authentication = assembled.service, authentication
         await prepare_routes(app)
         _leave_what_was_made()
-        parts.callback(lambda: assembled.journal.record(EventKind.NOTE, ending.cause))
+        parts.callback(lambda: assembled.event_log.add_entry(EventKind.NOTE, ending.cause))
         await _join_loop(
             starting=starting,
             supervisor=foundation.supervisor,
@@ -119,7 +119,7 @@ async def _serve(
 
     def load_the_rest() -> None:
         workers.load(*workers.SCIENCE)
-        foundation.figures.keep()
+        foundation.figures.save()
 
     def announce() -> None:
         _log.info("The service started: plant %s, data folder %s, address %s", settings.plant, settings.data, address)

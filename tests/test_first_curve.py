@@ -23,7 +23,7 @@ import backend.main, backend.app, backend.api.app
 from backend.app import RobustnessCache, TuningStore, load_parameters, open_database
 from pathlib import Path
 database = open_database(Path(sys.argv[1]))
-RobustnessCache(Path(sys.argv[1])).restore()
+RobustnessCache(Path(sys.argv[1])).load()
 tuning, _ = TuningStore(database).restore(load_parameters("lab"))
 tuning.view(0.0), tuning.command()
 print(*[name for name in sys.argv[2:] if name in sys.modules])
@@ -49,7 +49,7 @@ def test_no_start_but_the_first_loads_what_the_first_curve_does_not_need(
 ) -> None:
     assert "control" in loaded(tmp_path)  # nothing has been computed yet
     TuningPreviewer(load_parameters("lab"))
-    RobustnessCache(tmp_path).keep()
+    RobustnessCache(tmp_path).save()
     assert loaded(tmp_path) == []
 
 
@@ -64,9 +64,9 @@ def test_the_loop_process_loads_none_of_it_at_all() -> None:
 def test_what_is_kept_is_what_would_be_computed(tmp_path: Path, nothing_known: dict[str, tuple[float, ...]]) -> None:
     motor = MotorModel(2.86, 0.22, 0.002)
     computed = robustness.motor_range(motor)
-    RobustnessCache(tmp_path).keep()
+    RobustnessCache(tmp_path).save()
     nothing_known.clear()
-    RobustnessCache(tmp_path).restore()
+    RobustnessCache(tmp_path).load()
     assert len(nothing_known) == 1
     assert robustness.motor_range(motor) == computed
 
@@ -86,14 +86,14 @@ def test_a_damaged_file_is_not_believed(
     tmp_path: Path, nothing_known: dict[str, tuple[float, ...]], damage: Callable[[str], str]
 ) -> None:
     robustness.motor_range(MotorModel(2.86, 0.22, 0.002))
-    kept = RobustnessCache(tmp_path)
-    kept.keep()
-    assert kept.file is not None
-    whole = kept.file.read_text(encoding="ascii")
-    kept.file.write_text(damage(whole), encoding="ascii")
+    cache = RobustnessCache(tmp_path)
+    cache.save()
+    assert cache.file is not None
+    whole = cache.file.read_text(encoding="ascii")
+    cache.file.write_text(damage(whole), encoding="ascii")
     assert damage(whole) != whole
     nothing_known.clear()
-    RobustnessCache(tmp_path).restore()
+    RobustnessCache(tmp_path).load()
     assert nothing_known == {}
 
 

@@ -32,7 +32,7 @@ from backend.services import (
     Maintenance,
     OwnExperiments,
     RecordedFigures,
-    Refusals,
+    RejectionLog,
     ReplayView,
     Retention,
     RunLibrary,
@@ -217,7 +217,7 @@ class Service:
     saved_tunings: SavedTunings
     bring_up: BringUp
     live: LiveStream
-    refusals: Refusals
+    refusals: RejectionLog
     runs: StoredRuns
     figures: RecordedFigures
     run_library: RunLibrary

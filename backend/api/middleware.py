@@ -159,7 +159,7 @@ def tell_refused(request: HTTPConnection, reason: str) -> None:
     person, body = commanding
     name = str(getattr(request.scope.get("route"), "name", "command")).replace("_", " ")
     values = values_in(body)
-    service_of(request).refusals.note(f"{name} ({values})" if values else name, reason, person.name)
+    service_of(request).refusals.add(f"{name} ({values})" if values else name, reason, person.name)
 
 
 def values_in(body: bytes) -> str:

@@ -118,7 +118,7 @@ def in_force(settings: Settings) -> RunConfiguration:
     from backend.errors import OutOfRangeError
     from backend.models import SettingError, UnreadableDocumentError
 
-    _figures().restore()
+    _figures().load()
     with database_of(settings, reading=True) as database:
         parameters = parameters_in_force(settings, database)
         try:
@@ -225,7 +225,7 @@ def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
             return _Played(outcome, load_source(database, outcome.run.id), written)
 
         yield play
-    _figures().keep()
+    _figures().save()
 
 
 @cache

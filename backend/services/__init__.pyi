@@ -4,7 +4,7 @@ from .background_work import ChartSheets, TextWork, WorkLimiter, run_while_conne
 from .banks import StoredBanks
 from .commissioning import BringUp
 from .downloads import Downloads, import_run_file, stream_bundle
-from .event_log import EVENT_LOG_PART, EventLog, MarkAdded, Refusals
+from .event_log import EVENT_LOG_PART, EventLog, MarkAdded, RejectionLog
 from .fault_injection import apply_fault, clear_faults, describe_faults
 from .identifications import StoredIdentifications
 from .jobs import JobManager, describe_identification_kinds
@@ -59,7 +59,6 @@ __all__ = [
     "Formulas",
     "History",
     "JobManager",
-    "RobustnessCache",
     "LiveState",
     "LiveStream",
     "Maintenance",
@@ -68,9 +67,10 @@ __all__ = [
     "ParametersApplied",
     "RangeAsked",
     "RecordedFigures",
-    "Refusals",
+    "RejectionLog",
     "ReplayView",
     "Retention",
+    "RobustnessCache",
     "RunLibrary",
     "RunQuery",
     "RunReevaluated",

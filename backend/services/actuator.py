@@ -71,7 +71,7 @@ def require_legal(live_state: LiveState, wanted: Mode, *, loop_alive: bool) -> N
     mode = live_state.mode
     legal = live_state.legal(mode)
     paused = live_state.task is not None and live_state.task.paused and wanted in MOVING
-    if wanted in legal or (live_state.unready and wanted in LEGAL[mode] and not paused) or not loop_alive:
+    if wanted in legal or (live_state.not_ready_reason and wanted in LEGAL[mode] and not paused) or not loop_alive:
         return
     if mode is Mode.TRIPPED:
         reason = "a fault is latched: reset it first"
@@ -186,7 +186,7 @@ _RELEASE = Part("The release of a push", "Press STOP if the joint is still pushe
 class ActuatorService:
     """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
 
-    ``on_new_ring`` is told the ring of a loop process that was started anew. ``starting`` is held from the question
+    ``on_ring_changed`` is told the ring of a loop process that was started anew. ``starting`` is held from the question
     what has the rig for itself until what starts shows. ``database`` says what the next loop is to start with;
     ``recording`` is what is played in place of a plant.
     """
@@ -197,9 +197,9 @@ class ActuatorService:
         live_state: LiveState,
         database: Database,
         session_runs: SessionRuns,
-        journal: EventLog,
-        kept: TuningStore,
-        on_new_ring: Callable[[Ring], None],
+        event_log: EventLog,
+        tuning_store: TuningStore,
+        on_ring_changed: Callable[[Ring], None],
         supervision: Supervision,
         hands: KeptHands,
         events: EventBus,
@@ -207,38 +207,38 @@ class ActuatorService:
     ) -> None:
         self.live_state = live_state
         self._database = database
-        self._supervisor, self._session_runs, self._journal = supervisor, session_runs, journal
-        self._on_new_ring = on_new_ring
+        self._supervisor, self._session_runs, self._event_log = supervisor, session_runs, event_log
+        self._on_new_ring = on_ring_changed
         self._supervision, self._hands = supervision, hands
         self._pushed = False
-        self._asked: tuple[Mode, str] | None = None
+        self._requested_mode: tuple[Mode, str] | None = None
         self._releasing: KeptTask | None = None
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._events = events
-        self._turn, self.starting = asyncio.Lock(), asyncio.Lock()
+        self._command_lock, self.start_lock = asyncio.Lock(), asyncio.Lock()
         self.contact = ContactService(
             supervisor=supervisor,
             live_state=live_state,
-            journal=journal,
-            command=self._command,
+            event_log=event_log,
+            command=self._send,
             changed=self.changed,
-            starting=self.starting,
+            start_lock=self.start_lock,
             events=events,
         )
         self.tuning_service = TuningService(
             supervisor=supervisor,
             live_state=live_state,
-            journal=journal,
-            kept=kept,
+            event_log=event_log,
+            tuning_store=tuning_store,
             supervision=supervision,
-            send=self._command,
-            turn=self._turn,
+            send=self._send,
+            change_lock=self._command_lock,
             changed=self.changed,
             contact=self.contact,
             events=events,
         )
-        self.player = RecordingPlayer(recording, self._command, self.changed)
-        supervisor.listen(self._hear)
+        self.player = RecordingPlayer(recording, self._send, self.changed)
+        supervisor.listen(self._handle_event)
 
     def changed(self) -> None:
         """Publish that the state has changed."""
@@ -258,10 +258,12 @@ class ActuatorService:
         finally:
             self._stop_waiters.remove(waiter)
         if self.player.plays:
-            self._journal.note(MarkKind.NOTE, "STOP was pressed: the recording is paused", stopped.arrived_tick, who)
+            self._event_log.add_mark(
+                MarkKind.NOTE, "STOP was pressed: the recording is paused", stopped.arrived_tick, who
+            )
         else:
-            self._journal.note(MarkKind.TRIP, EXPLAINED[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
-        return self.live_state.proof_of(stopped)
+            self._event_log.add_mark(MarkKind.TRIP, EXPLAINED[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
+        return self.live_state.build_stop_proof(stopped)
 
     async def stop_after_operator_loss(self, who: str) -> None:
         """Stop softly: the page that held control was not heard, and the references were held long enough."""
@@ -273,7 +275,7 @@ class ActuatorService:
 
     def log_control_change(self, text: str, who: str) -> None:
         """Put on record what happens to control."""
-        self._journal.note(MarkKind.NOTE, text, self.live_state.tick, who)
+        self._event_log.add_mark(MarkKind.NOTE, text, self.live_state.tick, who)
         self.changed()
 
     async def reset(self, who: str) -> None:
@@ -281,38 +283,38 @@ class ActuatorService:
 
         Starts the loop anew where it failed by itself, and where it, its watchdog or its card died.
         """
-        async with self.starting, self._turn:
+        async with self.start_lock, self._command_lock:
             has_failed = self.live_state.fault is Fault.INTERNAL_ERROR
             lost = has_failed or self._supervisor.watchdog_monitor.is_watchdog_lost or self.live_state.card_lost
             if self._supervisor.is_alive and not lost:
-                accepted = await self._command(commands.Reset())
-                self._journal.note(MarkKind.NOTE, "reset", accepted.tick, who)
+                accepted = await self._send(commands.Reset())
+                self._event_log.add_mark(MarkKind.NOTE, "reset", accepted.tick, who)
             else:
                 self.require_unoccupied()  # a new loop has another zero, and a step works with this one
-                await self._start_anew("after its end", "loop started again", who)
-        self.live_state.forget_stop()
-        await self._until_shown(lambda: self.live_state.fault is Fault.NONE)
+                await self._restart_loop("after its end", "loop started again", who)
+        self.live_state.clear_stop()
+        await self._wait_for_sample(lambda: self.live_state.fault is Fault.NONE)
 
-    async def take_up(self, take: Callable[[], None], found: str, who: str) -> None:
+    async def restart_loop_with(self, take: Callable[[], None], found: str, who: str) -> None:
         """Start the loop anew with what was ``found``, once ``take`` has.
 
         Raises RequestRejectedError unless it is off.
         """
-        async with self._turn:
+        async with self._command_lock:
             if self.live_state.mode is not Mode.OFF:
                 raise RequestRejectedError(
                     ErrorCode.NOT_NOW, f"{found} takes effect in off; the mode is {self.live_state.mode}"
                 )
             take()
             try:
-                await self._start_anew(f"with {found}", f"loop started with {found}", who)
+                await self._restart_loop(f"with {found}", f"loop started with {found}", who)
             except LoopExitedError as died:
-                self._journal.note(MarkKind.FAULT, f"no loop started with {found}", 0, who)
+                self._event_log.add_mark(MarkKind.FAULT, f"no loop started with {found}", 0, who)
                 raise LoopExitedError(f"{found} takes effect at the next start of the loop: {died}") from died
             finally:
                 self.changed()
 
-    async def _start_anew(self, purpose: str, text: str, who: str) -> None:
+    async def _restart_loop(self, purpose: str, text: str, who: str) -> None:
         plant, before = self._supervisor.setup.plant, self._supervisor.setup.brought_up
         brought_up = await asyncio.to_thread(find_for_next_start, self._database, plant, before)
         if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
@@ -322,37 +324,39 @@ class ActuatorService:
         await self._supervisor.restart(purpose)
         self._on_new_ring(self._supervisor.ring)
         self.live_state.starts += 1
-        self._journal.note(MarkKind.NOTE, text, 0, who)
+        self._event_log.add_mark(MarkKind.NOTE, text, 0, who)
 
     async def set_mode(self, mode: Mode, who: str) -> None:
         """Move to another mode; one in which a person moves the joint is recorded as a session."""
         if mode in _STILL:
             await self._move_to(mode, who)
             return
-        async with self.starting:
+        async with self.start_lock:
             self.require_unoccupied()
             await self._move_to(mode, who)
 
     async def _move_to(self, mode: Mode, who: str) -> None:
-        async with self._turn:
+        async with self._command_lock:
             require_legal(self.live_state, mode, loop_alive=self._supervisor.is_alive)
             sessions, run = self._session_runs, 0
             if mode in RECORDED:
                 run = await asyncio.to_thread(sessions.begin, mode, self.live_state.tuning, who)
-            self._asked = mode, who
+            self._requested_mode = mode, who
             try:
-                await self._command(commands.SetMode(mode, run))
+                await self._send(commands.SetMode(mode, run))
             except BaseException:
-                self._asked = None  # whatever brings the mode later on, it is not this order
+                self._requested_mode = None  # whatever brings the mode later on, it is not this order
                 if run:
                     await asyncio.to_thread(sessions.abandon, run)
                 raise
-        await self._until_shown(lambda: self.live_state.mode is mode)
+        await self._wait_for_sample(lambda: self.live_state.mode is mode)
 
     def require_unoccupied(self) -> None:
         """Raise RequestRejectedError while something has the rig for itself."""
-        if self.live_state.occupied:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{self.live_state.occupied}: wait for its end, or cancel it")
+        if self.live_state.occupied_by:
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"{self.live_state.occupied_by}: wait for its end, or cancel it"
+            )
 
     async def switch_drives(self, on: bool, who: str) -> None:
         """Take the drives away, at any time, or give them back.
@@ -363,11 +367,11 @@ class ActuatorService:
         if not on:
             with suppress(LoopExitedError):
                 await self._supervisor.send(commands.SwitchDrives(on=False))
-        async with self._turn:
+        async with self._command_lock:
             if on:
                 self.require_unoccupied()
             accepted = raise_if_rejected(await switch_drives(self._supervisor, self._hands, on, who))
-            self._journal.note(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
+            self._event_log.add_mark(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
         self.changed()
 
     async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
@@ -376,9 +380,9 @@ class ActuatorService:
         check_range("q_ref", q_ref, b.q_min, b.q_max, "rad")
         check_range("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
         self.contact.sweep.break_off("other references were set", who)
-        accepted = await self._command(commands.SetReferences(q_ref, S_ref))
+        accepted = await self._send(commands.SetReferences(q_ref, S_ref))
         text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref, 4)} N·m/rad"
-        self._journal.note(MarkKind.REFERENCES, text, accepted.tick, who)
+        self._event_log.add_mark(MarkKind.REFERENCES, text, accepted.tick, who)
         self.changed()
         return References(q_ref=q_ref, S_ref=S_ref)
 
@@ -402,53 +406,53 @@ class ActuatorService:
         )
         # before it is sent: whoever loses control meanwhile has it let go after it has begun
         self._pushed = push.F_push != 0.0
-        accepted = await self._command(commands.ApplyPush(push.F_push, push.duration_s))
+        accepted = await self._send(commands.ApplyPush(push.F_push, push.duration_s))
         text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if push.F_push else "push let go"
-        self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
+        self._event_log.add_mark(MarkKind.NOTE, text, accepted.tick, who)
         return push
 
-    def let_go(self) -> None:
+    def release_push(self) -> None:
         """Let go of a push and end learning, at once: whoever ordered it does not hold control any more."""
         self.contact.sweep.break_off("whoever began it does not hold control any more")
         if self._pushed:
-            self._releasing = self._supervision.keep_task(_RELEASE, self._let_go)
+            self._releasing = self._supervision.keep_task(_RELEASE, self._release_push)
 
-    async def _let_go(self) -> None:
+    async def _release_push(self) -> None:
         self._pushed = False
         if not self._supervisor.is_alive:
             return
         with suppress(LoopExitedError):
             await self._supervisor.send(commands.ApplyPush(0.0, 0.0))
-        self._journal.note(MarkKind.NOTE, "push let go: control is lost", self.live_state.tick)
+        self._event_log.add_mark(MarkKind.NOTE, "push let go: control is lost", self.live_state.tick)
 
     async def inject_fault(self, broken: Broken | None, who: str) -> None:
         """Break a part of the plant to try a reaction, None to mend it; refused where nothing can be broken."""
         text = "mended" if broken is None else f"broken on purpose: {broken.words}"
-        await self.carry_out(commands.Inject(broken), text, who)
+        await self.send_and_log(commands.Inject(broken), text, who)
 
-    async def carry_out(self, command: Command, text: str, who: str) -> None:
+    async def send_and_log(self, command: Command, text: str, who: str) -> None:
         """Have the loop carry out what is of a simulated plant alone, and note it. Raises RequestRejectedError."""
-        accepted = await self._command(command)
-        self._journal.note(MarkKind.NOTE, text, accepted.tick, who)
+        accepted = await self._send(command)
+        self._event_log.add_mark(MarkKind.NOTE, text, accepted.tick, who)
 
-    def fall_silent(self, duration_s: float, who: str) -> None:
+    def suspend_heartbeat(self, duration_s: float, who: str) -> None:
         """Send the loop no heartbeat for a while, to try its reaction."""
         self._supervisor.fall_silent(duration_s)
-        self._journal.note(MarkKind.NOTE, "the service falls silent on purpose", self.live_state.tick, who)
+        self._event_log.add_mark(MarkKind.NOTE, "the service falls silent on purpose", self.live_state.tick, who)
 
-    async def _command(self, command: Command) -> Accepted:
+    async def _send(self, command: Command) -> Accepted:
         return raise_if_rejected(await self._supervisor.send(command))
 
-    async def _until_shown(self, reached: Callable[[], bool]) -> None:
+    async def _wait_for_sample(self, reached: Callable[[], bool]) -> None:
         """Wait until the samples show what was accepted, a moment at most."""
         with suppress(TimeoutError, LoopExitedError):
             await self._supervisor.advance_until(reached, timeout_s=_SHOWN_S)
         self.changed()
 
-    def _hear(self, event: Event | LoopExited) -> None:
-        self.live_state.hear(event)
+    def _handle_event(self, event: Event | LoopExited) -> None:
+        self.live_state.handle_event(event)
         if isinstance(event, PlayerMoved):
-            self.player.hear(event)
+            self.player.handle_event(event)
         if isinstance(event, PushReleased):
             self._pushed = False
         if isinstance(event, ModeChanged):
@@ -458,7 +462,7 @@ class ActuatorService:
         if (mark := build_mark(event, self.live_state.tick)) is not None:
             if isinstance(event, Stopped) and self.live_state.is_expected(event.fault):
                 mark = mark._replace(kind=MarkKind.NOTE)
-            self._journal.note(*mark, who=self._who_asked(event))
+            self._event_log.add_mark(*mark, who=self._find_requester(event))
         if isinstance(event, Stopped):
             for waiter in self._stop_waiters:
                 if not waiter.done():
@@ -466,11 +470,15 @@ class ActuatorService:
         if not isinstance(event, Accepted | Refused | RunEnded):
             self.changed()
 
-    def _who_asked(self, event: Event | LoopExited) -> str:
+    def _find_requester(self, event: Event | LoopExited) -> str:
         """Return who asked for the mode that has come; empty where nobody did."""
-        if self._asked is None or not isinstance(event, ModeChanged) or event.after is not self._asked[0]:
+        if (
+            self._requested_mode is None
+            or not isinstance(event, ModeChanged)
+            or event.after is not self._requested_mode[0]
+        ):
             return ""
-        (_, who), self._asked = self._asked, None
+        (_, who), self._requested_mode = self._requested_mode, None
         return who
 
 
@@ -490,7 +498,7 @@ async def set_obstacle(actuator: ActuatorService, order: WallOrder, who: str) ->
         message = f"a wall is put only in the way of what is simulated, and what is driven is the {plant.name}"
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
     wall = None if order.wall is None else _possible(order.wall, actuator.live_state.parameters)
-    await actuator.carry_out(Obstruct(wall), describe_wall(wall), who)
+    await actuator.send_and_log(Obstruct(wall), describe_wall(wall), who)
     return order
 
 

@@ -76,11 +76,11 @@ class TuningSnapshot:
     ranges: Sequence[tuple[float, ...]]
 
     @classmethod
-    def of(cls, tuning: ActiveTuning) -> "TuningSnapshot":
+    def from_active(cls, tuning: ActiveTuning) -> "TuningSnapshot":
         """Return what is asked of a tuning in use."""
         return cls(tuning.parameters, tuning.choice, tuning.bank, tuning.previewer.ranges)
 
-    def made(self) -> ActiveTuning:
+    def resolve(self) -> ActiveTuning:
         """Return the tuning with its models, which are kept where they were made before."""
         with _keeping:
             same = next((one for one in _kept if self._has_models_of(one)), None)
@@ -103,7 +103,7 @@ class TuningSnapshot:
 
 
 def preview_tuning(
-    asked: TuningSnapshot,
+    snapshot: TuningSnapshot,
     lam_q: float,
     lam_S: float,
     S: float,
@@ -114,18 +114,18 @@ def preview_tuning(
     printed: bool,
 ) -> TuningPreview:
     """Return what ``ActiveTuning.preview`` does. Raises OutOfRangeError."""
-    made = asked.made()
+    made = snapshot.resolve()
     return made.preview(lam_q, lam_S, S, entry, motion=motion, u_plan=u_plan, k_ext=k_ext, printed=printed)
 
 
-def preview_motor(asked: TuningSnapshot, lam_motor: float) -> MotorPreview:
+def preview_motor(snapshot: TuningSnapshot, lam_motor: float) -> MotorPreview:
     """Return what ``ActiveTuning.motor`` does. Raises OutOfRangeError."""
-    return asked.made().motor(lam_motor)
+    return snapshot.resolve().preview_motor(lam_motor)
 
 
-def compute_robustness(asked: TuningSnapshot, M_s: float) -> RobustTuning:
+def compute_robustness(snapshot: TuningSnapshot, M_s: float) -> RobustTuning:
     """Return what ``ActiveTuning.robust`` does."""
-    return asked.made().robust(M_s)
+    return snapshot.resolve().compute_robust_tuning(M_s)
 
 
 # Work places ---------------------------------------------------------------------------------------

@@ -104,7 +104,7 @@ class CommissioningResults:
         self._supervisor = supervisor
         self._database = database
         self._disproving: set[asyncio.Task[None]] = set()
-        supervisor.listen(self._hear)
+        supervisor.listen(self._handle_event)
 
     def why_not(self) -> str:
         """Return why there is nothing to be brought up; empty where there is."""
@@ -126,11 +126,11 @@ class CommissioningResults:
         if not (finding.calibrations and finding.passed):
             return
         try:
-            await self._actuator.take_up(lambda: None, "what the bring-up has measured", who)
+            await self._actuator.restart_loop_with(lambda: None, "what the bring-up has measured", who)
         except (RequestRejectedError, LoopExitedError) as error:
             self.problem = f"What {STEP[step].title} of the bring-up has measured {NOT_YET} ({error})."
 
-    def _hear(self, event: Event | LoopExited) -> None:
+    def _handle_event(self, event: Event | LoopExited) -> None:
         """Take a motor that turned the wrong way for what it is: the directions are disproved, for later starts too."""
         if isinstance(event, Stopped) and event.fault is Fault.MOTOR_REVERSED and not self.why_not():
             keeping = asyncio.create_task(self._disprove(event.detail))
@@ -208,7 +208,7 @@ class BringUp:
         """What of it could not be kept, or is not in force yet."""
         return self._findings.problem
 
-    def use(self, parameters: PlantParameters) -> None:
+    def set_parameters(self, parameters: PlantParameters) -> None:
         """Work by these parameters from now on."""
         self._parameters = parameters
 
@@ -267,7 +267,7 @@ class BringUp:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, str(error)) from None
         except PlantError as error:
             raise RequestRejectedError(ErrorCode.NOT_NOW, str(error)) from None
-        async with self._actuator.starting:
+        async with self._actuator.start_lock:
             kept = await asyncio.to_thread(status.kept, self._database)
             blocked = self._findings.not_driven(wiring) or self._blocked(STEP[step], self._states(kept, wiring))
             if blocked:
@@ -385,7 +385,7 @@ class BringUp:
     def _occupy(self, running: _Running | None) -> None:
         """Say in the state what has the rig for itself, and which trip it provokes."""
         live_state = self._actuator.live_state
-        live_state.occupied = "" if running is None else f"{STEP[running.step].title} of the bring-up is under way"
+        live_state.occupied_by = "" if running is None else f"{STEP[running.step].title} of the bring-up is under way"
         tries_module = running is not None and running.step is StepId.SAFETY_MODULE
         live_state.provoked_fault = Fault.SAFETY_MODULE if tries_module else Fault.NONE
 

@@ -121,13 +121,13 @@ class BiasSweep:
         self,
         supervisor: Supervisor,
         live_state: LiveState,
-        journal: EventLog,
+        event_log: EventLog,
         command: Callable[[Command], Awaitable[Accepted]],
         learn: Callable[[int], Awaitable[None]],
         gives_way: Callable[[], bool],
         changed: Callable[[], None],
     ) -> None:
-        self._supervisor, self._live_state, self._journal = supervisor, live_state, journal
+        self._supervisor, self._live_state, self._event_log = supervisor, live_state, event_log
         self._command, self._learn, self._gives_way, self._changed = command, learn, gives_way, changed
         self._view: SweepView | None = None
         self._task: asyncio.Task[None] | None = None
@@ -232,7 +232,7 @@ class BiasSweep:
 
     async def _go(self, S_ref: float, who: str = "", why: str = "to learn the outside force") -> Accepted:
         accepted = await self._command(SetReferences(self._held[0], S_ref))
-        self._journal.note(MarkKind.REFERENCES, f"S_ref {in_digits(S_ref, 4)} N·m/rad, {why}", accepted.tick, who)
+        self._event_log.add_mark(MarkKind.REFERENCES, f"S_ref {in_digits(S_ref, 4)} N·m/rad, {why}", accepted.tick, who)
         return accepted
 
     async def _put_back(self) -> None:
@@ -252,7 +252,7 @@ class BiasSweep:
         self._view = view.model_copy(update={"under_way": False, "why": why})
         at = f"at point {view.point} of {view.points}, {in_digits(view.S_ref)} N·m/rad"
         text = f"learning over S ended {at}: {why}" if why else f"learned over S at {view.points} points"
-        self._journal.note(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._live_state.tick, who)
+        self._event_log.add_mark(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._live_state.tick, who)
         self._changed()
 
     def _why_not_now(self, rows: NDArray[np.float64]) -> str:
@@ -306,32 +306,32 @@ class ContactService:
         self,
         supervisor: Supervisor,
         live_state: LiveState,
-        journal: EventLog,
+        event_log: EventLog,
         command: Callable[[Command], Awaitable[Accepted]],
         changed: Callable[[], None],
-        starting: asyncio.Lock,
+        start_lock: asyncio.Lock,
         events: EventBus,
     ) -> None:
         self.sweep = BiasSweep(
             supervisor=supervisor,
             live_state=live_state,
-            journal=journal,
+            event_log=event_log,
             command=command,
             learn=self._learn_on,
             gives_way=lambda: self._contact_N != 0.0,
             changed=changed,
         )
         self._supervisor = supervisor
-        self._journal = journal
+        self._event_log = event_log
         self._command = command
         self._changed = changed
         self._events = events
-        self._turn, self._starting = asyncio.Lock(), starting
+        self._command_lock, self._start_lock = asyncio.Lock(), start_lock
         self._points: list[TouchPoint] = []
         self._contact_N = 0.0
         self._felt: ContactView | None = None
         self._since = 0
-        supervisor.listen(self._hear)
+        supervisor.listen(self._handle_event)
 
     @property
     def learned(self) -> Sequence[TouchPoint]:
@@ -356,7 +356,7 @@ class ContactService:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, "the outside force is being learned over S: wait for its end or stop it"
             )
-        async with self._turn:
+        async with self._command_lock:
             points = [] if order.forget else self._points
             if order.learn:
                 points = _with(points, self._learned(self._since))
@@ -375,7 +375,7 @@ class ContactService:
         if order.forget:
             self.sweep.forget()
         for text in _said(order, points):
-            self._journal.note(MarkKind.NOTE, text, tick, who)
+            self._event_log.add_mark(MarkKind.NOTE, text, tick, who)
         self._changed()
         return self.view()
 
@@ -387,13 +387,13 @@ class ContactService:
         if order.sweep == "stop":
             await self.sweep.stop(who)
         else:
-            async with self._starting, self._turn:
+            async with self._start_lock, self._command_lock:
                 await self.sweep.begin(who)
         return self.view()
 
     async def _learn_on(self, since: int) -> None:
         """Learn one more point, of samples from the tick ``since`` on."""
-        async with self._turn:
+        async with self._command_lock:
             await self._put(_with(self._points, self._learned(max(since, self._since))), self._contact_N)
         self._changed()
 
@@ -415,7 +415,7 @@ class ContactService:
         bias = np.array([(point.S, point.F) for point in self._points], dtype=np.float64).reshape(-1, 2)
         return TouchPoint(S=S, F=float(F.mean()) + disturbance_observer.interpolate_bias(bias, S), std_N=float(F.std()))
 
-    def _hear(self, event: Event | LoopExited) -> None:
+    def _handle_event(self, event: Event | LoopExited) -> None:
         match event:
             case ContactDetected(tick, F_ext_hat, contact_N):
                 self._felt = ContactView(F_ext_hat=F_ext_hat, contact_N=contact_N, tick=tick)

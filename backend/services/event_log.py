@@ -78,13 +78,13 @@ class EventLog:
         kept = sum(not entry.lost for entry in self._waiting)
         return f"events cannot be stored: {self._error}; {kept} wait in memory{past}"
 
-    def note(self, kind: MarkKind, text: str, tick: int, who: str = "", run: int | None = None) -> None:
+    def add_mark(self, kind: MarkKind, text: str, tick: int, who: str = "", run: int | None = None) -> None:
         """Put a mark at ``tick``; ``who`` is empty when nobody asked for what happened."""
         mark = EventMessage(tick=tick, kind=kind, text=f"{text} ({who})" if who else text)
         self._events.publish(MarkAdded(mark))
         self._keep(_Entry(kind=EventKind(kind), text=text, tick=tick, who=who, run=run, at=datetime.now(UTC)))
 
-    def record(self, kind: EventKind, text: str, who: str = "") -> None:
+    def add_entry(self, kind: EventKind, text: str, who: str = "") -> None:
         """Keep an event that is nothing on the time axis: for the log alone."""
         self._keep(_Entry(kind=kind, text=text, tick=None, who=who, run=None, at=datetime.now(UTC)))
 
@@ -171,7 +171,7 @@ class EventLog:
                 events.add(session, entry.kind, entry.text, who=who, run_id=run, tick=tick, at=at)
 
 
-# Refusals ------------------------------------------------------------------------------------------
+# RejectionLog ------------------------------------------------------------------------------------------
 #
 # Refused commands in the log: who asked for what, and why it was refused; a flood of them is
 # counted.
@@ -196,17 +196,17 @@ class Clock(Protocol):
         ...
 
 
-class Refusals:
+class RejectionLog:
     """Writes refusals into the journal; ``call_later`` ends a window."""
 
-    def __init__(self, journal: EventLog, call_later: Clock) -> None:
-        self._journal, self._call_later = journal, call_later
+    def __init__(self, event_log: EventLog, call_later: Clock) -> None:
+        self._event_log, self._call_later = event_log, call_later
         self._window_s = WINDOW_S
         self._told: set[tuple[str, str]] = set()
         self._again: Counter[tuple[str, str]] = Counter()
         self._others = 0
 
-    def note(self, what: str, reason: str, who: str) -> None:
+    def add(self, what: str, reason: str, who: str) -> None:
         """Keep that ``what`` was refused to ``who``; the reason has angles in SI, as all texts of the log."""
         text = as_line(f"{what} refused: {reason}")
         entry = (text if len(text) <= TEXT_MAX else f"{text[: TEXT_MAX - 1]}…", who)
@@ -234,7 +234,7 @@ class Refusals:
         self._others = 0
 
     def _record(self, text: str, who: str) -> None:
-        self._journal.record(EventKind.REFUSAL, text, who)
+        self._event_log.add_entry(EventKind.REFUSAL, text, who)
 
 
 def _times(count: int) -> str:

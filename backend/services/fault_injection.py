@@ -104,7 +104,7 @@ async def apply_fault(actuator: ActuatorService, control: ControlLease, injectio
         )
     match injection.kind:
         case Silence.SERVICE_SILENT:
-            actuator.fall_silent(SERVICE_SILENT_S, who)
+            actuator.suspend_heartbeat(SERVICE_SILENT_S, who)
         case Silence.PAGE_SILENT:
             control.mute()
         case _:

@@ -556,7 +556,7 @@ class JobManager:
         """Start an experiment and return its run. Raises RequestRejectedError, SettingError, OutOfRangeError."""
         _, plan, wanted = await self._ordered(request)
         self._require_seed(wanted)
-        async with self._actuator.starting:
+        async with self._actuator.start_lock:
             self._require_free()
             require_ready(self._station.loop)
             return await self._start(await self._bank_of(wanted), RunRequest(plan, wanted, who))
@@ -630,7 +630,7 @@ class JobManager:
         Raises RequestRejectedError, SettingError, OutOfRangeError.
         """
         plans = build_plans(request)
-        async with self._actuator.starting:
+        async with self._actuator.start_lock:
             self._require_free()
             parameters = self._station.parameters
             loop, bank = self._loop_settings(), self._actuator.live_state.tuning.bank
@@ -661,7 +661,7 @@ class JobManager:
         if (task := self._actuator.live_state.task) is not None:
             remedy = "wait for its end or stop it"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"run {task.run}, {task.kind}, is under way: {remedy}")
-        if self._actuator.tuning_service.trial() is not None:
+        if self._actuator.tuning_service.view_trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
 
     async def _start(self, bank: Bank | None, *orders: RunRequest) -> int:

@@ -214,12 +214,12 @@ class Applied:
         actuator: ActuatorService,
         supervisor: Supervisor,
         database: Database,
-        kept: TuningStore,
+        tuning_store: TuningStore,
         base: PlantParameters,
         events: EventBus,
     ) -> None:
         self._actuator, self._supervisor, self._database = actuator, supervisor, database
-        self._kept, self._base, self._events = kept, base, events
+        self._tuning_store, self._base, self._events = tuning_store, base, events
 
     def view(self, estimate: int | None = None) -> ParametersView:
         """Return what is in force and was, and what applying an estimate would change. Raises UnknownRecordError."""
@@ -238,7 +238,7 @@ class Applied:
 
     async def apply(self, estimate: int, who: str) -> ParametersView:
         """Put in force what was identified. Raises RequestRejectedError, UnknownRecordError; nothing changes then."""
-        async with self._actuator.starting:
+        async with self._actuator.start_lock:
             await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._proposal(estimate)), who)
         return await asyncio.to_thread(self.view)
 
@@ -248,7 +248,7 @@ class Applied:
         Raises RequestRejectedError; nothing changes then. That is the way back from parameters that no loop starts
         with: so it does for a loop that is not there, too.
         """
-        async with self._actuator.starting:
+        async with self._actuator.start_lock:
             await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._undoing(version)), who)
         return await asyncio.to_thread(self.view)
 
@@ -260,7 +260,7 @@ class Applied:
                 )
             applied, before = propose(), self._actuator.live_state.operator_tuning
             parameters = self._base.with_identified(changed_sections(applied))
-            return _Wanted(applied, parameters, before, self._kept.choose_for_parameters(before, parameters))
+            return _Wanted(applied, parameters, before, self._tuning_store.choose_for_parameters(before, parameters))
         except (NotApplicableError, ParameterError, TuningError) as error:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, f"it cannot be applied: {error}") from None
 
@@ -275,10 +275,10 @@ class Applied:
                 )
             with self._database.session() as session:
                 store_parameters(session, applied, who)
-            self._kept.put(tuning, who)
+            self._tuning_store.save(tuning, who)
             live_state = self._actuator.live_state
-            live_state.use(parameters, tuning)
-            live_state.begin_steps(self._kept.earlier(tuning))
+            live_state.set_parameters(parameters, tuning)
+            live_state.begin_steps(self._tuning_store.load_previous(tuning))
             identified = changed_sections(applied)
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
             self._events.publish(ParametersApplied(parameters))
@@ -288,7 +288,7 @@ class Applied:
         run = f"the identification of run {applied.run}" if applied.run else "a spring measured elsewhere"
         moved = ", ".join(tuning.choice.differences(before.choice))
         told = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
-        await self._actuator.take_up(take, told, who)
+        await self._actuator.restart_loop_with(take, told, who)
 
     def _require_idle(self, tuning: ActiveTuning) -> None:
         """Raise RequestRejectedError unless the actuator is off, nothing is under way and this tuning is in force."""
@@ -296,7 +296,7 @@ class Applied:
         self._actuator.require_unoccupied()
         if live_state.task is not None or live_state.own_tuning is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a run is under way: parameters change when it is over")
-        if self._actuator.tuning_service.trial() is not None:
+        if self._actuator.tuning_service.view_trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
         if live_state.mode is not Mode.OFF:
             raise RequestRejectedError(

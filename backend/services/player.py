@@ -128,7 +128,7 @@ class RecordingPlayer:
             raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="no_recording")
         return self._recording
 
-    def hear(self, event: PlayerMoved) -> None:
+    def handle_event(self, event: PlayerMoved) -> None:
         """Take in where the player is from a tick on."""
         self._told = event
         self._changed()

@@ -105,7 +105,7 @@ class DryRuns:
 
 def _get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
     """Take over what was computed for a tuning before, which loads half of SciPy, and load the rest."""
-    RobustnessCache().restore()
+    RobustnessCache().load()
     warm_up_dry_run(parameters, settings)
 
 

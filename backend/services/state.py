@@ -347,18 +347,18 @@ class LiveState:
         self.redo_stack: deque[ResolvedTuning] = deque(maxlen=UNDO_STEPS)
         self.task: TaskView | None = None
         self.starts = 1
-        self.occupied = ""
+        self.occupied_by = ""
         self.provoked_fault = Fault.NONE
         self.wall: Obstacle | None = None
-        self._unready = ""
-        self.use(parameters, tuning)
+        self._loop_not_ready_reason = ""
+        self.set_parameters(parameters, tuning)
         self._supervisor = supervisor
         self._observation = Observation(lambda: supervisor.ring)
         self._pretension_done = False
         self._stop: Stopped | None = None
         self._plant_problem = ""
 
-    def use(self, parameters: PlantParameters, tuning: ActiveTuning) -> None:
+    def set_parameters(self, parameters: PlantParameters, tuning: ActiveTuning) -> None:
         """Take over the parameters in force, and the tuning that goes with them."""
         self.parameters, self.tuning = parameters, tuning
         self.bounds = compute_bounds(parameters)
@@ -381,9 +381,9 @@ class LiveState:
         return self.own_tuning or self.tuning
 
     @property
-    def unready(self) -> str:
+    def not_ready_reason(self) -> str:
         """What has to come before pretension; empty where nothing has."""
-        return self.occupied or self._unready
+        return self.occupied_by or self._loop_not_ready_reason
 
     @property
     def mode(self) -> Mode:
@@ -421,14 +421,14 @@ class LiveState:
         """Return where an operator may go from ``mode`` now."""
         if not self._supervisor.is_alive:
             return []
-        if mode is Mode.OFF and self.unready:
+        if mode is Mode.OFF and self.not_ready_reason:
             return []
         if mode is Mode.PRETENSION and not self._pretension_done:
             return [Mode.STOPPING, Mode.OFF]
         paused = self.task is not None and self.task.paused
         return [one for one in LEGAL[mode] if not paused or one not in MOVING]
 
-    def hear(self, event: Event | LoopExited) -> None:
+    def handle_event(self, event: Event | LoopExited) -> None:
         """Take in what the loop tells."""
         match event:
             case ModeChanged():
@@ -442,7 +442,7 @@ class LiveState:
                 self._pretension_done = False
                 self._tuning_number = 0
                 self._plant_problem = ""
-                self._unready = ""
+                self._loop_not_ready_reason = ""
             case PretensionReached():
                 self._pretension_done = True
             case Stopped():
@@ -454,18 +454,18 @@ class LiveState:
             case PlantAnswers():
                 self._plant_problem = ""
             case ReadinessChanged(_, unready):
-                self._unready = unready
+                self._loop_not_ready_reason = unready
             case Accepted() | Refused() | RunEnded() | PushReleased() | ContactDetected() | BiasLost() | PlayerMoved():
                 pass
             case _:
                 assert_never(event)
 
-    def forget_stop(self) -> None:
+    def clear_stop(self) -> None:
         """Drop the proof of a stop that has been reset, and the trouble that a reset is refused for."""
         self._stop = None
         self._plant_problem = ""
 
-    def proof_of(self, stopped: Stopped) -> StopProof:
+    def build_stop_proof(self, stopped: Stopped) -> StopProof:
         """Return the proof of a stop; what is played was not driven, so that a stop has paused it only."""
         return StopProof(
             arrived_tick=stopped.arrived_tick,
@@ -486,7 +486,7 @@ class LiveState:
             version=__version__,
         )
 
-    def state(self, parts: "ServiceState") -> State:
+    def build_view(self, parts: "ServiceState") -> State:
         """Return what the status line and the controls show; ``parts`` has the views of the other parts.
 
         All values of a sample come from one sample, as the loop writes newer ones meanwhile.
@@ -509,9 +509,9 @@ class LiveState:
             limits=self._limits(),
             touch=parts.touch(),
             fault=self._fault_view(sample),
-            unready=self.unready,
+            unready=self.not_ready_reason,
             pretension_done=self._pretension_done,
-            stop_proof=None if self._stop is None else self.proof_of(self._stop),
+            stop_proof=None if self._stop is None else self.build_stop_proof(self._stop),
             holder=holder,
             people=parts.people(),
             wishes=parts.wishes(),
@@ -611,7 +611,7 @@ class ServiceState:
 
     def view(self) -> State:
         """Return everything the status line and the controls show."""
-        return self.live_state.state(self)
+        return self.live_state.build_view(self)
 
 
 def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:

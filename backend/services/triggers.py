@@ -16,13 +16,13 @@ from plant import ErrorCode, T_s
 class Triggers:
     """Arms and disarms the one ``trigger`` of the station."""
 
-    def __init__(self, trigger: Trigger, actuator: ActuatorService, journal: EventLog, database: Database) -> None:
-        self._trigger, self._actuator, self._journal, self._database = trigger, actuator, journal, database
-        self._turn = asyncio.Lock()
+    def __init__(self, trigger: Trigger, actuator: ActuatorService, event_log: EventLog, database: Database) -> None:
+        self._trigger, self._actuator, self._event_log, self._database = trigger, actuator, event_log, database
+        self._command_lock = asyncio.Lock()
         left = load_armed_trigger(database)
         if left is not None:
             says = left.get("says") or Condition(left["signal"], left["kind"], left["level"], left["upper"]).describe()
-            journal.record(
+            event_log.add_entry(
                 EventKind.NOTE, f"trigger disarmed, as the service was started anew: {says}, armed by {left['who']}"
             )
 
@@ -56,7 +56,7 @@ class Triggers:
         Raises RequestRejectedError while another is waited for, or where the order makes no sense.
         """
         condition = _possible(order, await asyncio.to_thread(self._derived))
-        async with self._turn:
+        async with self._command_lock:
             standing = self._trigger.status
             if standing is not None and self._trigger.is_armed:
                 told = f"{standing.armed.who} has armed it: {standing.armed.condition.describe()}; disarm it first"
@@ -86,7 +86,7 @@ class Triggers:
 
     async def disarm(self, who: str) -> None:
         """Wait for nothing any more; a capture under way ends here and is kept."""
-        async with self._turn:
+        async with self._command_lock:
             if not self._trigger.is_armed:
                 return
             self._trigger.disarm(f"{who} disarmed it")
@@ -98,7 +98,7 @@ class Triggers:
             return {one.name: build_derived_signal(one) for one in formulas.find(session)}
 
     def _note(self, text: str, who: str) -> None:
-        self._journal.note(MarkKind.NOTE, text, self._actuator.live_state.tick, who)
+        self._event_log.add_mark(MarkKind.NOTE, text, self._actuator.live_state.tick, who)
 
 
 def _possible(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:

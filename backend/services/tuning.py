@@ -24,7 +24,7 @@ from backend.schemas import (
     TuningView,
 )
 from backend.services import background_work
-from backend.services.background_work import TuningSnapshot, Compute
+from backend.services.background_work import Compute, TuningSnapshot
 from backend.services.contact import BiasDiscarded, ContactService
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
@@ -56,41 +56,41 @@ class TuningService:
         self,
         supervisor: Supervisor,
         live_state: LiveState,
-        journal: EventLog,
-        kept: TuningStore,
+        event_log: EventLog,
+        tuning_store: TuningStore,
         supervision: Supervision,
         send: Callable[[SetTuning], Awaitable[Accepted]],
-        turn: asyncio.Lock,
+        change_lock: asyncio.Lock,
         changed: Callable[[], None],
         contact: ContactService,
         events: EventBus,
     ) -> None:
         self._supervisor = supervisor
         self._live_state = live_state
-        self._journal = journal
-        self._kept = kept
+        self._event_log = event_log
+        self._tuning_store = tuning_store
         self._send = send
-        self._turn = turn
+        self._change_lock = change_lock
         self._changed = changed
         self._contact = contact
-        self._trial = TuningTrial(self._end_trial_by_itself, supervision)
-        events.subscribe(BiasDiscarded, lambda _: self._leave_pushes())
-        live_state.begin_steps(kept.earlier(live_state.tuning))
+        self._trial = TuningTrial(self._end_trial_automatically, supervision)
+        events.subscribe(BiasDiscarded, lambda _: self._disable_rejection())
+        live_state.begin_steps(tuning_store.load_previous(live_state.tuning))
 
-    def trial(self) -> TrialView | None:
+    def view_trial(self) -> TrialView | None:
         """Return what is on trial; None for nothing."""
         return self._trial.view()
 
-    async def set(self, request: TuningRequest, who: str) -> TuningView:
+    async def apply(self, request: TuningRequest, who: str) -> TuningView:
         """Change the tuning while the loop runs. Raises OutOfRangeError; nothing changes then."""
-        view = await self._change(request, who, self._choose)
-        await self._keep(who)
+        view = await self._change(request, who, self._apply_permanently)
+        await self._store_active(who)
         return view
 
     async def start_trial(self, request: TrialRequest, who: str) -> None:
         """Change the tuning for a while. Raises OutOfRangeError. A trial of a trial goes back to before the first."""
         before = self._trial.before or self._live_state.tuning
-        await self._change(request, who, self._put_in_force)
+        await self._change(request, who, self._send_tuning)
         self._trial.begin(before, request.duration_s)
         self._changed()
 
@@ -101,9 +101,9 @@ class TuningService:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is on trial: what is in force stays")
         if keep:
             self._trial.forget()
-            self._remember_step(before)
-            self._journal.note(MarkKind.TUNING, "trial kept", self._live_state.tick, who)
-            await self._keep(who)
+            self._push_undo(before)
+            self._event_log.add_mark(MarkKind.TUNING, "trial kept", self._live_state.tick, who)
+            await self._store_active(who)
         else:
             await self._end_trial(before, who)
         self._changed()
@@ -114,13 +114,13 @@ class TuningService:
 
     async def use_bank(self, bank: Bank | None, who: str) -> TuningView:
         """Use the models of a bank, None for those of geometry. Raises OutOfRangeError when λ is not safe on them."""
-        async with self._turn:
-            self._require_own()
+        async with self._change_lock:
+            self._require_no_override()
             before = self._live_state.tuning
-            tick = await self._choose(await asyncio.to_thread(before.with_bank, bank))
+            tick = await self._apply_permanently(await asyncio.to_thread(before.with_bank, bank))
             said = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
-            self._journal.note(MarkKind.BANK, said, tick, who)
-        await self._keep(who)
+            self._event_log.add_mark(MarkKind.BANK, said, tick, who)
+        await self._store_active(who)
         return self._live_state.tuning.view(self._live_state.entry)
 
     async def undo(self, who: str) -> TuningView:
@@ -129,31 +129,31 @@ class TuningService:
         Raises RequestRejectedError where there is nothing to undo, OutOfRangeError where it would not be safe any more.
         """
         stack, other = self._live_state.undo_stack, self._live_state.redo_stack
-        return await self._step(stack, other, "undone", "no change of the tuning is left to undo", who)
+        return await self._move_between_stacks(stack, other, "undone", "no change of the tuning is left to undo", who)
 
     async def redo(self, who: str) -> TuningView:
         """Put in force again what the last undo took back. Raises like ``undo``."""
         stack, other = self._live_state.redo_stack, self._live_state.undo_stack
-        return await self._step(stack, other, "done again", "no change of the tuning was undone", who)
+        return await self._move_between_stacks(stack, other, "done again", "no change of the tuning was undone", who)
 
-    async def _step(
+    async def _move_between_stacks(
         self, stack: deque[ResolvedTuning], other: deque[ResolvedTuning], done: str, nothing: str, who: str
     ) -> TuningView:
         """Put in force the newest tuning of a stack; what was in force goes onto the other one."""
-        async with self._turn:
-            self._require_own()
+        async with self._change_lock:
+            self._require_no_override()
             if self._trial.before is not None:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
             if not stack:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, nothing)
             step, before = stack[-1], self._live_state.tuning
             after = await asyncio.to_thread(before.with_choice, step.choice, step.bank)
-            tick = await self._put_in_force(after)
+            tick = await self._send_tuning(after)
             stack.pop()
             other.append(before)
             self._changed()
-            self._journal.note(MarkKind.TUNING, f"{done}: {after.difference(before)}", tick, who)
-        await self._keep(who)
+            self._event_log.add_mark(MarkKind.TUNING, f"{done}: {after.difference(before)}", tick, who)
+        await self._store_active(who)
         return self._live_state.tuning.view(self._live_state.entry)
 
     async def apply_temporary(self, choice: TuningSettings, bank: Bank | None, who: str) -> None:
@@ -161,15 +161,15 @@ class TuningService:
 
         Raises OutOfRangeError and RequestRejectedError; nothing changes then.
         """
-        async with self._turn:
-            self._require_own()
+        async with self._change_lock:
+            self._require_no_override()
             if self._trial.before is not None:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
             own = self._live_state.tuning
             if choice != own.choice:
                 wanted = await asyncio.to_thread(own.with_choice, choice, bank)
-                tick = await self._put_in_force(wanted)
-                self._journal.note(MarkKind.TUNING, f"for the run: {wanted.difference(own)}", tick, who)
+                tick = await self._send_tuning(wanted)
+                self._event_log.add_mark(MarkKind.TUNING, f"for the run: {wanted.difference(own)}", tick, who)
             self._live_state.own_tuning = own
         self._changed()
 
@@ -177,7 +177,7 @@ class TuningService:
         """Put the operator's tuning back in force; does so as soon as the loop takes it."""
         own = self._live_state.own_tuning
         if own is not None:
-            await self._until_put_back("The operator's tuning", own, lambda: self._return(own))
+            await self._retry_restore("The operator's tuning", own, lambda: self._restore_after_run(own))
         self._changed()
 
     async def preview(
@@ -201,53 +201,53 @@ class TuningService:
             S_ref = live_state.references.S_ref
             S = bounds.S_min if S_ref is None else min(max(S_ref, bounds.S_min), bounds.S_max)
         check_range("S_ref", S, bounds.S_min, bounds.S_max, "N·m/rad")
-        asked = TuningSnapshot.of(live_state.tuning)
+        snapshot = TuningSnapshot.from_active(live_state.tuning)
         wanted = lam_q, lam_S, S, live_state.entry, motion, u_plan, k_ext, printed
-        previewed: TuningPreview = await compute(background_work.preview_tuning, asked, *wanted)
+        previewed: TuningPreview = await compute(background_work.preview_tuning, snapshot, *wanted)
         return previewed
 
-    async def motor(self, lam_motor: float, compute: Compute) -> MotorPreview:
+    async def preview_motor(self, lam_motor: float, compute: Compute) -> MotorPreview:
         """Tell how robust the motor loops are at a λ."""
         found: MotorPreview = await compute(
-            background_work.preview_motor, TuningSnapshot.of(self._live_state.tuning), lam_motor
+            background_work.preview_motor, TuningSnapshot.from_active(self._live_state.tuning), lam_motor
         )
         return found
 
-    async def robust(self, M_s: float, compute: Compute) -> RobustTuning:
+    async def compute_robust_tuning(self, M_s: float, compute: Compute) -> RobustTuning:
         """Find the λ of each loop for a wanted M_s."""
         found: RobustTuning = await compute(
-            background_work.compute_robustness, TuningSnapshot.of(self._live_state.tuning), M_s
+            background_work.compute_robustness, TuningSnapshot.from_active(self._live_state.tuning), M_s
         )
         return found
 
     async def _change(
         self, request: TuningRequest, who: str, put: Callable[[ActiveTuning], Awaitable[int]]
     ) -> TuningView:
-        async with self._turn:
-            self._require_own()
+        async with self._change_lock:
+            self._require_no_override()
             before = self._live_state.tuning
-            after = await asyncio.to_thread(before.changed, request)
+            after = await asyncio.to_thread(before.with_request, request)
             tick = await put(after)
-            self._journal.note(MarkKind.TUNING, after.difference(before), tick, who)
+            self._event_log.add_mark(MarkKind.TUNING, after.difference(before), tick, who)
         return after.view(self._live_state.entry)
 
-    def _leave_pushes(self) -> None:
+    def _disable_rejection(self) -> None:
         """Show that pushes are left to the position loop: what was learned is gone, and the loop does so by itself."""
         live_state = self._live_state
         if live_state.tuning.choice.k_ext == 0.0:
             return
         live_state.tuning = live_state.tuning.without_rejection()
         self._supervisor.setup = replace(self._supervisor.setup, tuning=live_state.tuning.command())
-        self._journal.note(
+        self._event_log.add_mark(
             MarkKind.TUNING, "pushes are not rejected any more: what was learned is gone", live_state.tick
         )
         self._changed()
 
-    def _as_learned(self, tuning: ActiveTuning) -> ActiveTuning:
+    def _drop_unusable_rejection(self, tuning: ActiveTuning) -> ActiveTuning:
         """Return what can come back into force of a tuning."""
         return tuning if self._contact.learned else tuning.without_rejection()
 
-    def _require_felt(self, tuning: ActiveTuning) -> None:
+    def _require_known_bias(self, tuning: ActiveTuning) -> None:
         """Raise RequestRejectedError for a rejection of a force that is not known, or not well enough."""
         if tuning.choice.k_ext == 0.0:
             return
@@ -262,12 +262,12 @@ class TuningService:
                 f"left to the position loop, {UNSEEN_F:g} N, has to be {DEVIATIONS:g} times that",
             )
 
-    async def _until_put_back(self, what: str, tuning: ActiveTuning, put_back: Callable[[], Awaitable[None]]) -> None:
-        """Call ``put_back`` until it works; meanwhile the problems of the state tell what is not back in force."""
+    async def _retry_restore(self, what: str, tuning: ActiveTuning, restore: Callable[[], Awaitable[None]]) -> None:
+        """Call ``restore`` until it works; meanwhile the problems of the state tell what is not back in force."""
         try:
             while True:
                 try:
-                    return await put_back()
+                    return await restore()
                 except Exception as error:
                     # A loop that is being restarted refuses for a moment; what was promised to come back does.
                     _log.exception("The service could not restore %s yet.", what)
@@ -283,33 +283,33 @@ class TuningService:
                 self._live_state.tuning_problem = ""
                 self._changed()
 
-    async def _return(self, own: ActiveTuning) -> None:
-        async with self._turn:
+    async def _restore_after_run(self, own: ActiveTuning) -> None:
+        async with self._change_lock:
             if self._live_state.own_tuning is not own:  # given back by another road while this waited
                 return
-            lent, back = self._live_state.tuning, self._as_learned(own)
+            lent, back = self._live_state.tuning, self._drop_unusable_rejection(own)
             if back.choice != lent.choice:
                 try:
-                    tick = await self._put_in_force(back) if self._supervisor.is_alive else self._remember(back)
+                    tick = await self._send_tuning(back) if self._supervisor.is_alive else self._set_active(back)
                 except LoopExitedError:
-                    tick = self._remember(back.without_rejection())
-                self._journal.note(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
+                    tick = self._set_active(back.without_rejection())
+                self._event_log.add_mark(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
             self._live_state.own_tuning = None
 
-    async def _end_trial_by_itself(self, before: ActiveTuning, cause: str) -> None:
-        await self._until_put_back("The tuning before the trial", before, lambda: self._end_trial(before, cause=cause))
+    async def _end_trial_automatically(self, before: ActiveTuning, cause: str) -> None:
+        await self._retry_restore("The tuning before the trial", before, lambda: self._end_trial(before, cause=cause))
 
     async def _end_trial(self, before: ActiveTuning, who: str = "", cause: str = "") -> None:
-        async with self._turn:
+        async with self._change_lock:
             tried = self._live_state.tuning
             if self._trial.before is not before:  # somebody chose another tuning while this waited
                 return
-            back = self._as_learned(before)
-            tick = await self._put_in_force(back) if self._supervisor.is_alive else self._remember(back)
+            back = self._drop_unusable_rejection(before)
+            tick = await self._send_tuning(back) if self._supervisor.is_alive else self._set_active(back)
             ended = f"trial over, {cause}" if cause else "trial over"
-            self._journal.note(MarkKind.TUNING, f"{ended}: {back.difference(tried)}", tick, who)
+            self._event_log.add_mark(MarkKind.TUNING, f"{ended}: {back.difference(tried)}", tick, who)
 
-    def _require_own(self) -> None:
+    def _require_no_override(self) -> None:
         """Raise RequestRejectedError while a run has the tuning."""
         if self._live_state.own_tuning is None:
             return
@@ -317,31 +317,31 @@ class TuningService:
         what = "a run is being started" if task is None else f"{task.kind} is running"
         raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what} and its tuning is part of its record: stop it first")
 
-    async def _keep(self, who: str) -> None:
+    async def _store_active(self, who: str) -> None:
         """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
-        await asyncio.to_thread(self._kept.put, self._live_state.tuning, who)
+        await asyncio.to_thread(self._tuning_store.save, self._live_state.tuning, who)
 
-    async def _choose(self, tuning: ActiveTuning) -> int:
+    async def _apply_permanently(self, tuning: ActiveTuning) -> int:
         """Put in force what the operator has chosen for good; the way back is remembered."""
         before = self._trial.before or self._live_state.tuning
-        tick = await self._put_in_force(tuning)
+        tick = await self._send_tuning(tuning)
         if tuning.choice != before.choice:
-            self._remember_step(before)
+            self._push_undo(before)
             self._changed()
         return tick
 
-    def _remember_step(self, before: ResolvedTuning) -> None:
+    def _push_undo(self, before: ResolvedTuning) -> None:
         """Let ``undo`` go back to a tuning; what was undone before is not done again any more."""
         self._live_state.undo_stack.append(before)
         self._live_state.redo_stack.clear()
 
-    async def _put_in_force(self, tuning: ActiveTuning) -> int:
-        self._require_felt(tuning)
+    async def _send_tuning(self, tuning: ActiveTuning) -> int:
+        self._require_known_bias(tuning)
         accepted = await self._send(tuning.command())
-        self._remember(tuning)
+        self._set_active(tuning)
         return accepted.tick
 
-    def _remember(self, tuning: ActiveTuning) -> int:
+    def _set_active(self, tuning: ActiveTuning) -> int:
         """Show ``tuning`` as in force, and give it to a loop process that is started anew."""
         self._trial.forget()
         self._live_state.tuning = tuning

@@ -87,7 +87,7 @@ class RobustnessCache:
         self.file = None if place is None else place / f"figures-{_digest_of_what_computes()[:16]}.json"
         self._kept: dict[str, tuple[float, ...]] = {}
 
-    def restore(self) -> None:
+    def load(self) -> None:
         """Remember what is kept, if it can be read."""
         if self.file is None:
             return
@@ -100,7 +100,7 @@ class RobustnessCache:
             return
         FIGURES.update(self._kept)
 
-    def keep(self) -> None:
+    def save(self) -> None:
         """Write down what is remembered, where that is not what the file holds; a disk that refuses is no matter."""
         live_state = dict(FIGURES)
         if self.file is None or live_state == self._kept:
@@ -167,7 +167,7 @@ class ActiveTuning(ResolvedTuning):
         """Return what tells the loop."""
         return build_tuning_command(self.parameters, self.choice, self.bank)
 
-    def changed(self, request: TuningRequest) -> "ActiveTuning":
+    def with_request(self, request: TuningRequest) -> "ActiveTuning":
         """Return the tuning after ``request``. Raises OutOfRangeError; takes a while where models change."""
         wanted = request.model_dump(exclude_none=True, include=set(TuningParts.model_fields))
         return self.with_choice(self.choice.with_parts(wanted), self.bank)
@@ -177,7 +177,7 @@ class ActiveTuning(ResolvedTuning):
 
         Raises OutOfRangeError where a λ is not safe on its models.
         """
-        return _checked(self.parameters, choice, bank, self)
+        return _resolve(self.parameters, choice, bank, self)
 
     def with_bank(self, bank: Bank | None) -> "ActiveTuning":
         """Return the tuning with another bank. Raises OutOfRangeError where a λ is not safe on its models."""
@@ -266,11 +266,11 @@ class ActiveTuning(ResolvedTuning):
             ),
         )
 
-    def motor(self, lam_motor: float) -> MotorPreview:
+    def preview_motor(self, lam_motor: float) -> MotorPreview:
         """Return how robust the motor loops are at this λ. Raises OutOfRangeError for one that is not offered."""
         return _motor(self.previewer.motor_at(lam_motor))
 
-    def robust(self, M_s: float) -> RobustTuning:
+    def compute_robust_tuning(self, M_s: float) -> RobustTuning:
         """Return λ of the three loops for a wanted M_s."""
         found = {
             name: RobustLambda(lam=None, reason=str(lam))
@@ -290,9 +290,9 @@ def _motor(robustness: Robustness) -> MotorPreview:
     )
 
 
-def initial(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None = None) -> ActiveTuning:
+def make_active_tuning(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None = None) -> ActiveTuning:
     """Return a tuning to start from, ``bank`` being what the choice names. Raises OutOfRangeError."""
-    return _checked(parameters, choice, bank, None)
+    return _resolve(parameters, choice, bank, None)
 
 
 def default_tuning(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
@@ -323,7 +323,7 @@ def _reference(bank: Bank | None) -> BankReference | None:
     return None if bank is None else BankReference(id=bank.id, name=bank.name, version=bank.version)
 
 
-def _checked(
+def _resolve(
     parameters: PlantParameters, choice: TuningSettings, bank: Bank | None, before: ActiveTuning | None
 ) -> ActiveTuning:
     choice = replace(choice, bank=0 if bank is None else bank.id)
@@ -405,14 +405,14 @@ class TuningStore:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def put(self, tuning: ActiveTuning, who: str) -> None:
+    def save(self, tuning: ActiveTuning, who: str) -> None:
         """Keep a tuning that has come into force; where the disk refuses, the loop goes on and the log says so."""
         try:
             tuning_settings.store_tuning(self._database, tuning.choice, tuning.parameters, who)
         except StorageError:
             _log.exception("The service could not store the active tuning for its next start.")
 
-    def earlier(self, tuning: ActiveTuning) -> ResolvedTuning | None:
+    def load_previous(self, tuning: ActiveTuning) -> ResolvedTuning | None:
         """Return what was in force before ``tuning`` came into force on this plant; None where nothing else was."""
         try:
             with self._database.reading() as session:
@@ -429,15 +429,15 @@ class TuningStore:
 
         A bank stays with the parameters that its models were made with. Raises TuningError where nothing is safe.
         """
-        left = self._left_with(parameters)
+        left = self._load_last_for(parameters)
         for choice in [*([left] if left else []), ResolvedTuning(replace(now.choice, bank=0), None)]:
             try:
-                return initial(parameters, replace(choice.choice, k_ext=0.0), choice.bank)
+                return make_active_tuning(parameters, replace(choice.choice, k_ext=0.0), choice.bank)
             except (OutOfRangeError, TuningError) as error:
                 _log.warning("The active tuning does not fit the new parameters: %s", error)
         return default_tuning(parameters)[0]
 
-    def _left_with(self, parameters: PlantParameters) -> ResolvedTuning | None:
+    def _load_last_for(self, parameters: PlantParameters) -> ResolvedTuning | None:
         try:
             with self._database.reading() as session:
                 choice = tuning_settings.left_with(session, parameters)
@@ -461,10 +461,10 @@ class TuningStore:
                 return _defaults(parameters, "the tuning of last time was for other parameters")
             with self._database.reading() as session:
                 bank = None if kept.choice.bank == 0 else banks.own(session, kept.choice.bank)
-            tuning = initial(parameters, replace(kept.choice, k_ext=0.0), bank)  # as nothing is learned yet
+            tuning = make_active_tuning(parameters, replace(kept.choice, k_ext=0.0), bank)  # as nothing is learned yet
         except (SettingError, OutOfRangeError, TuningError, UnknownRecordError, UnreadableDocumentError) as error:
             return _defaults(parameters, f"the tuning of last time is refused, {error}")
-        return tuning, _said(tuning, kept)
+        return tuning, _describe_restored(tuning, kept)
 
 
 def _defaults(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]:
@@ -472,7 +472,7 @@ def _defaults(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]
     return tuning, f"defaults in force: {why}" + (f"; {moved}" if moved else "")
 
 
-def _said(tuning: ActiveTuning, kept: LastTuning) -> str:
+def _describe_restored(tuning: ActiveTuning, kept: LastTuning) -> str:
     bank = tuning.bank
     models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
     return f"in force again as {kept.who} left it: {models}, {tuning.choice.in_words()}"

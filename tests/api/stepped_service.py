@@ -96,8 +96,8 @@ class Parts:
     saved_tunings: SavedTunings
     runs: StoredRuns
     identifications: StoredIdentifications
-    kept: TuningStore
-    journal: EventLog
+    tuning_store: TuningStore
+    event_log: EventLog
     events: EventBus
     database: Database
 
@@ -114,8 +114,8 @@ class Parts:
 @contextmanager
 def stepped_service(database: Database, parameters: PlantParameters, plant: Plant | None = None) -> Iterator[Parts]:
     """Give the parts of a service in this process, as it is when it has started on this database."""
-    kept = TuningStore(database)
-    tuning, _ = kept.restore(parameters)
+    tuning_store = TuningStore(database)
+    tuning, _ = tuning_store.restore(parameters)
     recorders: list[Recorder] = []
 
     def record(_ring: Ring) -> None:
@@ -128,16 +128,16 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
     loop.listen(recorder.on_event)
     supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
     events = EventBus()
-    live_state, journal = LiveState(supervisor, parameters, tuning), EventLog(database, events)
+    live_state, event_log = LiveState(supervisor, parameters, tuning), EventLog(database, events)
     sessions = SessionRuns(database, "simulator")
     hands = KeptHands(database, SIMULATOR)
     actuator = ActuatorService(
-        supervisor, live_state, database, sessions, journal, kept, recorder.follow, supervision, hands, events
+        supervisor, live_state, database, sessions, event_log, tuning_store, recorder.follow, supervision, hands, events
     )
     service_state = ServiceState(
         live_state=live_state,
         touch=actuator.contact.view,
-        trial=actuator.tuning_service.trial,
+        trial=actuator.tuning_service.view_trial,
         trigger=lambda: None,
         player=actuator.player.view,
         holder=lambda: None,
@@ -169,13 +169,13 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
             SavedTunings(database),
             runs,
             StoredIdentifications(database, runs.progress, here, lambda: live_state.tuning),
-            kept,
-            journal,
+            tuning_store,
+            event_log,
             events,
             database,
         )
     finally:
-        journal.close()
+        event_log.close()
         loop.close()
         recorder.close()
 

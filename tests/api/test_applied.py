@@ -23,7 +23,7 @@ from backend.sample import INDEX
 from backend.schemas.tuning import TrialRequest
 from backend.services import parameters as applied_parameters
 from backend.services.parameters import Applied, ParametersApplied
-from backend.services.tuning_state import ActiveTuning, initial
+from backend.services.tuning_state import ActiveTuning, make_active_tuning
 from backend.storage import banks
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
@@ -60,7 +60,7 @@ def restarted(monkeypatch: pytest.MonkeyPatch) -> list[Setup]:
 def applied_with(parts: Parts, heard: list[PlantParameters], base: PlantParameters = IDEAL) -> Applied:
     events = EventBus()
     events.subscribe(ParametersApplied, lambda applied: heard.append(applied.parameters))
-    return Applied(parts.actuator, parts.supervisor, parts.database, parts.kept, base, events)
+    return Applied(parts.actuator, parts.supervisor, parts.database, parts.tuning_store, base, events)
 
 
 def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
@@ -73,8 +73,8 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
 
     async def work(parts: Parts) -> None:
         live_state = parts.live_state
-        live_state.tuning = initial(IDEAL, TuningSettings(lam_q=0.8, lam_S=0.6), bank)
-        parts.kept.put(live_state.tuning, "Ana")
+        live_state.tuning = make_active_tuning(IDEAL, TuningSettings(lam_q=0.8, lam_S=0.6), bank)
+        parts.tuning_store.save(live_state.tuning, "Ana")
         applied = applied_with(parts, heard)
         proposal = applied.view(found.id).proposal
         assert proposal is not None
@@ -162,7 +162,7 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
 
         homing = "Homing of the bring-up is under way"
         with monkeypatch.context() as during:
-            during.setattr(live_state, "occupied", homing)
+            during.setattr(live_state, "occupied_by", homing)
             await refused(homing)
         with monkeypatch.context() as during:
             during.setattr(live_state, "own_tuning", live_state.tuning)
@@ -172,14 +172,14 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
         await refused("a tuning is on trial: keep it or revert it first")
         await parts.actuator.tuning_service.end_trial(keep=False, who="Ana")
 
-        choose_for_parameters = parts.kept.choose_for_parameters
+        choose_for_parameters = parts.tuning_store.choose_for_parameters
 
         def meanwhile(now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
-            live_state.tuning = initial(IDEAL, TuningSettings(lam_q=0.9), None)
+            live_state.tuning = make_active_tuning(IDEAL, TuningSettings(lam_q=0.9), None)
             return choose_for_parameters(now, parameters)
 
         with monkeypatch.context() as during:
-            during.setattr(parts.kept, "choose_for_parameters", meanwhile)
+            during.setattr(parts.tuning_store, "choose_for_parameters", meanwhile)
             await refused("the tuning was changed meanwhile")
         live_state.tuning = before
         parts.supervisor.dead = True
@@ -274,7 +274,7 @@ def test_the_loop_process_estimates_stiffness_by_the_spring_that_was_applied(dat
     then = IDEAL.with_identified(sections)
 
     async def pulled() -> Sample:
-        tuning = initial(then, TuningSettings()).command()
+        tuning = make_active_tuning(then, TuningSettings()).command()
         supervisor = Supervisor(Setup(SIMULATOR, "ideal", 0, tuning, identified=sections))
         await supervisor.start()
         try:

@@ -250,7 +250,7 @@ def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path, monkeypa
         raise StorageError("the disk has failed")
 
     async def work(parts: Parts) -> None:
-        start = asyncio.create_task(parts.actuator.take_up(lambda: None, "nothing new", "Ada"))
+        start = asyncio.create_task(parts.actuator.restart_loop_with(lambda: None, "nothing new", "Ada"))
         while not asked.is_set():
             await asyncio.sleep(0.001)
         assert rig.card_state().drive_enabled

@@ -50,18 +50,18 @@ def test_events_wait_in_order_while_nothing_can_be_written(
     database: Database, breaks: Callable[[Database], None], words: str
 ) -> None:
     async def happen() -> datetime:
-        journal = EventLog(database, EventBus())
-        writing = asyncio.create_task(journal.run())
-        journal.note(MarkKind.NOTE, "before", tick=1)
+        event_log = EventLog(database, EventBus())
+        writing = asyncio.create_task(event_log.run())
+        event_log.add_mark(MarkKind.NOTE, "before", tick=1)
         await until(lambda: texts(database) == ["before"])
         breaks(database)
         for tick in range(2, 30):
-            journal.note(MarkKind.NOTE, f"{tick} " * 400, tick)
-        await until(lambda: words in journal.problem)
-        assert "wait in memory" in journal.problem
+            event_log.add_mark(MarkKind.NOTE, f"{tick} " * 400, tick)
+        await until(lambda: words in event_log.problem)
+        assert "wait in memory" in event_log.problem
         last = datetime.now(UTC)
         repair(database)
-        await until(lambda: len(texts(database)) == 29 and journal.problem == "")
+        await until(lambda: len(texts(database)) == 29 and event_log.problem == "")
         await ended(writing)
         return last
 
@@ -73,16 +73,16 @@ def test_events_wait_in_order_while_nothing_can_be_written(
 
 def test_past_the_bound_the_number_of_those_lost_stands_in_their_place(database: Database) -> None:
     async def happen() -> None:
-        journal = EventLog(database, EventBus(), bound=5)
+        event_log = EventLog(database, EventBus(), bound=5)
         make_read_only(database)
-        writing = asyncio.create_task(journal.run())
+        writing = asyncio.create_task(event_log.run())
         for tick in range(9):
-            journal.note(MarkKind.NOTE, f"event {tick}", tick)
-        await until(lambda: journal.problem != "")
-        assert journal.problem.endswith("5 wait in memory, 4 more were lost")
+            event_log.add_mark(MarkKind.NOTE, f"event {tick}", tick)
+        await until(lambda: event_log.problem != "")
+        assert event_log.problem.endswith("5 wait in memory, 4 more were lost")
         repair(database)
         await until(lambda: len(texts(database)) == 6)
-        journal.note(MarkKind.NOTE, "afterwards", 10)
+        event_log.add_mark(MarkKind.NOTE, "afterwards", 10)
         await until(lambda: len(texts(database)) == 7)
         await ended(writing)
 
@@ -93,13 +93,13 @@ def test_past_the_bound_the_number_of_those_lost_stands_in_their_place(database:
 
 def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
     async def happen() -> None:
-        journal = EventLog(database, EventBus())
-        journal.note(MarkKind.NOTE, "first", 1)
-        journal.note(MarkKind.NOTE, "of a run that is not there", 2, run=77)
-        journal.note(MarkKind.NOTE, "half a letter \ud800", 3)
-        journal.note(MarkKind.NOTE, "last", 4)
-        writing = asyncio.create_task(journal.run())
-        await until(lambda: texts(database)[-1:] == ["last"] and journal.problem == "")
+        event_log = EventLog(database, EventBus())
+        event_log.add_mark(MarkKind.NOTE, "first", 1)
+        event_log.add_mark(MarkKind.NOTE, "of a run that is not there", 2, run=77)
+        event_log.add_mark(MarkKind.NOTE, "half a letter \ud800", 3)
+        event_log.add_mark(MarkKind.NOTE, "last", 4)
+        writing = asyncio.create_task(event_log.run())
+        await until(lambda: texts(database)[-1:] == ["last"] and event_log.problem == "")
         await ended(writing)
 
     asyncio.run(happen())
@@ -108,14 +108,14 @@ def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
 
 def test_what_waits_at_the_end_is_written_once(database: Database) -> None:
     async def happen() -> None:
-        journal = EventLog(database, EventBus())
-        writing = asyncio.create_task(journal.run())
+        event_log = EventLog(database, EventBus())
+        writing = asyncio.create_task(event_log.run())
         for tick in range(1200):
-            journal.note(MarkKind.NOTE, "event", tick)
+            event_log.add_mark(MarkKind.NOTE, "event", tick)
         await asyncio.sleep(0)  # the first batch is on its way
         await asyncio.sleep(0)
         await ended(writing)
-        journal.close()
+        event_log.close()
 
     asyncio.run(happen())
     with database.reading() as session:

@@ -11,7 +11,7 @@ import pytest
 from backend.banks.tuning_settings import TUNING_NAME, TuningSettings, default_tuning_choice
 from backend.schemas.tuning import TuningParts, TuningRequest
 from backend.services.tuning import SavedTunings
-from backend.services.tuning_state import ActiveTuning, TuningStore, initial
+from backend.services.tuning_state import ActiveTuning, TuningStore, make_active_tuning
 from backend.storage import banks, events, settings
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
@@ -43,15 +43,17 @@ def bank(database: Database) -> Bank:
 
 @pytest.fixture
 def chosen(ideal: PlantParameters, bank: Bank) -> ActiveTuning:
-    return initial(ideal, TuningSettings(lam_q=0.8, lam_S=0.6, lam_motor=0.09, b=0.5, interpolate=True), bank)
+    return make_active_tuning(
+        ideal, TuningSettings(lam_q=0.8, lam_S=0.6, lam_motor=0.09, b=0.5, interpolate=True), bank
+    )
 
 
 def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters, chosen: ActiveTuning) -> None:
-    kept = TuningStore(database)
-    assert kept.restore(ideal)[1] == ""
-    kept.put(initial(ideal, TuningSettings()), "B. Operator")
-    kept.put(chosen, "A. Operator")
-    restored, said = kept.restore(ideal)
+    tuning_store = TuningStore(database)
+    assert tuning_store.restore(ideal)[1] == ""
+    tuning_store.save(make_active_tuning(ideal, TuningSettings()), "B. Operator")
+    tuning_store.save(chosen, "A. Operator")
+    restored, said = tuning_store.restore(ideal)
     assert restored.choice == chosen.choice
     assert restored.command() == chosen.command()
     assert said == (
@@ -64,10 +66,10 @@ def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters
 def test_another_plant_starts_with_its_defaults(
     database: Database, ideal: PlantParameters, chosen: ActiveTuning
 ) -> None:
-    kept = TuningStore(database)
-    kept.put(chosen, "A. Operator")
+    tuning_store = TuningStore(database)
+    tuning_store.save(chosen, "A. Operator")
     lab = load_parameters("lab")
-    restored, said = kept.restore(lab)
+    restored, said = tuning_store.restore(lab)
     assert restored.choice == default_tuning_choice(lab).choice
     assert "other parameters" in said
 
@@ -89,17 +91,17 @@ def test_what_is_saved_by_default_is_offered_with_the_tuning_in_force(database: 
     """Whatever is in force: to revert to what is saved is not refused."""
     weak = load_parameters(str(weak_motors(tmp_path)))
     for choice in (TuningSettings(lam_q=1.2), TuningSettings(lam_q=2.5, lam_S=1.5, lam_motor=0.2, b=1.0)):
-        tuning = initial(weak, choice)
+        tuning = make_active_tuning(weak, choice)
         saved = SavedTunings(database).of(tuning)
         wanted = {name: getattr(saved, name) for name in TuningParts.model_fields}
-        assert tuning.changed(TuningRequest(**wanted)).choice == TuningSettings(**wanted)
+        assert tuning.with_request(TuningRequest(**wanted)).choice == TuningSettings(**wanted)
         assert "λ_q 0.5 → " in saved.moved
 
 
 def test_defaults_after_another_plant_are_moved_too(database: Database, chosen: ActiveTuning, tmp_path: Path) -> None:
-    kept = TuningStore(database)
-    kept.put(chosen, "A. Operator")
-    restored, said = kept.restore(load_parameters(str(weak_motors(tmp_path))))
+    tuning_store = TuningStore(database)
+    tuning_store.save(chosen, "A. Operator")
+    restored, said = tuning_store.restore(load_parameters(str(weak_motors(tmp_path))))
     assert restored.choice == replace(TuningSettings(), lam_q=restored.choice.lam_q, u_plan=restored.choice.u_plan)
     assert restored.choice.u_plan > 0.0
     assert said == (
@@ -112,12 +114,12 @@ def test_defaults_after_another_plant_are_moved_too(database: Database, chosen: 
 def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
     database: Database, ideal: PlantParameters, chosen: ActiveTuning, name: str, value: float
 ) -> None:
-    kept = TuningStore(database)
-    kept.put(chosen, "A. Operator")
+    tuning_store = TuningStore(database)
+    tuning_store.save(chosen, "A. Operator")
     with database.session() as session:
         stored = settings.newest(session, TUNING_NAME)
         assert stored is not None
         settings.save(session, TUNING_NAME, {**stored.value, name: value}, "A. Operator")
-    restored, said = kept.restore(ideal)
+    restored, said = tuning_store.restore(ideal)
     assert restored.choice == default_tuning_choice(ideal).choice
     assert str(value) in said

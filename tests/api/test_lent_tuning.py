@@ -17,7 +17,7 @@ from backend.reports.build import build_report
 from backend.reports.run_data import load_source
 from backend.schemas.experiment import ExperimentRequest
 from backend.schemas.tuning import TrialRequest, TuningRequest
-from backend.services.tuning_state import initial
+from backend.services.tuning_state import make_active_tuning
 from backend.storage import banks, events, runs
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.database import Database, open_database
@@ -62,7 +62,7 @@ def own(bank: Bank) -> TuningSettings:
 
 async def started(parts: Parts, bank: Bank) -> None:
     """The operator's own tuning in force, with the bank."""
-    await parts.actuator.tuning_service.set(TuningRequest(lam_q=0.55, lam_S=0.45), WHO)
+    await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.55, lam_S=0.45), WHO)
     await parts.actuator.tuning_service.use_bank(bank, WHO)
     assert parts.live_state.tuning.choice == own(bank)
 
@@ -85,12 +85,12 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
         assert shown.own_tuning is not None
         assert (shown.own_tuning.b, shown.own_tuning.bank and shown.own_tuning.bank.id) == (0.0, bank.id)
         with pytest.raises(RequestRejectedError, match="part of its record"):
-            await parts.actuator.tuning_service.set(TuningRequest(lam_q=0.9), WHO)
+            await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.9), WHO)
         await parts.ended()
         assert parts.live_state.tuning.choice == own(bank)
         assert parts.state().own_tuning is None
         assert parts.supervisor.setup.tuning == parts.live_state.tuning.command()
-        await parts.actuator.tuning_service.set(TuningRequest(), WHO)  # and it can be changed again
+        await parts.actuator.tuning_service.apply(TuningRequest(), WHO)  # and it can be changed again
         view = parts.runs.experiment(run)
         assert {name: view.settings[name] for name in ASKED} == ASKED
         return run
@@ -145,7 +145,9 @@ def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, ban
         parts.supervisor.dead = True
         await parts.ended()
         assert parts.live_state.tuning.choice == own(bank)
-        assert parts.supervisor.setup.tuning == initial(IDEAL, own(bank), bank).command()  # what a new loop gets
+        assert (
+            parts.supervisor.setup.tuning == make_active_tuning(IDEAL, own(bank), bank).command()
+        )  # what a new loop gets
 
     stepped(database, IDEAL, work)
 
@@ -217,7 +219,7 @@ def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Databas
         assert queue.view().items == []
         await queue.add(sequence(bank=0), WHO)
         await queue.add(sequence(), WHO)
-        await parts.actuator.tuning_service.set(TuningRequest(lam_q=0.8), WHO)  # after they were added
+        await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.8), WHO)  # after they were added
         shown = [item.settings for item in queue.view().items]
         assert [(one["lam_q"], one["bank"], one["segments"]) for one in shown] == [
             (0.55, 0, SHORT),

@@ -51,7 +51,7 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
         control = ControlLease(
             parts.events, parts.actuator.stop_after_operator_loss, parts.actuator.log_control_change, lambda: now
         )
-        parts.events.subscribe(ControlReleased, lambda _: parts.actuator.let_go())
+        parts.events.subscribe(ControlReleased, lambda _: parts.actuator.release_push())
         control.take(ANA, is_page=True)
         await parts.actuator.push(PushRequest(F_push=6.0, duration_s=10.0), ANA.name)
         for _ in range(round((LOST_S + 3 * LOOK_S) / LOOK_S)):

@@ -11,7 +11,7 @@ import pytest
 
 from backend.api.middleware import values_in
 from backend.event_bus import EventBus
-from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, EventLog, Refusals
+from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, EventLog, RejectionLog
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from backend.storage.events import EventKind
@@ -28,10 +28,10 @@ class Flood:
     """Refusals with windows that the test ends; ``windows_s`` are their lengths."""
 
     def __init__(self, database: Database) -> None:
-        self._database, self._journal = database, EventLog(database, EventBus())
+        self._database, self._event_log = database, EventLog(database, EventBus())
         self.windows_s: list[float] = []
         self._ends: list[Callable[[], None]] = []
-        self.refusals = Refusals(self._journal, self._begin)
+        self.refusals = RejectionLog(self._event_log, self._begin)
 
     def _begin(self, delay_s: float, end: Callable[[], None]) -> None:
         self.windows_s.append(delay_s)
@@ -41,7 +41,7 @@ class Flood:
         self._ends.pop()()
 
     def told(self) -> list[tuple[str, str]]:
-        self._journal.close()
+        self._event_log.close()
         with self._database.reading() as session:
             found = [event for event in events.find(session) if event.kind == EventKind.REFUSAL]
         return [(event.text, event.who) for event in sorted(found, key=lambda event: event.id)]
@@ -50,8 +50,8 @@ class Flood:
 def test_a_refusal_that_comes_again_is_counted_for_each_person(database: Database) -> None:
     flood = Flood(database)
     for _ in range(500):
-        flood.refusals.note("set mode (mode run)", "a fault is latched", "Ana")
-    flood.refusals.note("set mode (mode run)", "a fault is latched", "Bo")
+        flood.refusals.add("set mode (mode run)", "a fault is latched", "Ana")
+    flood.refusals.add("set mode (mode run)", "a fault is latched", "Bo")
     flood.end()
     assert flood.told() == [
         ("set mode (mode run) refused: a fault is latched", "Ana"),
@@ -64,7 +64,7 @@ def test_a_flood_of_different_refusals_is_bounded_and_its_windows_grow(database:
     flood = Flood(database)
     for window in range(20):
         for number in range(1000):
-            flood.refusals.note("set references", f"{window} {number} is too much", "Ana")
+            flood.refusals.add("set references", f"{window} {number} is too much", "Ana")
         flood.end()
     assert len(flood.told()) == 20 * (MOST + 1)
     assert flood.told()[MOST] == ("990 further commands were refused in 10 s", "")
@@ -76,7 +76,7 @@ def test_after_a_quiet_window_the_next_is_short_again(database: Database) -> Non
     flood = Flood(database)
     for repeats in (2, 1, 1):
         for _ in range(repeats):
-            flood.refusals.note("push", "not now", "Ana")
+            flood.refusals.add("push", "not now", "Ana")
         flood.end()
     assert flood.windows_s == [WINDOW_S, 2 * WINDOW_S, WINDOW_S]
     assert len(flood.told()) == 4
@@ -84,7 +84,7 @@ def test_after_a_quiet_window_the_next_is_short_again(database: Database) -> Non
 
 def test_a_long_reason_is_cut_and_characters_that_nobody_sees_are_written_out(database: Database) -> None:
     flood = Flood(database)
-    flood.refusals.note("push", "\x00\u202e" + 2000 * "x", "Ana")
+    flood.refusals.add("push", "\x00\u202e" + 2000 * "x", "Ana")
     ((text, _),) = flood.told()
     assert len(text) == TEXT_MAX
     assert text.isprintable()

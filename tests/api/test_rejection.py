@@ -36,14 +36,14 @@ def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Da
     async def operate(parts: Parts) -> None:
         tuning_service, contact = parts.actuator.tuning_service, parts.actuator.contact
         with pytest.raises(RequestRejectedError, match="learn it first"):
-            await tuning_service.set(TuningRequest(k_ext=0.7), WHO)
+            await tuning_service.apply(TuningRequest(k_ext=0.7), WHO)
         with pytest.raises(RequestRejectedError, match="learn it first"):
             await tuning_service.start_trial(TrialRequest(k_ext=0.7, duration_s=5.0), WHO)
         assert parts.live_state.tuning.choice.k_ext == 0.0
         await learned(parts)
         with pytest.raises(OutOfRangeError, match="outside force that is rejected"):
-            await tuning_service.set(TuningRequest(k_ext=1.5), WHO)
-        view = await tuning_service.set(TuningRequest(lam_q=2.0, k_ext=1.0), WHO)
+            await tuning_service.apply(TuningRequest(k_ext=1.5), WHO)
+        view = await tuning_service.apply(TuningRequest(lam_q=2.0, k_ext=1.0), WHO)
         assert (view.lam_q, view.k_ext) == (2.0, 1.0)
         q = newest(parts, "q")
         await push(parts, 5.0, 1.5)
@@ -51,7 +51,7 @@ def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Da
         with pytest.raises(RequestRejectedError, match="k_ext to 0"):
             await contact.order(TouchOrder(forget=True), WHO)
         assert len(contact.view().learned) == 1
-        assert (await tuning_service.set(TuningRequest(k_ext=0.0), WHO)).k_ext == 0.0
+        assert (await tuning_service.apply(TuningRequest(k_ext=0.0), WHO)).k_ext == 0.0
         assert (await contact.order(TouchOrder(forget=True), WHO)).learned == []
 
     stepped(database, load_parameters("lab"), operate)
@@ -63,7 +63,7 @@ def test_an_estimate_that_moves_by_itself_is_refused(database: Database) -> None
         contact = parts.actuator.contact
         contact._points = [TouchPoint(S=10.0, F=0.0, std_N=0.2)]
         with pytest.raises(RequestRejectedError, match=r"moves by 0\.2 N"):
-            await parts.actuator.tuning_service.set(TuningRequest(k_ext=0.5), WHO)
+            await parts.actuator.tuning_service.apply(TuningRequest(k_ext=0.5), WHO)
 
     stepped(database, load_parameters("lab"), operate)
 
@@ -75,16 +75,16 @@ def test_what_is_lost_takes_it_along_and_what_comes_back_comes_without_it(
     async def operate(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
         await learned(parts)
-        await tuning_service.set(TuningRequest(k_ext=0.7), WHO)
+        await tuning_service.apply(TuningRequest(k_ext=0.7), WHO)
         own = parts.live_state.tuning
         await tuning_service.apply_temporary(replace(own.choice, k_ext=0.0, lam_q=0.9), None, WHO)
-        parts.actuator.contact._hear(how)
+        parts.actuator.contact._handle_event(how)
         await tuning_service.restore_operator_tuning()
         assert parts.live_state.tuning.choice == replace(own.choice, k_ext=0.0)
 
         await learned(parts)
-        await tuning_service.set(TuningRequest(k_ext=0.7), WHO)
-        parts.actuator.contact._hear(how)
+        await tuning_service.apply(TuningRequest(k_ext=0.7), WHO)
+        parts.actuator.contact._handle_event(how)
         assert parts.live_state.tuning.choice.k_ext == 0.0
         assert parts.state().tuning.k_ext == 0.0
         assert parts.supervisor.setup.tuning.k_ext == 0.0
@@ -99,7 +99,7 @@ def test_a_start_begins_without_it(database: Database) -> None:
 
     async def operate(parts: Parts) -> None:
         await learned(parts)
-        await parts.actuator.tuning_service.set(TuningRequest(lam_q=0.9, k_ext=0.7), WHO)
+        await parts.actuator.tuning_service.apply(TuningRequest(lam_q=0.9, k_ext=0.7), WHO)
 
     async def again(parts: Parts) -> None:
         chosen.append(parts.live_state.tuning.choice)

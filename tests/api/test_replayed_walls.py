@@ -116,7 +116,7 @@ def test_walls_of_a_program_and_a_run_that_keeps_none(database: Database) -> Non
     async def session(parts: Parts) -> None:
         await in_run(parts)
         # The joint meets the walls at speed, so that few samples read a force near that of a contact in the view.
-        await parts.actuator.tuning_service.set(TuningRequest(motion="time-optimal"), WHO)
+        await parts.actuator.tuning_service.apply(TuningRequest(motion="time-optimal"), WHO)
         bare = parts.state().recording_run
         assert bare is not None
         runs.append(bare)

@@ -182,7 +182,7 @@ def test_zeros_found_anew_and_a_new_loop_begin_with_nothing_learned(database: Da
         await parts.supervisor.advance(2.0)
         await parts.actuator.contact.order(TouchOrder(learn=True, contact_N=1.5), WHO)
         parts.supervisor.dead = True
-        parts.actuator.contact._hear(LoopExited("killed"))
+        parts.actuator.contact._handle_event(LoopExited("killed"))
         assert parts.state().touch == TouchView(contact_N=0.0, learned=[], felt=None)
 
     stepped(database, load_parameters("lab"), anew)

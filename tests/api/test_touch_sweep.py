@@ -91,7 +91,7 @@ def test_what_else_moves_the_joint_ends_it_and_what_was_learned_stays(database: 
             await parts.actuator.set_mode(Mode.COMPLIANCE, WHO)
 
         async def by_control() -> None:
-            parts.actuator.let_go()
+            parts.actuator.release_push()
 
         async def by_push() -> None:
             await parts.actuator.push(PushRequest(F_push=1.0, duration_s=0.3), WHO)
@@ -235,7 +235,7 @@ def test_a_loop_that_dies_ends_it_and_nothing_is_put_back(database: Database) ->
     async def dies(parts: Parts) -> None:
         await learned_two(parts)
         parts.supervisor.dead = True
-        parts.actuator.contact._hear(LoopExited("killed"))
+        parts.actuator.contact._handle_event(LoopExited("killed"))
         sweep = sweep_of(parts)
         assert (sweep.under_way, sweep.point, sweep.why) == (False, 3, "the control loop died")
         assert parts.state().touch.learned == []  # as in a new loop

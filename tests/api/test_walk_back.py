@@ -77,11 +77,11 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
         await tuning_service.use_bank(bank, WHO)
         for change in CHANGES:
             before = in_force(parts)
-            await tuning_service.set(change, WHO)
+            await tuning_service.apply(change, WHO)
             changed = in_force(parts)
             assert changed != before
             assert earlier(parts) == before
-            await tuning_service.set(change, WHO)  # the same again is no change
+            await tuning_service.apply(change, WHO)  # the same again is no change
             assert earlier(parts) == before
             view = await tuning_service.undo(WHO)
             assert TuningSettings.of({**view.model_dump(), "bank": bank.id}) == before
@@ -107,7 +107,7 @@ def test_all_changes_are_undone_one_after_the_other_and_done_again(database: Dat
         await tuning_service.use_bank(bank, WHO)
         past.append(in_force(parts))
         for change in CHANGES:
-            await tuning_service.set(change, WHO)
+            await tuning_service.apply(change, WHO)
             past.append(in_force(parts))
         for before in reversed(past[:-1]):
             await tuning_service.undo(WHO)
@@ -117,10 +117,10 @@ def test_all_changes_are_undone_one_after_the_other_and_done_again(database: Dat
             await tuning_service.redo(WHO)
             assert in_force(parts) == after
         await tuning_service.undo(WHO)
-        await tuning_service.set(TuningRequest(b=0.75), WHO)  # another way on: what was undone is forgotten
+        await tuning_service.apply(TuningRequest(b=0.75), WHO)  # another way on: what was undone is forgotten
         assert (later(parts), earlier(parts)) == (None, past[-2])
         for n in range(2 * UNDO_STEPS):
-            await tuning_service.set(TuningRequest(b=0.2 + 0.01 * n), WHO)
+            await tuning_service.apply(TuningRequest(b=0.2 + 0.01 * n), WHO)
         for _ in range(UNDO_STEPS):
             await tuning_service.undo(WHO)
         assert earlier(parts) is None
@@ -151,7 +151,7 @@ def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: 
 def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
-        await tuning_service.set(TuningRequest(lam_q=0.6), WHO)
+        await tuning_service.apply(TuningRequest(lam_q=0.6), WHO)
         for lam_q in (0.7, 0.8):
             await tuning_service.start_trial(TrialRequest(lam_q=lam_q, duration_s=60.0), WHO)
             assert earlier(parts) == DEFAULT
@@ -162,7 +162,7 @@ def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: 
         await tuning_service.undo(WHO)
         assert in_force(parts) == replace(DEFAULT, lam_q=0.6)
         await tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
-        await tuning_service.set(TuningRequest(b=0.5), WHO)  # chosen from the trial: one step back is before both
+        await tuning_service.apply(TuningRequest(b=0.5), WHO)  # chosen from the trial: one step back is before both
         assert in_force(parts) == replace(DEFAULT, lam_q=0.9, b=0.5)
         assert earlier(parts) == replace(DEFAULT, lam_q=0.6)
 
@@ -172,7 +172,7 @@ def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: 
 def test_what_a_run_was_lent_is_no_step(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
-        await tuning_service.set(TuningRequest(lam_q=0.6), WHO)
+        await tuning_service.apply(TuningRequest(lam_q=0.6), WHO)
         await tuning_service.apply_temporary(TuningSettings(lam_q=0.9, b=1.0), None, WHO)
         with pytest.raises(RequestRejectedError, match="its tuning is part of its record"):
             await tuning_service.undo(WHO)

@@ -11,18 +11,18 @@ from plant.parameters import load_parameters
 
 def test_it_is_the_same_from_what_goes_to_another_process() -> None:
     tuning, _ = default_tuning(load_parameters("lab"))
-    asked = pickle.loads(pickle.dumps(TuningSnapshot.of(tuning)))
+    asked = pickle.loads(pickle.dumps(TuningSnapshot.from_active(tuning)))
     wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
     assert background_work.preview_tuning(asked, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
-    assert background_work.preview_motor(asked, 0.2) == tuning.motor(0.2)
-    assert background_work.compute_robustness(asked, 1.5) == tuning.robust(1.5)
+    assert background_work.preview_motor(asked, 0.2) == tuning.preview_motor(0.2)
+    assert background_work.compute_robustness(asked, 1.5) == tuning.compute_robust_tuning(1.5)
 
 
 def test_models_are_kept_for_the_same_tuning_and_made_for_another_one() -> None:
     tuning, _ = default_tuning(load_parameters("lab"))
-    asked = TuningSnapshot.of(tuning)
-    first = asked.made().previewer
-    assert asked.made().previewer is first
-    assert replace(asked, choice=replace(asked.choice, lam_q=0.9)).made().previewer is first
-    assert replace(asked, choice=replace(asked.choice, lam_motor=0.1)).made().previewer is not first
-    assert replace(asked, parameters=load_parameters("ideal")).made().previewer is not first
+    asked = TuningSnapshot.from_active(tuning)
+    first = asked.resolve().previewer
+    assert asked.resolve().previewer is first
+    assert replace(asked, choice=replace(asked.choice, lam_q=0.9)).resolve().previewer is first
+    assert replace(asked, choice=replace(asked.choice, lam_motor=0.1)).resolve().previewer is not first
+    assert replace(asked, parameters=load_parameters("ideal")).resolve().previewer is not first

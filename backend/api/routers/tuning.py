@@ -141,7 +141,7 @@ async def get_tuning(service: ServiceInUse, _person: SignedIn) -> TuningView:
 @tuning_router.put("")
 async def set_tuning(body: TuningRequest, service: ServiceInUse, person: InControl) -> TuningView:
     """Change λ while the loop runs, bumpless; returns what is in force then."""
-    return await service.actuator.tuning_service.set(body, person.name)
+    return await service.actuator.tuning_service.apply(body, person.name)
 
 
 @tuning_router.post("/undo")
@@ -189,7 +189,7 @@ async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
     live_state = service.actuator.live_state
     if live_state.own_tuning is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "what is in force belongs to a run: save when it is over")
-    if service.actuator.tuning_service.trial() is not None:
+    if service.actuator.tuning_service.view_trial() is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
     return await in_thread(service.saved_tunings.save, live_state.tuning, person.name)
 
@@ -230,7 +230,7 @@ async def motor_margins(
     lam_motor: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the motor loops [s]")],
 ) -> MotorPreview:
     """Tell M_s and margins of the motor loop as it runs, sampled and with L/R; a λ that is not offered is refused."""
-    return await service.actuator.tuning_service.motor(
+    return await service.actuator.tuning_service.preview_motor(
         lam_motor, service.texts.make_preview_runner(person, request.is_disconnected)
     )
 
@@ -243,6 +243,6 @@ async def robust_tuning(
     M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
 ) -> RobustTuning:
     """Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is."""
-    return await service.actuator.tuning_service.robust(
+    return await service.actuator.tuning_service.compute_robust_tuning(
         M_s, service.texts.make_preview_runner(person, request.is_disconnected)
     )
