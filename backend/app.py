@@ -38,8 +38,8 @@ from backend.services import (
     ActuatorService,
     Applied,
     AppliedVersion,
-    BringUp,
     ChartSheets,
+    CommissioningService,
     Downloads,
     DryRuns,
     Evaluations,
@@ -288,7 +288,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         tuning_store=tuning_store,
         on_ring_changed=recorder.follow,
         supervision=supervision,
-        hands=hands,
+        drive_lockout=hands,
         events=events,
         recording=recording,
     )
@@ -330,18 +330,18 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     texts = TextWork(processes.texts, processes.viewers_texts)
     dry_runs = DryRuns(processes.dry_runs)
     ordered_runs = JobManager(
-        station=station,
+        rig=station,
         actuator=actuator,
         banks=banks,
         experiments=experiments,
         prepare_report=prepare,
         seed=SEED,
         dry_runs=dry_runs,
-        texts=texts,
+        text_work=texts,
         supervision=supervision,
         safe_stop=safe_stop,
     )
-    events.subscribe(RunReevaluated, lambda evaluated: ordered_runs.evaluated(evaluated.run))
+    events.subscribe(RunReevaluated, lambda evaluated: ordered_runs.clear_missing_result(evaluated.run))
     stored_runs = StoredRuns(
         database,
         lambda: live_state.task,
@@ -368,7 +368,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         drawing.extend(supervision.keep_thread(SCENE, mirror.run, mirror.end) for mirror in mirrors.values())
 
     scenes = [scene_router(require_signed_in, mirror, path) for path, mirror in mirrors.items()]
-    bring_up = BringUp(actuator, supervisor, database, parameters, hands)
+    bring_up = CommissioningService(actuator, supervisor, database, parameters, hands)
     stack.push_async_callback(bring_up.close)
     studies = StudyScheduler(
         database=database,
@@ -410,12 +410,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         problems=problems,
     )
     live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(state.view())))
-    events.subscribe(MarkAdded, lambda added: live.announce(added.mark))
-    events.subscribe(StateChanged, lambda _: live.state_changed())
+    events.subscribe(MarkAdded, lambda added: live.publish_mark(added.mark))
+    events.subscribe(StateChanged, lambda _: live.request_state())
     keep(LIVE, live.run)
 
     def announce_trigger(triggered: Triggered) -> None:
-        live.announce(EventMessage(tick=triggered.tick, kind=MarkKind.TRIGGER, text=triggered.text))
+        live.publish_mark(EventMessage(tick=triggered.tick, kind=MarkKind.TRIGGER, text=triggered.text))
 
     events.subscribe(Triggered, announce_trigger)
 

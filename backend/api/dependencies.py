@@ -19,9 +19,8 @@ from backend.server import COOKIE, SHEETS, find_authentication, read_credentials
 from backend.services import (
     ActuatorService,
     Applied,
-    BringUp,
     ChartSheets,
-    Client,
+    CommissioningService,
     Downloads,
     DryRuns,
     Evaluations,
@@ -43,6 +42,7 @@ from backend.services import (
     StoredPreferences,
     StoredRuns,
     StoredTimeline,
+    StreamClient,
     StudyScheduler,
     TextWork,
     Triggers,
@@ -137,7 +137,7 @@ _log = logging.getLogger(__name__)
 
 async def serve(stream: LiveStream, websocket: WebSocket, heard: Callable[[Ping], None] = lambda _ping: None) -> None:
     """Serve one accepted websocket until either side ends it; ``heard`` gets each ping."""
-    with stream.attending() as (client, first):
+    with stream.connect() as (client, first):
         receiving = asyncio.create_task(_receive(websocket, client, heard))
         tasks = receiving, asyncio.create_task(_send(websocket, client, first))
         try:
@@ -159,7 +159,7 @@ async def _send_away(websocket: WebSocket) -> None:
             await websocket.close(1008, "only pings are understood here, and they have to come")
 
 
-async def _send(websocket: WebSocket, client: Client, first: Iterable[str | bytes]) -> None:
+async def _send(websocket: WebSocket, client: StreamClient, first: Iterable[str | bytes]) -> None:
     try:
         for message in first:
             await _send_one(websocket, message)
@@ -174,14 +174,14 @@ async def _send_one(websocket: WebSocket, message: str | bytes) -> None:
         await (websocket.send_text(message) if isinstance(message, str) else websocket.send_bytes(message))
 
 
-async def _receive(websocket: WebSocket, client: Client, heard: Callable[[Ping], None]) -> bool:
+async def _receive(websocket: WebSocket, client: StreamClient, heard: Callable[[Ping], None]) -> bool:
     """Hear pings, and return whether the page is to be sent away; it may also have left by itself."""
     with suppress(RuntimeError, WebSocketDisconnect):
         patience_s = None  # who never pings is a script, of which the server itself sees whether it is there
         while (ping := await _ping(websocket, patience_s)) is not None:
             patience_s = SILENT_S
             heard(ping)
-            client.offer_text(Pong(id=ping.id).model_dump_json())
+            client.queue_text(Pong(id=ping.id).model_dump_json())
         return True
     return False
 
@@ -215,7 +215,7 @@ class Service:
     ordered_runs: JobManager
     experiments: OwnExperiments
     saved_tunings: SavedTunings
-    bring_up: BringUp
+    bring_up: CommissioningService
     live: LiveStream
     refusals: RejectionLog
     runs: StoredRuns
@@ -285,7 +285,7 @@ HoldsControl = Annotated[User, Depends(_holds_control, scope="function")]
 
 
 async def _in_control(service: ServiceInUse, person: HoldsControl) -> User:
-    service.actuator.player.require_none()
+    service.actuator.player.require_no_recording()
     return person
 
 

@@ -112,7 +112,7 @@ def _take_place(connection: HTTPConnection, person: User | None, stack: ExitStac
     service: Service | None = getattr(connection.app.state, "service", None)
     places = None if service is None else service.places_for(scope["method"], scope["path"])
     if places is not None:
-        stack.enter_context(places.held(person))
+        stack.enter_context(places.reserve(person))
 
 
 def _show_in(connection: HTTPConnection) -> User | None:

@@ -2,7 +2,7 @@ from . import background_work, downloads, queue, signals
 from .actuator import ActuatorService, SafeStop, SessionRuns, set_obstacle
 from .background_work import ChartSheets, TextWork, WorkLimiter, run_while_connected
 from .banks import StoredBanks
-from .commissioning import BringUp
+from .commissioning import CommissioningService
 from .downloads import Downloads, import_run_file, stream_bundle
 from .event_log import EVENT_LOG_PART, EventLog, MarkAdded, RejectionLog
 from .fault_injection import apply_fault, clear_faults, describe_faults
@@ -10,7 +10,7 @@ from .identifications import StoredIdentifications
 from .jobs import JobManager, describe_identification_kinds
 from .library import ExperimentCheck, OwnExperiments, RunLibrary, StoredPreferences
 from .lineage import History
-from .live_stream import LIVE_STREAM_PART, Client, LiveStream
+from .live_stream import LIVE_STREAM_PART, LiveStream, StreamClient
 from .maintenance import MAINTENANCE_PART, Maintenance, Retention, Soundness
 from .parameters import (
     Applied,
@@ -48,9 +48,8 @@ __all__ = [
     "ActuatorService",
     "Applied",
     "AppliedVersion",
-    "BringUp",
     "ChartSheets",
-    "Client",
+    "CommissioningService",
     "Downloads",
     "DryRuns",
     "Evaluations",
@@ -85,6 +84,7 @@ __all__ = [
     "StoredPreferences",
     "StoredRuns",
     "StoredTimeline",
+    "StreamClient",
     "Studies",
     "StudyScheduler",
     "TextWork",

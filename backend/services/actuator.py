@@ -201,7 +201,7 @@ class ActuatorService:
         tuning_store: TuningStore,
         on_ring_changed: Callable[[Ring], None],
         supervision: Supervision,
-        hands: KeptHands,
+        drive_lockout: KeptHands,
         events: EventBus,
         recording: PlayedRecording | None = None,
     ) -> None:
@@ -209,7 +209,7 @@ class ActuatorService:
         self._database = database
         self._supervisor, self._session_runs, self._event_log = supervisor, session_runs, event_log
         self._on_new_ring = on_ring_changed
-        self._supervision, self._hands = supervision, hands
+        self._supervision, self._drive_lockout = supervision, drive_lockout
         self._pushed = False
         self._requested_mode: tuple[Mode, str] | None = None
         self._releasing: KeptTask | None = None
@@ -257,7 +257,7 @@ class ActuatorService:
             ) from None
         finally:
             self._stop_waiters.remove(waiter)
-        if self.player.plays:
+        if self.player.has_recording:
             self._event_log.add_mark(
                 MarkKind.NOTE, "STOP was pressed: the recording is paused", stopped.arrived_tick, who
             )
@@ -319,7 +319,7 @@ class ActuatorService:
         brought_up = await asyncio.to_thread(find_for_next_start, self._database, plant, before)
         if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
             self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
-        self.contact.forget("the control loop was started anew")
+        self.contact.discard("the control loop was started anew")
         self.changed()
         await self._supervisor.restart(purpose)
         self._on_new_ring(self._supervisor.ring)
@@ -370,7 +370,7 @@ class ActuatorService:
         async with self._command_lock:
             if on:
                 self.require_unoccupied()
-            accepted = raise_if_rejected(await switch_drives(self._supervisor, self._hands, on, who))
+            accepted = raise_if_rejected(await switch_drives(self._supervisor, self._drive_lockout, on, who))
             self._event_log.add_mark(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
         self.changed()
 
@@ -379,7 +379,7 @@ class ActuatorService:
         b = self.live_state.bounds
         check_range("q_ref", q_ref, b.q_min, b.q_max, "rad")
         check_range("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
-        self.contact.sweep.break_off("other references were set", who)
+        self.contact.sweep.abort("other references were set", who)
         accepted = await self._send(commands.SetReferences(q_ref, S_ref))
         text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref, 4)} N·m/rad"
         self._event_log.add_mark(MarkKind.REFERENCES, text, accepted.tick, who)
@@ -413,7 +413,7 @@ class ActuatorService:
 
     def release_push(self) -> None:
         """Let go of a push and end learning, at once: whoever ordered it does not hold control any more."""
-        self.contact.sweep.break_off("whoever began it does not hold control any more")
+        self.contact.sweep.abort("whoever began it does not hold control any more")
         if self._pushed:
             self._releasing = self._supervision.keep_task(_RELEASE, self._release_push)
 

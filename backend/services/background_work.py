@@ -30,7 +30,7 @@ T = TypeVar("T")
 IsDisconnected = Callable[[], Awaitable[bool]]
 """Tells whether the connection of whoever asked is closed."""
 
-LOOK_S = 0.5
+POLL_S = 0.5
 
 
 async def run_while_connected(work: Coroutine[Any, Any, T], is_disconnected: IsDisconnected) -> T:
@@ -41,7 +41,7 @@ async def run_while_connected(work: Coroutine[Any, Any, T], is_disconnected: IsD
     """
     working = asyncio.ensure_future(work)
     try:
-        while not (await asyncio.wait({working}, timeout=LOOK_S))[0]:
+        while not (await asyncio.wait({working}, timeout=POLL_S))[0]:
             if await is_disconnected():
                 raise RequestRejectedError(
                     ErrorCode.UNAVAILABLE, "whoever asked for this has left: its computation was ended"
@@ -61,9 +61,9 @@ async def run_while_connected(work: Coroutine[Any, Any, T], is_disconnected: IsD
 # else of a preview.
 
 
-_KEPT = 6
-_kept: list[ActiveTuning] = []
-_keeping = Lock()
+_MAX_RECENT = 6
+_recent: list[ActiveTuning] = []
+_recent_lock = Lock()
 
 
 @dataclass(frozen=True)
@@ -82,15 +82,15 @@ class TuningSnapshot:
 
     def resolve(self) -> ActiveTuning:
         """Return the tuning with its models, which are kept where they were made before."""
-        with _keeping:
-            same = next((one for one in _kept if self._has_models_of(one)), None)
+        with _recent_lock:
+            same = next((one for one in _recent if self._has_models_of(one)), None)
             if same is None:
                 points = entry_points(self.bank)
                 lam_motor, b = self.choice.lam_motor, self.choice.b
                 previewer = TuningPreviewer(self.parameters, points, lam_motor=lam_motor, b=b, ranges=self.ranges)
                 same = ActiveTuning(self.choice, self.bank, self.parameters, previewer)
-                _kept.insert(0, same)
-                del _kept[_KEPT:]
+                _recent.insert(0, same)
+                del _recent[_MAX_RECENT:]
         return ActiveTuning(self.choice, self.bank, self.parameters, same.previewer)
 
     def _has_models_of(self, other: ActiveTuning) -> bool:
@@ -137,7 +137,7 @@ def compute_robustness(snapshot: TuningSnapshot, M_s: float) -> RobustTuning:
 RETRY_S = 1
 """How long to wait before asking again where there was no place [s]."""
 
-_held: ContextVar["WorkLimiter | None"] = ContextVar("held", default=None)
+_reserved_by: ContextVar["WorkLimiter | None"] = ContextVar("held", default=None)
 """Where the request under way has had its place from its head on."""
 
 
@@ -151,25 +151,25 @@ class WorkLimiter:
     def __init__(self, work: str, works: str, places: int, viewers: int, each: int) -> None:
         self._work, self._works = work, works
         self._places, self._viewers, self._each = places, viewers, each
-        self._people: list[User] = []
+        self._active: list[User] = []
 
     @contextmanager
-    def held(self, person: User) -> Iterator[None]:
+    def reserve(self, person: User) -> Iterator[None]:
         """Hold a place for a person, that of the request where it has one. Raises RequestRejectedError for none."""
-        if _held.get() is self:
+        if _reserved_by.get() is self:
             yield
             return
-        self._require_place(person)
-        self._people.append(person)
-        before = _held.set(self)
+        self._require_capacity(person)
+        self._active.append(person)
+        before = _reserved_by.set(self)
         try:
             yield
         finally:
-            _held.reset(before)
-            self._people.remove(person)
+            _reserved_by.reset(before)
+            self._active.remove(person)
 
-    def _require_place(self, person: User) -> None:
-        own = sum(other.name == person.name and other.role == person.role for other in self._people)
+    def _require_capacity(self, person: User) -> None:
+        own = sum(other.name == person.name and other.role == person.role for other in self._active)
         if own >= self._each:
             number = f"{self._work} of yours is" if self._each == 1 else f"{own} {self._works} of yours are"
             raise RequestRejectedError(
@@ -178,11 +178,11 @@ class WorkLimiter:
                 code="busy",
                 retry_after_s=RETRY_S,
             )
-        viewers = sum(not is_operator(other) for other in self._people)
-        if len(self._people) >= self._places or (not is_operator(person) and viewers >= self._viewers):
+        viewers = sum(not is_operator(other) for other in self._active)
+        if len(self._active) >= self._places or (not is_operator(person) and viewers >= self._viewers):
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY,
-                f"{len(self._people)} {self._works} are under way or wait: try again later",
+                f"{len(self._active)} {self._works} are under way or wait: try again later",
                 code="busy",
                 retry_after_s=RETRY_S,
             )
@@ -213,9 +213,9 @@ class ChartSheets:
             "a sheet of charts", "sheets of charts", SHEET_PLACES, VIEWERS_SHEET_PLACES, SHEET_PLACES_EACH
         )
 
-    async def pdf(self, svg: str, person: User, is_disconnected: IsDisconnected) -> bytes:
+    async def render(self, svg: str, person: User, is_disconnected: IsDisconnected) -> bytes:
         """Return a sheet as PDF. Raises RequestRejectedError for what is no sheet or finds no place, WorkLimitError."""
-        with self.places.held(person):
+        with self.places.reserve(person):
             return await run_while_connected(self._offload.run(render_sheet_pdf, svg), is_disconnected)
 
 
@@ -253,7 +253,7 @@ class TextWork:
         self._operators, self._viewers = operators, viewers
         self.places = WorkLimiter("a text", "texts", TEXT_PLACES, VIEWERS_TEXT_PLACES, TEXT_PLACES_EACH)
         self.previews = WorkLimiter("a preview", "previews", PREVIEWS, VIEWERS_PREVIEWS, PREVIEWS_EACH)
-        self._turns = {operators: asyncio.Lock(), viewers: asyncio.Lock()}
+        self._locks = {operators: asyncio.Lock(), viewers: asyncio.Lock()}
 
     async def run(
         self, person: User, is_disconnected: IsDisconnected, work: Callable[P, T], *asked: P.args, **_none: P.kwargs
@@ -263,7 +263,7 @@ class TextWork:
         Raises what the work raises, WorkLimitError, and RequestRejectedError where there is no place.
         """
         process = self._operators if is_operator(person) else self._viewers
-        with self.places.held(person):
+        with self.places.reserve(person):
             return await run_while_connected(process.run(work, *asked, **_none), is_disconnected)
 
     def make_preview_runner(self, person: User, is_disconnected: IsDisconnected) -> Compute:
@@ -275,25 +275,25 @@ class TextWork:
 
         async def compute(work: Callable[..., T], *asked: Any) -> T:
             process = self._operators if is_operator(person) else self._viewers
-            with self.previews.held(person):
-                await _turn(self._turns[process], is_disconnected)
+            with self.previews.reserve(person):
+                await _acquire(self._locks[process], is_disconnected)
                 try:
                     return await process.run(work, *asked)
                 finally:
-                    self._turns[process].release()
+                    self._locks[process].release()
 
         return compute
 
-    async def order(self, work: Callable[P, T], *asked: P.args, **_none: P.kwargs) -> T:
+    async def run_for_operator(self, work: Callable[P, T], *asked: P.args, **_none: P.kwargs) -> T:
         """Return ``work(*asked)`` for an order of an operator, which goes on whoever leaves. Raises as ``run`` does."""
         return await self._operators.run(work, *asked, **_none)
 
 
-async def _turn(turn: asyncio.Lock, is_disconnected: IsDisconnected) -> None:
+async def _acquire(turn: asyncio.Lock, is_disconnected: IsDisconnected) -> None:
     """Wait for a turn and take it. Raises RequestRejectedError where whoever asked has left meanwhile."""
     waiting = asyncio.ensure_future(turn.acquire())
     try:
-        while not (await asyncio.wait({waiting}, timeout=LOOK_S))[0]:
+        while not (await asyncio.wait({waiting}, timeout=POLL_S))[0]:
             if await is_disconnected():
                 raise RequestRejectedError(ErrorCode.UNAVAILABLE, "whoever asked for this has left: it is not computed")
     except BaseException:

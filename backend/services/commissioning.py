@@ -60,7 +60,7 @@ def build_inapplicable_view(why_not: str) -> BringUpView:
 
 def build_step_view(
     step: CommissioningStep,
-    standing: StepStatus,
+    step_status: StepStatus,
     result: StoredStepResult | None,
     blocked: str,
     running: RunningStep | None,
@@ -71,15 +71,15 @@ def build_step_view(
         title=step.title,
         instruction=step.instruction,
         inputs=list(step.inputs),
-        state=standing.state,
-        why=standing.why,
+        state=step_status.state,
+        why=step_status.why,
         blocked=blocked,
-        result=None if result is None else _result(result),
+        result=None if result is None else _build_result(result),
         running=running,
     )
 
 
-def _result(stored: StoredStepResult) -> StepResult:
+def _build_result(stored: StoredStepResult) -> StepResult:
     figures = [StepFigure(**figure) for figure in stored.figures]
     return StepResult(passed=stored.passed, text=stored.text, figures=figures, who=stored.who, at=stored.at)
 
@@ -103,10 +103,10 @@ class CommissioningResults:
         self._actuator = actuator
         self._supervisor = supervisor
         self._database = database
-        self._disproving: set[asyncio.Task[None]] = set()
+        self._storing: set[asyncio.Task[None]] = set()
         supervisor.listen(self._handle_event)
 
-    def why_not(self) -> str:
+    def explain_not_applicable(self) -> str:
         """Return why there is nothing to be brought up; empty where there is."""
         plant = self._actuator.live_state.plant
         if plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
@@ -115,10 +115,10 @@ class CommissioningResults:
 
     async def close(self) -> None:
         """Wait until what was found wrong is kept."""
-        if self._disproving:
-            await asyncio.wait(self._disproving)
+        if self._storing:
+            await asyncio.wait(self._storing)
 
-    async def keep(self, step: StepId, wiring: Wiring, finding: StepFinding, who: str) -> None:
+    async def store(self, step: StepId, wiring: Wiring, finding: StepFinding, who: str) -> None:
         """Store what a step came to; each start of the loop from here on goes by it, the next one at once if needed."""
         await asyncio.to_thread(status.keep, self._database, step, wiring, finding, who)
         brought_up = await asyncio.to_thread(status.in_effect, self._database, wiring)
@@ -132,27 +132,27 @@ class CommissioningResults:
 
     def _handle_event(self, event: Event | LoopExited) -> None:
         """Take a motor that turned the wrong way for what it is: the directions are disproved, for later starts too."""
-        if isinstance(event, Stopped) and event.fault is Fault.MOTOR_REVERSED and not self.why_not():
-            keeping = asyncio.create_task(self._disprove(event.detail))
-            self._disproving.add(keeping)
-            keeping.add_done_callback(self._disproving.discard)
+        if isinstance(event, Stopped) and event.fault is Fault.MOTOR_REVERSED and not self.explain_not_applicable():
+            keeping = asyncio.create_task(self._store_wrong_directions(event.detail))
+            self._storing.add(keeping)
+            keeping.add_done_callback(self._storing.discard)
 
-    async def _disprove(self, seen: str) -> None:
+    async def _store_wrong_directions(self, seen: str) -> None:
         try:
-            wiring = await asyncio.to_thread(self.wiring)
+            wiring = await asyncio.to_thread(self.load_wiring)
             finding = StepFinding(False, f"the loop has stopped: {seen}")
-            await self.keep(StepId.DIRECTION, wiring, finding, "the loop")
+            await self.store(StepId.DIRECTION, wiring, finding, "the loop")
         except Exception as error:
             _log.exception("The service could not store that the directions are wrong.")
             self.problem = f"Do {STEP[StepId.DIRECTION].title} anew: that they are wrong could not be kept ({error})."
         finally:
             self._actuator.changed()
 
-    def wiring(self) -> Wiring:
+    def load_wiring(self) -> Wiring:
         """Return the wiring as its file says it now. Raises PlantError."""
         return load_wiring_choice(self._actuator.live_state.plant)
 
-    def not_driven(self, wiring: Wiring) -> str:
+    def explain_changed_wiring(self, wiring: Wiring) -> str:
         """Return why no step can be played: it would be kept for the file of now, and be found with another."""
         if wiring_fingerprint(wiring) == self._supervisor.started_with.wired:
             return ""
@@ -171,7 +171,7 @@ _SHOWN_S = 0.2
 
 
 @dataclass
-class _Running:
+class _RunningStep:
     """The step under way; ``confirmed`` is what it waits for, None for nothing; ``over`` once its result is kept."""
 
     step: StepId
@@ -183,7 +183,7 @@ class _Running:
     over: bool = False
 
 
-class BringUp:
+class CommissioningService:
     """Belongs to the service's event loop."""
 
     def __init__(
@@ -192,21 +192,21 @@ class BringUp:
         supervisor: Supervisor,
         database: Database,
         parameters: PlantParameters,
-        hands: KeptHands,
+        drive_lockout: KeptHands,
     ) -> None:
         self._actuator = actuator
         self._supervisor = supervisor
         self._database = database
         self._parameters = parameters
-        self._hands = hands
-        self._findings = CommissioningResults(actuator, supervisor, database)
-        self._running: _Running | None = None
+        self._drive_lockout = drive_lockout
+        self._results = CommissioningResults(actuator, supervisor, database)
+        self._running: _RunningStep | None = None
         self._started = actuator.live_state.starts, datetime.now(UTC)
 
     @property
     def problem(self) -> str:
         """What of it could not be kept, or is not in force yet."""
-        return self._findings.problem
+        return self._results.problem
 
     def set_parameters(self, parameters: PlantParameters) -> None:
         """Work by these parameters from now on."""
@@ -214,29 +214,29 @@ class BringUp:
 
     async def view(self) -> BringUpView:
         """Return all steps and how each stands."""
-        why_not = self._findings.why_not()
+        why_not = self._results.explain_not_applicable()
         if why_not:
             return build_inapplicable_view(why_not)
         wiring: Wiring | None = None
         try:
-            wiring = await asyncio.to_thread(self._findings.wiring)
-            why_not = self._findings.not_driven(wiring)
+            wiring = await asyncio.to_thread(self._results.load_wiring)
+            why_not = self._results.explain_changed_wiring(wiring)
         except PlantError as error:
             why_not = str(error)
         kept = await asyncio.to_thread(status.kept, self._database)
-        states, results = self._states(kept, wiring), kept.results
+        states, results = self._compute_states(kept, wiring), kept.results
         steps = [
             build_step_view(
                 step,
                 states[step.id],
                 results.get(step.id),
-                why_not or self._blocked(step, states),
-                self._running_view(step.id),
+                why_not or self._find_blocker(step, states),
+                self._view_running(step.id),
             )
             for step in STEPS
             if step.id in states
         ]
-        left = self._hands.left
+        left = self._drive_lockout.left
         return BringUpView(
             applies=True,
             why_not="",
@@ -246,7 +246,7 @@ class BringUp:
             steps=steps,
         )
 
-    def _running_view(self, step: StepId) -> RunningStep | None:
+    def _view_running(self, step: StepId) -> RunningStep | None:
         running = self._running
         if running is None or running.step is not step:
             return None
@@ -255,12 +255,12 @@ class BringUp:
 
     async def start(self, step: StepId, values: dict[str, float], who: str) -> BringUpView:
         """Start a step. Raises RequestRejectedError where it cannot be started now, OutOfRangeError."""
-        why_not = self._findings.why_not()
+        why_not = self._results.explain_not_applicable()
         if why_not:
             raise RequestRejectedError(ErrorCode.NOT_NOW, why_not)
         try:
             wanted = collect_values(step, values)
-            wiring = await asyncio.to_thread(self._findings.wiring)
+            wiring = await asyncio.to_thread(self._results.load_wiring)
         except InvalidValueError:
             raise
         except ValueError as error:
@@ -269,12 +269,14 @@ class BringUp:
             raise RequestRejectedError(ErrorCode.NOT_NOW, str(error)) from None
         async with self._actuator.start_lock:
             kept = await asyncio.to_thread(status.kept, self._database)
-            blocked = self._findings.not_driven(wiring) or self._blocked(STEP[step], self._states(kept, wiring))
+            blocked = self._results.explain_changed_wiring(wiring) or self._find_blocker(
+                STEP[step], self._compute_states(kept, wiring)
+            )
             if blocked:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, blocked)
-            self._findings.problem = ""
-            running = self._running = _Running(step)
-            self._occupy(running)
+            self._results.problem = ""
+            running = self._running = _RunningStep(step)
+            self._set_occupied(running)
             running.task = asyncio.create_task(self._run(running, wiring, wanted, who))
         self._actuator.changed()
         return await self.view()
@@ -306,7 +308,7 @@ class BringUp:
 
         Raises RequestRejectedError where that cannot be now.
         """
-        why_not = self._findings.why_not()
+        why_not = self._results.explain_not_applicable()
         if why_not:
             raise RequestRejectedError(ErrorCode.NOT_NOW, why_not)
         await self._actuator.switch_drives(on, who)
@@ -317,14 +319,14 @@ class BringUp:
 
     async def close(self) -> None:
         """Give up what is under way, at the end of the service; a result that is being kept is kept first."""
-        await self._findings.close()
+        await self._results.close()
         running = self._running
         if running is not None and running.task is not None:
             if not running.over:
                 running.task.cancel()
             await asyncio.wait((running.task,))
 
-    async def _run(self, running: _Running, wiring: Wiring, values: dict[str, float], who: str) -> None:
+    async def _run(self, running: _RunningStep, wiring: Wiring, values: dict[str, float], who: str) -> None:
         async def confirmed(words: str) -> None:
             running.ask, running.confirmed = words, asyncio.get_running_loop().create_future()
             self._actuator.changed()
@@ -339,16 +341,16 @@ class BringUp:
             self._actuator.changed()
 
         # What is stored, in force already or not: a tare measures volts, and keeps the slope it is given.
-        in_force = apply_calibration(wiring, self._supervisor.setup.brought_up.calibrations)
+        calibrated = apply_calibration(wiring, self._supervisor.setup.brought_up.calibrations)
         computed = self._actuator.live_state.plant.simulated
         work = ProcedureContext(
             self._supervisor,
-            in_force,
+            calibrated,
             self._parameters,
             values,
             computed=computed,
             confirmed=confirmed,
-            switch=lambda on: switch_drives(self._supervisor, self._hands, on, who),
+            switch=lambda on: switch_drives(self._supervisor, self._drive_lockout, on, who),
             phase=phase,
         )
         try:
@@ -358,20 +360,20 @@ class BringUp:
                 finding = StepFinding(False, str(died))
             running.over = True
             phase("keeping the result")
-            await self._findings.keep(running.step, wiring, finding, who)
+            await self._results.store(running.step, wiring, finding, who)
         except Exception as error:
             _log.exception("Step %s of the bring-up failed.", running.step)
             title = STEP[running.step].title
-            self._findings.problem = f"{title} of the bring-up was given up, and has to be done again: {error}"
+            self._results.problem = f"{title} of the bring-up was given up, and has to be done again: {error}"
             if running.step is StepId.DIRECTION:  # what is not kept does not count for this loop either
                 with suppress(LoopExitedError):
                     await self._supervisor.send(ProveDirections(proven=False))
         finally:
             self._running = None
-            self._occupy(None)
+            self._set_occupied(None)
             self._actuator.changed()
 
-    def _states(self, kept: Kept, wiring: Wiring | None) -> dict[StepId, StepStatus]:
+    def _compute_states(self, kept: Kept, wiring: Wiring | None) -> dict[StepId, StepStatus]:
         starts = self._actuator.live_state.starts
         if starts != self._started[0]:
             self._started = starts, datetime.now(UTC)
@@ -382,14 +384,14 @@ class BringUp:
                     found[step] = found[step]._replace(state=StepState.OUT_OF_DATE, why=f"what was measured {NOT_YET}")
         return found
 
-    def _occupy(self, running: _Running | None) -> None:
+    def _set_occupied(self, running: _RunningStep | None) -> None:
         """Say in the state what has the rig for itself, and which trip it provokes."""
         live_state = self._actuator.live_state
         live_state.occupied_by = "" if running is None else f"{STEP[running.step].title} of the bring-up is under way"
         tries_module = running is not None and running.step is StepId.SAFETY_MODULE
         live_state.provoked_fault = Fault.SAFETY_MODULE if tries_module else Fault.NONE
 
-    def _blocked(self, step: CommissioningStep, states: dict[StepId, StepStatus]) -> str:
+    def _find_blocker(self, step: CommissioningStep, states: dict[StepId, StepStatus]) -> str:
         live_state = self._actuator.live_state
         if self._running is not None:
             return f"{STEP[self._running.step].title} is under way"

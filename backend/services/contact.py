@@ -46,7 +46,7 @@ from plant import ErrorCode, T_s
 # it.
 
 
-LEARNED_TICKS = 1000
+REST_TICKS = 1000
 """Samples at rest that a point is learned from: 1 s."""
 
 DRIFT_N = 0.1
@@ -56,23 +56,23 @@ _MOVING_RAD, _MOVING_S = 0.01, 0.1
 """At rest, the joint stays within so much, and its stiffness [N·m/rad]."""
 
 
-def why_not(rows: NDArray[np.float64], since: int) -> str:
+def explain_not_at_rest(rows: NDArray[np.float64], since: int) -> str:
     """Why nothing can be learned from these samples, of one bias from the tick ``since`` on; empty where it can."""
-    if len(rows) < LEARNED_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
+    if len(rows) < REST_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
         return "the outside force is not known yet, the motors' zeros come with pretension"
     if set(rows[:, INDEX["mode"]].astype(int)) != {MODES.index(Mode.RUN)}:
-        return f"the joint has to be held in run for {LEARNED_TICKS / 1000:g} s"
+        return f"the joint has to be held in run for {REST_TICKS / 1000:g} s"
     if rows[0, INDEX["tick"]] < since:
-        return f"something else was put into force less than {LEARNED_TICKS / 1000:g} s ago"
-    touched = touched_by(rows)
-    if touched:
-        return touched
+        return f"something else was put into force less than {REST_TICKS / 1000:g} s ago"
+    input_acting = find_acting_input(rows)
+    if input_acting:
+        return input_acting
     if np.ptp(rows[:, INDEX["q"]]) > _MOVING_RAD or np.ptp(rows[:, INDEX["S"]]) > _MOVING_S:
-        return f"joint and stiffness have to be at rest for {LEARNED_TICKS / 1000:g} s"
+        return f"joint and stiffness have to be at rest for {REST_TICKS / 1000:g} s"
     return ""
 
 
-def touched_by(rows: NDArray[np.float64]) -> str:
+def find_acting_input(rows: NDArray[np.float64]) -> str:
     """Say what of the simulation acts on the joint in these samples; empty for nothing."""
     if np.any(rows[:, INDEX["F_push"]] != 0.0):
         return "the joint is pushed"
@@ -81,7 +81,7 @@ def touched_by(rows: NDArray[np.float64]) -> str:
     return ""
 
 
-def drift(rows: NDArray[np.float64]) -> float:
+def compute_drift(rows: NDArray[np.float64]) -> float:
     """Return by how much the mean of the estimate [N] differs between both halves of the samples."""
     F = rows[:, INDEX["F_ext_hat"]]
     half = len(F) // 2
@@ -103,17 +103,17 @@ SWEEP_POINTS = 5
 LONGEST_S = 20.0
 """How long a point may take to come to rest [s]; the slowest λ_S that is usual takes half of it."""
 
-_LOOK_S = 0.1
+_POLL_S = 0.1
 _NEAR_S = 0.2
 """So near to what was asked for [N·m/rad] the stiffness has to come."""
 
-_LOG = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 
 
 class BiasSweep:
     """Belongs to the service's event loop. ``learn`` learns at the stiffness that is held, of samples since a tick.
 
-    ``gives_way`` tells whether the joint gives way to contacts: then it is not held for learning.
+    ``is_reaction_active`` tells whether the joint gives way to contacts: then it is not held for learning.
     ``problem`` says that the last one died, until another is begun.
     """
 
@@ -124,18 +124,23 @@ class BiasSweep:
         event_log: EventLog,
         command: Callable[[Command], Awaitable[Accepted]],
         learn: Callable[[int], Awaitable[None]],
-        gives_way: Callable[[], bool],
+        is_reaction_active: Callable[[], bool],
         changed: Callable[[], None],
     ) -> None:
         self._supervisor, self._live_state, self._event_log = supervisor, live_state, event_log
-        self._command, self._learn, self._gives_way, self._changed = command, learn, gives_way, changed
+        self._command, self._learn, self._is_reaction_active, self._changed = (
+            command,
+            learn,
+            is_reaction_active,
+            changed,
+        )
         self._view: SweepView | None = None
         self._task: asyncio.Task[None] | None = None
-        self._held = (0.0, 0.0)
+        self._start_references = (0.0, 0.0)
         self.problem = ""
 
     @property
-    def under_way(self) -> bool:
+    def is_running(self) -> bool:
         """Whether it goes on at present."""
         return self._view is not None and self._view.under_way
 
@@ -143,7 +148,7 @@ class BiasSweep:
         """Return how far it is or how the last one ended, None where there was none."""
         return self._view
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Say no more of the last one, which has ended."""
         self._view, self.problem = None, ""
 
@@ -153,76 +158,76 @@ class BiasSweep:
         Raises RequestRejectedError where the joint is not held untouched in run.
         """
         _, rows, _ = self._supervisor.ring.read(max(self._supervisor.ring.count - 1, 0), 1)
-        why = self._why_not_now(rows)
+        why = self._explain_not_startable(rows)
         if why:
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"nothing is learned over S: {why}")
         bounds = self._live_state.bounds
         points = np.linspace(bounds.S_min, bounds.S_max, SWEEP_POINTS).tolist()
         q_ref, S_ref = (float(rows[-1, INDEX[name]]) for name in ("q_ref", "S_ref"))
-        self._held, self.problem = (q_ref, S_ref), ""
-        self._show(1, points[0])
+        self._start_references, self.problem = (q_ref, S_ref), ""
+        self._set_progress(1, points[0])
         try:
-            accepted = await self._go(points[0], who)
+            accepted = await self._command_stiffness(points[0], who)
         except BaseException:
             self._view = None
             raise
-        if self.under_way:  # nobody has done something else meanwhile
-            self._task = asyncio.create_task(self._walk(points, accepted.tick, who), name="learning over S")
+        if self.is_running:  # nobody has done something else meanwhile
+            self._task = asyncio.create_task(self._run(points, accepted.tick, who), name="learning over S")
 
     async def stop(self, who: str) -> None:
         """Break off and put S_ref back. Raises RequestRejectedError where there is nothing to stop."""
-        if not self.under_way:
+        if not self.is_running:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is being learned over S: there is nothing to stop")
-        self.break_off("it was stopped", who)
-        await self._put_back()
+        self.abort("it was stopped", who)
+        await self._restore_stiffness()
 
-    def break_off(self, why: str, who: str = "") -> None:
+    def abort(self, why: str, who: str = "") -> None:
         """End it at once and say why, where it goes on; S_ref stays as it is."""
-        if not self.under_way:
+        if not self.is_running:
             return
         self._end(why, who)
         if self._task is not None:
             self._task.cancel()
 
-    async def _walk(self, points: list[float], since: int, who: str) -> None:
+    async def _run(self, points: list[float], since: int, who: str) -> None:
         why = ""
         try:
             for number, S_ref in enumerate(points, 1):
                 if number > 1:
-                    self._show(number, S_ref)
-                    since = (await self._go(S_ref, who)).tick
-                await self._rest(S_ref, since)
+                    self._set_progress(number, S_ref)
+                    since = (await self._command_stiffness(S_ref, who)).tick
+                await self._wait_at_rest(S_ref, since)
                 # a reference that ends it meanwhile leaves loop and service of one mind about what is learned
                 await asyncio.shield(self._learn(since))
         except asyncio.CancelledError:
-            if not self.under_way:  # who ended it has said so
+            if not self.is_running:  # who ended it has said so
                 raise
-            why = self._died("its task was cancelled")
+            why = self._record_failure("its task was cancelled")
         except (RequestRejectedError, LoopExitedError) as error:
             why = str(error)
         except Exception as error:
-            _LOG.exception("The sweep that learns the bias over S failed.")
-            why = self._died(f"{type(error).__name__}: {error}")
+            _log.exception("The sweep that learns the bias over S failed.")
+            why = self._record_failure(f"{type(error).__name__}: {error}")
         try:
-            await self._put_back()
+            await self._restore_stiffness()
         finally:  # whatever becomes of that, it is not shown as going on
             self._end(why)
 
-    def _died(self, cause: str) -> str:
+    def _record_failure(self, cause: str) -> str:
         self.problem = f"Learning over S died ({cause}): what was learned until then stays. Begin it again."
         return f"it died ({cause})"
 
-    async def _rest(self, S_ref: float, since: int) -> None:
+    async def _wait_at_rest(self, S_ref: float, since: int) -> None:
         """Wait until the joint is at rest. Raises RequestRejectedError for what acts on it, or after LONGEST_S."""
         ring, why = self._supervisor.ring, ""
         end = ring.count + round(LONGEST_S / T_s)
         while ring.count < end:
-            await self._supervisor.advance(_LOOK_S)
-            _, rows, _ = ring.read(max(ring.count - LEARNED_TICKS, 0), LEARNED_TICKS)
-            touched = touched_by(rows[-round(_LOOK_S / T_s) :])
-            if touched:
-                raise RequestRejectedError(ErrorCode.NOT_NOW, touched)
-            why = why_not(rows, since) or _restless(rows, S_ref)
+            await self._supervisor.advance(_POLL_S)
+            _, rows, _ = ring.read(max(ring.count - REST_TICKS, 0), REST_TICKS)
+            input_acting = find_acting_input(rows[-round(_POLL_S / T_s) :])
+            if input_acting:
+                raise RequestRejectedError(ErrorCode.NOT_NOW, input_acting)
+            why = explain_not_at_rest(rows, since) or _explain_drift(rows, S_ref)
             if not why:
                 return
         raise RequestRejectedError(
@@ -230,18 +235,20 @@ class BiasSweep:
             f"at {in_digits(S_ref)} N·m/rad nothing could be learned within {LONGEST_S:g} s: {why}",
         )
 
-    async def _go(self, S_ref: float, who: str = "", why: str = "to learn the outside force") -> Accepted:
-        accepted = await self._command(SetReferences(self._held[0], S_ref))
+    async def _command_stiffness(
+        self, S_ref: float, who: str = "", why: str = "to learn the outside force"
+    ) -> Accepted:
+        accepted = await self._command(SetReferences(self._start_references[0], S_ref))
         self._event_log.add_mark(MarkKind.REFERENCES, f"S_ref {in_digits(S_ref, 4)} N·m/rad, {why}", accepted.tick, who)
         return accepted
 
-    async def _put_back(self) -> None:
+    async def _restore_stiffness(self) -> None:
         """Hold S as it was before, where the joint is still held for it."""
         if self._live_state.mode is Mode.RUN and self._supervisor.is_alive:
             with suppress(RequestRejectedError, LoopExitedError):
-                await self._go(self._held[1], why="as before learning")
+                await self._command_stiffness(self._start_references[1], why="as before learning")
 
-    def _show(self, point: int, S_ref: float) -> None:
+    def _set_progress(self, point: int, S_ref: float) -> None:
         self._view = SweepView(under_way=True, point=point, points=SWEEP_POINTS, S_ref=S_ref, why="")
         self._changed()
 
@@ -255,25 +262,25 @@ class BiasSweep:
         self._event_log.add_mark(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._live_state.tick, who)
         self._changed()
 
-    def _why_not_now(self, rows: NDArray[np.float64]) -> str:
+    def _explain_not_startable(self, rows: NDArray[np.float64]) -> str:
         """Why it cannot begin; ``rows`` is the newest sample."""
         task = self._live_state.task
-        if self.under_way:
+        if self.is_running:
             return "that is under way already"
         if task is not None:
             return f"run {task.run}, {task.kind}, is under way: wait for its end or stop it"
         if self._live_state.mode is not Mode.RUN:
             return f"the joint has to be held in run, and the mode is {self._live_state.mode}"
-        if self._gives_way():
+        if self._is_reaction_active():
             return "the joint gives way to contacts: let it hold on first"
         if not np.all(np.isfinite(rows[-1:, INDEX["F_ext_hat"]])):
             return "the outside force is not known yet, the motors' zeros come with pretension"
-        return touched_by(rows)
+        return find_acting_input(rows)
 
 
-def _restless(rows: NDArray[np.float64], S_ref: float) -> str:
+def _explain_drift(rows: NDArray[np.float64], S_ref: float) -> str:
     """Why the estimate is not at rest at ``S_ref`` [N·m/rad], though joint and stiffness are; empty where it is."""
-    S, moved = float(rows[:, INDEX["S"]].mean()), drift(rows)
+    S, moved = float(rows[:, INDEX["S"]].mean()), compute_drift(rows)
     if not abs(S - S_ref) <= _NEAR_S:
         return f"the stiffness stands at {S:.2f} N·m/rad"
     if not moved <= DRIFT_N:
@@ -317,8 +324,8 @@ class ContactService:
             live_state=live_state,
             event_log=event_log,
             command=command,
-            learn=self._learn_on,
-            gives_way=lambda: self._contact_N != 0.0,
+            learn=self._calibrate_point,
+            is_reaction_active=lambda: self._contact_N != 0.0,
             changed=changed,
         )
         self._supervisor = supervisor
@@ -329,21 +336,21 @@ class ContactService:
         self._command_lock, self._start_lock = asyncio.Lock(), start_lock
         self._points: list[TouchPoint] = []
         self._contact_N = 0.0
-        self._felt: ContactView | None = None
+        self._detected: ContactView | None = None
         self._since = 0
         supervisor.listen(self._handle_event)
 
     @property
-    def learned(self) -> Sequence[TouchPoint]:
+    def points(self) -> Sequence[TouchPoint]:
         """What is known of the outside force, by stiffness; empty for nothing."""
         return self._points
 
     def view(self) -> TouchView:
         """Return what is learned and armed, and the contact that the joint gives way to."""
         sweep = self.sweep.view()
-        return TouchView(contact_N=self._contact_N, learned=self._points, felt=self._felt, sweep=sweep)
+        return TouchView(contact_N=self._contact_N, learned=self._points, felt=self._detected, sweep=sweep)
 
-    async def order(self, order: TouchOrder, who: str) -> TouchView:
+    async def apply(self, order: TouchOrder, who: str) -> TouchView:
         """Learn at the stiffness that is held now or over all of it, forget, or give way from another force on.
 
         An order of nothing returns what is. Raises RequestRejectedError, OutOfRangeError; what was in force stays then.
@@ -351,15 +358,15 @@ class ContactService:
         if order == TouchOrder():
             return self.view()
         if order.sweep is not None:
-            return await self._sweep(order, who)
-        if self.sweep.under_way:
+            return await self._apply_sweep(order, who)
+        if self.sweep.is_running:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, "the outside force is being learned over S: wait for its end or stop it"
             )
         async with self._command_lock:
             points = [] if order.forget else self._points
             if order.learn:
-                points = _with(points, self._learned(self._since))
+                points = _insert_point(points, self._measure_point(self._since))
             contact_N = self._contact_N if order.contact_N is None else order.contact_N
             if contact_N != 0.0:
                 check_range(
@@ -370,16 +377,16 @@ class ContactService:
                     unit="N",
                     remedy="0 N gives way to nothing",
                 )
-                _require_learned(points, contact_N)
-            tick = await self._put(points, contact_N)
+                _require_calibrated(points, contact_N)
+            tick = await self._configure(points, contact_N)
         if order.forget:
-            self.sweep.forget()
-        for text in _said(order, points):
+            self.sweep.clear()
+        for text in _describe_changes(order, points):
             self._event_log.add_mark(MarkKind.NOTE, text, tick, who)
         self._changed()
         return self.view()
 
-    async def _sweep(self, order: TouchOrder, who: str) -> TouchView:
+    async def _apply_sweep(self, order: TouchOrder, who: str) -> TouchView:
         if order.learn or order.forget or order.contact_N is not None:
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE, "learning over S is ordered alone: nothing else was done either"
@@ -391,24 +398,26 @@ class ContactService:
                 await self.sweep.begin(who)
         return self.view()
 
-    async def _learn_on(self, since: int) -> None:
+    async def _calibrate_point(self, since: int) -> None:
         """Learn one more point, of samples from the tick ``since`` on."""
         async with self._command_lock:
-            await self._put(_with(self._points, self._learned(max(since, self._since))), self._contact_N)
+            await self._configure(
+                _insert_point(self._points, self._measure_point(max(since, self._since))), self._contact_N
+            )
         self._changed()
 
-    async def _put(self, points: list[TouchPoint], contact_N: float) -> int:
+    async def _configure(self, points: list[TouchPoint], contact_N: float) -> int:
         """Put in force what is learned and armed; return the tick of it."""
         bias = tuple((point.S, point.F) for point in points)
         accepted = await self._command(commands.ConfigureContactDetection(bias, contact_N))
         self._points, self._contact_N, self._since = points, contact_N, accepted.tick
         return accepted.tick
 
-    def _learned(self, since: int) -> TouchPoint:
+    def _measure_point(self, since: int) -> TouchPoint:
         """Return what is estimated at rest now. Raises RequestRejectedError where the joint does not rest."""
         ring = self._supervisor.ring
-        _, rows, _ = ring.read(max(ring.count - LEARNED_TICKS, 0), LEARNED_TICKS)
-        why = why_not(rows, since)
+        _, rows, _ = ring.read(max(ring.count - REST_TICKS, 0), REST_TICKS)
+        why = explain_not_at_rest(rows, since)
         if why:
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"nothing was learned: {why}")
         S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
@@ -418,31 +427,31 @@ class ContactService:
     def _handle_event(self, event: Event | LoopExited) -> None:
         match event:
             case ContactDetected(tick, F_ext_hat, contact_N):
-                self._felt = ContactView(F_ext_hat=F_ext_hat, contact_N=contact_N, tick=tick)
+                self._detected = ContactView(F_ext_hat=F_ext_hat, contact_N=contact_N, tick=tick)
             case ModeChanged(after=mode, cause=cause):
-                self.sweep.break_off(f"the mode is {mode} now")
-                self._felt = self._felt if cause is Cause.CONTACT else None
+                self.sweep.abort(f"the mode is {mode} now")
+                self._detected = self._detected if cause is Cause.CONTACT else None
             case BiasLost():
-                self.forget("the zeros were found anew")
+                self.discard("the zeros were found anew")
             case LoopExited():
-                self.forget("the control loop died")
+                self.discard("the control loop died")
             case _:
                 return
         self._changed()
 
-    def forget(self, why: str) -> None:
+    def discard(self, why: str) -> None:
         """Begin with nothing learned, as a new loop does, and ``why``."""
-        self.sweep.break_off(why)
-        self._points, self._contact_N, self._felt, self._since = [], 0.0, None, 0
+        self.sweep.abort(why)
+        self._points, self._contact_N, self._detected, self._since = [], 0.0, None, 0
         self._events.publish(BiasDiscarded())
 
 
-def _with(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:
+def _insert_point(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:
     others = [point for point in points if abs(point.S - new.S) >= NEIGHBOUR]
     return sorted([*others, new], key=lambda point: point.S)
 
 
-def _require_learned(points: list[TouchPoint], contact_N: float) -> None:
+def _require_calibrated(points: list[TouchPoint], contact_N: float) -> None:
     """Raise RequestRejectedError for a threshold that what is not known of the bias could pass by itself."""
     if not points:
         raise RequestRejectedError(
@@ -457,7 +466,7 @@ def _require_learned(points: list[TouchPoint], contact_N: float) -> None:
         )
 
 
-def _said(order: TouchOrder, points: list[TouchPoint]) -> list[str]:
+def _describe_changes(order: TouchOrder, points: list[TouchPoint]) -> list[str]:
     """Say what came into force."""
     said = ["what the outside force reads with nothing outside was forgotten"] if order.forget else []
     if order.learn:

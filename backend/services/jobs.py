@@ -79,7 +79,7 @@ from backend.services.actuator import ActuatorService, SafeStop
 from backend.services.background_work import Compute, IsDisconnected, TextWork
 from backend.services.banks import StoredBanks
 from backend.services.library import ExperimentCheck, OwnExperiments, view_of
-from backend.services.queue import DryRuns, Queue
+from backend.services.queue import DryRuns, ExperimentQueue
 from backend.services.state import LiveState
 from backend.services.tuning_state import ResolvedTuning
 from backend.storage import Bank, Database, EndState, Run
@@ -108,7 +108,7 @@ def predict_runs(
     """Tell what a run would do from ``start``; of several runs, the whole way and the largest figures."""
     plans = build_plans(request)
     told = forecast_identifications(plans, parameters, start, lam_motor)
-    worth = _worth(request, plans, parameters, lam_motor)
+    worth = _assess(request, plans, parameters, lam_motor)
     try:
         told.require_within_range(parameters)
         problem = worth.problem
@@ -134,7 +134,7 @@ def predict_runs(
 
 
 @dataclass(frozen=True)
-class _Worth:
+class _Assessment:
     """What the run is for: its figures, what it shows, and what ``problem`` makes it not worth starting."""
 
     figures: list[Expectation]
@@ -145,22 +145,24 @@ class _Worth:
     F_min_N: float | None = None
 
 
-def _worth(
+def _assess(
     request: IdentificationRequest,
     plans: tuple[IdentificationPlan, ...],
     parameters: PlantParameters,
     lam_motor: float,
-) -> _Worth:
+) -> _Assessment:
     match request:
         case MotorRequest():
             run = predict_motor(_motor_plan(request), parameters)
-            return _Worth(_metrics(run), run.message, "" if run.good else run.message, u_peak_V=request.u_high)
+            return _Assessment(
+                _list_expectations(run), run.message, "" if run.good else run.message, u_peak_V=request.u_high
+            )
         case SpringRequest():
             run = predict_spring(_spring_plan(request), parameters)
-            return _Worth(_metrics(run), run.message, "" if run.good else run.message)
+            return _Assessment(_list_expectations(run), run.message, "" if run.good else run.message)
         case ActuatorRequest():
             excited = [plan for plan in plans if isinstance(plan, ActuatorIdentificationPlan)]
-            return _actuator_worth(excited, parameters, lam_motor)
+            return _assess_actuator(excited, parameters, lam_motor)
 
 
 def _motor_plan(request: MotorRequest) -> MotorIdentificationPlan:
@@ -175,10 +177,10 @@ def _actuator_plans(request: ActuatorRequest) -> tuple[ActuatorIdentificationPla
     values = request.model_dump(exclude={"kind", "tensions_N", "tension_N"})
     if request.tensions_N is None:
         return (build_plan(ActuatorIdentificationPlan, {**values, "tension_N": request.tension_N}),)
-    return tuple(_one_of_several(values, place, tension) for place, tension in enumerate(request.tensions_N))
+    return tuple(_plan_at_tension(values, place, tension) for place, tension in enumerate(request.tensions_N))
 
 
-def _one_of_several(values: dict[str, Any], place: int, tension_N: float) -> ActuatorIdentificationPlan:
+def _plan_at_tension(values: dict[str, Any], place: int, tension_N: float) -> ActuatorIdentificationPlan:
     try:
         return build_plan(ActuatorIdentificationPlan, {**values, "tension_N": tension_N})
     except OutOfRangeError as error:
@@ -196,13 +198,15 @@ def _one_of_several(values: dict[str, Any], place: int, tension_N: float) -> Act
         ) from None
 
 
-def _actuator_worth(plans: list[ActuatorIdentificationPlan], parameters: PlantParameters, lam_motor: float) -> _Worth:
+def _assess_actuator(
+    plans: list[ActuatorIdentificationPlan], parameters: PlantParameters, lam_motor: float
+) -> _Assessment:
     predicted = [predict_excitation(plan, parameters, lam_motor) for plan in plans]
     # A run that fails for voltage or slack names that; among good ones the least motion counts.
     worst = min(predicted, key=lambda item: (item.good, item.q_counts))
     u_peak, F_min = max(item.u_peak_V for item in predicted), min(item.F_min_N for item in predicted)
     counts = "By the excitation alone, peak to peak"
-    return _Worth(
+    return _Assessment(
         figures=[
             Expectation(name="q_counts", label=counts, value=worst.q_counts, unit="encoder counts"),
             Expectation(
@@ -217,7 +221,7 @@ def _actuator_worth(plans: list[ActuatorIdentificationPlan], parameters: PlantPa
     )
 
 
-def _metrics(run: PredictedRun) -> list[Expectation]:
+def _list_expectations(run: PredictedRun) -> list[Expectation]:
     return list(run.figures)
 
 
@@ -227,7 +231,7 @@ def _metrics(run: PredictedRun) -> list[Expectation]:
 # begin.
 
 
-_TAKEN_AWAY = {
+_REASONS_MOTORS_OFF = {
     Mode.OFF: "the motors were switched off",
     Mode.STOPPING: "it was stopped softly",
     Mode.TRIPPED: "a fault or STOP took the motors",
@@ -241,42 +245,44 @@ class Pause:
     """
 
     def __init__(self, live_state: LiveState, changed: Callable[[], None]) -> None:
-        self.wanted = False
-        self.following = 0
+        self.is_requested = False
+        self.remaining_runs = 0
         self._live_state = live_state
         self._changed = changed
 
     def begin(self, following: int) -> None:
         """Take note of an order whose first run begins; with none ``following``, that no further one will."""
-        self.wanted, self.following = False, following
+        self.is_requested, self.remaining_runs = False, following
 
-    def ask(self, wanted: bool) -> None:
+    def request(self, wanted: bool) -> None:
         """Let the next run of the order wait, or begin. Raises RequestRejectedError where none follows."""
         task = self._live_state.task
-        if task is None or self.following == 0:
+        if task is None or self.remaining_runs == 0:
             what = "nothing is under way" if task is None else "no run of the same order follows"
             remedy = "several tensions in turn can be paused between two of them"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what}: {remedy}")
-        self.wanted = wanted
+        self.is_requested = wanted
         self._live_state.task = task.model_copy(update={"pause_wanted": wanted})
         self._changed()
 
-    async def over(self, loop: LoopClient, show: Callable[[], None]) -> None:
+    async def wait_until_resumed(self, loop: LoopClient, show: Callable[[], None]) -> None:
         """Wait as long as a pause is wanted; then the next run begins, and one less follows.
 
         ``show`` tells meanwhile that the order waits. Raises NotReadyError once the motors were let go,
         LoopExitedError.
         """
-        while self.wanted:
+        while self.is_requested:
             show()
             await loop.advance(SLICE_S)
             await asyncio.sleep(0)  # a loop that is computed takes no time: others have their turn
-            if (why := _TAKEN_AWAY.get(mode := current_mode(loop))) is not None:
+            if (why := _REASONS_MOTORS_OFF.get(mode := current_mode(loop))) is not None:
                 raise NotReadyError(f"{why} in its pause", mode)
-        self.following -= 1  # at once: a pause behind the last run is not to be asked for while that one is prepared
+        self.remaining_runs -= (
+            1  # at once: a pause behind the last run is not to be asked for while that one is prepared
+        )
 
 
-def not_begun(run: int, why: Exception, count: int) -> str:
+def describe_runs_not_started(run: int, why: Exception, count: int) -> str:
     """Say why an order ended after a run, and that ``count`` runs of it were not begun."""
     runs, them = ("1 run was", "it") if count == 1 else (f"{count} runs were", "them")
     return f"The order ended after run {run}: {str(why).rstrip('.')}; {runs} not begun. Order {them} anew."
@@ -292,7 +298,7 @@ class PendingEvaluations:
 
     def __init__(self) -> None:
         self._under_way: dict[int, tuple[EndState, asyncio.Task[Evaluation]]] = {}
-        self.without: int | None = None
+        self.run_without_result: int | None = None
         self.problem = ""
 
     def __contains__(self, run_id: int) -> bool:
@@ -304,16 +310,16 @@ class PendingEvaluations:
 
     def forget(self) -> None:
         """Say no more of a run without a result: another one began, or it has one after all."""
-        self.without, self.problem = None, ""
+        self.run_without_result, self.problem = None, ""
 
-    async def any_missing(self) -> bool:
+    async def wait_for_results(self) -> bool:
         """Wait for the results under way; whether a run that completed came to none."""
         missing = False
         for run_id, (end_state, work) in tuple(self._under_way.items()):
             evaluation = await work
             del self._under_way[run_id]
             if evaluation.result is None and end_state is EndState.COMPLETED:
-                self.without, missing = run_id, True
+                self.run_without_result, missing = run_id, True
                 self.problem = f"Run {run_id} is complete, but {evaluation.problem}. Evaluate it again."
         return missing
 
@@ -334,7 +340,7 @@ class PendingEvaluations:
 _MOVED_BY_MOTORS_ALONE = (PlantKind.RIG, PlantKind.REPLAY)
 
 
-def experiment_kinds(
+def list_experiment_kinds(
     entries: Iterable[ExperimentDefinition], in_force: LoopSettings, tuning: TuningView, plant: PlantKind
 ) -> list[ExperimentKind]:
     """Return experiments with their settings and those of the loop as ``in_force``.
@@ -349,7 +355,8 @@ def experiment_kinds(
     }
     values = asdict(in_force)
     of_the_loop = [
-        replace(_within(setting, offered), default=values[setting.name]) for setting in describe_settings(LoopSettings)
+        replace(_limit_setting(setting, offered), default=values[setting.name])
+        for setting in describe_settings(LoopSettings)
     ]
     moved_by_motors_alone = plant in _MOVED_BY_MOTORS_ALONE
     return [
@@ -360,7 +367,7 @@ def experiment_kinds(
             run_kind=entry.run_kind,
             duration_s=entry.usual.program().duration_s,
             settings=[*entry.settings, *of_the_loop],
-            why_not=_beyond(entry) if moved_by_motors_alone else "",
+            why_not=_explain_missing_ability(entry) if moved_by_motors_alone else "",
         )
         for entry in entries
     ]
@@ -379,7 +386,7 @@ def describe_identification_kinds() -> list[IdentificationKind]:
     ]
 
 
-def _beyond(entry: ExperimentDefinition) -> str:
+def _explain_missing_ability(entry: ExperimentDefinition) -> str:
     """Return why nothing but its motors moving a plant is not enough for an experiment; empty where it is."""
     try:
         program = entry.usual.program()
@@ -392,7 +399,7 @@ def _beyond(entry: ExperimentDefinition) -> str:
     return ""
 
 
-def _within(setting: Setting, offered: Mapping[str, tuple[float, float]]) -> Setting:
+def _limit_setting(setting: Setting, offered: Mapping[str, tuple[float, float]]) -> Setting:
     low, high = offered.get(setting.name, (setting.minimum, setting.maximum))
     return replace(setting, minimum=low, maximum=high)
 
@@ -414,7 +421,7 @@ class RunPart:
 
 
 @dataclass(frozen=True)
-class Ordered:
+class ScheduledRun:
     """A run of a plan, as it is expected to go: the ``number``th ``of`` those that were ordered together."""
 
     plan: Plan
@@ -442,7 +449,7 @@ class Ordered:
         )
 
 
-def run_progress(live_state: LiveState, ordered: Ordered, pause: Pause) -> ProgressCallback:
+def make_progress_callback(live_state: LiveState, ordered: ScheduledRun, pause: Pause) -> ProgressCallback:
     """Return what puts into ``present`` how far a run is.
 
     What it is told counts from the start of each part; what is shown counts from the start of the run. Once the program
@@ -472,16 +479,16 @@ def run_progress(live_state: LiveState, ordered: Ordered, pause: Pause) -> Progr
             elapsed_s=passed_s,
             duration_s=expected_s,
             phase=doing,
-            part=part_at(parts, elapsed_s) if doing is RunPhase.PROGRAM else None,
+            part=find_part(parts, elapsed_s) if doing is RunPhase.PROGRAM else None,
             number=ordered.number,
-            following=pause.following,
-            pause_wanted=pause.wanted,
+            following=pause.remaining_runs,
+            pause_wanted=pause.is_requested,
         )
 
     return show
 
 
-def part_at(parts: tuple[RunPart, ...], t: float) -> PartView | None:
+def find_part(parts: tuple[RunPart, ...], t: float) -> PartView | None:
     """Return the part of a program ``t`` [s] after its start; what is past the end is in the last one."""
     if not parts:
         return None
@@ -503,29 +510,29 @@ class JobManager:
 
     def __init__(
         self,
-        station: ExperimentRig,
+        rig: ExperimentRig,
         actuator: ActuatorService,
         banks: StoredBanks,
         experiments: OwnExperiments,
         prepare_report: Callable[[], None],
         seed: int,
         dry_runs: DryRuns,
-        texts: TextWork,
+        text_work: TextWork,
         supervision: Supervision,
         safe_stop: SafeStop,
     ) -> None:
-        self._station = station
+        self._rig = rig
         self._actuator = actuator
         self._banks = banks
         self._experiments = experiments
         self._prepare_report = prepare_report
         self._seed = seed
         self._dry_runs = dry_runs
-        self._texts = texts
+        self._text_work = text_work
         self._safe_stop = safe_stop
-        self.queue = Queue(self.start_experiment, self.checked, supervision, station.database)
+        self.queue = ExperimentQueue(self.start_experiment, self.complete_request, supervision, rig.database)
         self._problem = ""
-        self._results = PendingEvaluations()
+        self._evaluations = PendingEvaluations()
         self.pause = Pause(actuator.live_state, actuator.changed)
         self._running: asyncio.Task[None] | None = None
         self._closing = False
@@ -533,44 +540,46 @@ class JobManager:
     @property
     def problems(self) -> list[str]:
         """What became of the last run that failed, until another one is started or it has its result after all."""
-        return [problem for problem in (self._problem, self._results.problem) if problem]
+        return [problem for problem in (self._problem, self._evaluations.problem) if problem]
 
-    def evaluated(self, run_id: int) -> None:
+    def clear_missing_result(self, run_id: int) -> None:
         """Take note that a run has been evaluated again: that its result is missing is not so any more."""
-        if run_id == self._results.without:
-            self._results.forget()
+        if run_id == self._evaluations.run_without_result:
+            self._evaluations.forget()
             self._actuator.changed()
 
-    async def experiment_kinds(self, person: User, is_disconnected: IsDisconnected) -> list[ExperimentKind]:
+    async def list_experiment_kinds(self, person: User, is_disconnected: IsDisconnected) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
         live_state = self._actuator.live_state
         settings = self._loop_settings()
-        self._dry_runs.get_ready(live_state.tuning.parameters, settings)  # who looks at experiments may well try one
+        self._dry_runs.prepare(live_state.tuning.parameters, settings)  # who looks at experiments may well try one
         tuning, plant = live_state.operator_tuning.view(0.0), live_state.plant.kind
         asked = self._experiments, settings, tuning, plant
         if await asyncio.to_thread(self._experiments.has_own):
-            return await self._texts.run(person, is_disconnected, _experiment_kinds, *asked)
-        return await asyncio.to_thread(_experiment_kinds, *asked)
+            return await self._text_work.run(person, is_disconnected, _list_experiment_kinds, *asked)
+        return await asyncio.to_thread(_list_experiment_kinds, *asked)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises RequestRejectedError, SettingError, OutOfRangeError."""
-        _, plan, wanted = await self._ordered(request)
+        _, plan, wanted = await self._parse_request(request)
         self._require_seed(wanted)
         async with self._actuator.start_lock:
             self._require_free()
-            require_ready(self._station.loop)
-            return await self._start(await self._bank_of(wanted), RunRequest(plan, wanted, who))
+            require_ready(self._rig.loop)
+            return await self._start(await self._load_bank(wanted), RunRequest(plan, wanted, who))
 
-    async def checked(self, request: ExperimentRequest) -> ExperimentRequest:
+    async def complete_request(self, request: ExperimentRequest) -> ExperimentRequest:
         """Return an order with all that it leaves to what is in force now, for one that waits for its turn.
 
         Raises what a start would raise: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
         """
-        name, plan, wanted = await self._ordered(request)
+        name, plan, wanted = await self._parse_request(request)
         self._require_seed(wanted)
-        tuning, bank = self._actuator.live_state.tuning, await self._bank_of(wanted)
+        tuning, bank = self._actuator.live_state.tuning, await self._load_bank(wanted)
         await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
-        await self._texts.order(_require_playable, self._station.database, tuning.parameters, plan, wanted.tuning)
+        await self._text_work.run_for_operator(
+            _require_playable, self._rig.database, tuning.parameters, plan, wanted.tuning
+        )
         return ExperimentRequest(
             name=name, settings={**request.settings, **list_setting_values(plan), **asdict(wanted)}
         )
@@ -582,11 +591,11 @@ class JobManager:
 
         Raises ExperimentError.
         """
-        checked = await self._looked_over(asked.text, person, is_disconnected)
+        checked = await self._check_text(asked.text, person, is_disconnected)
         if not asked.play:
             return checked.view({}, "it was looked over only")
         try:
-            played = await self._play_dry(
+            played = await self._run_dry(
                 RunRequest(checked.plan, self._loop_settings(), person.name), person, is_disconnected
             )
         except (RequestRejectedError, InvalidValueError) as error:
@@ -594,15 +603,15 @@ class JobManager:
             return checked.view({}, str(error), busy=busy)
         return checked.view({item.name: item.value for item in played.metrics}, dry_run=played)
 
-    async def keep_experiment(self, written: str, person: User, is_disconnected: IsDisconnected) -> OwnExperiment:
+    async def store_experiment(self, written: str, person: User, is_disconnected: IsDisconnected) -> OwnExperiment:
         """Keep an own experiment as the next version of its name. Raises ExperimentError."""
-        checked = await self._looked_over(written, person, is_disconnected)
+        checked = await self._check_text(written, person, is_disconnected)
         kept = await asyncio.to_thread(self._experiments.store, checked, written, person.name)
         return view_of(kept, checked.title)
 
-    async def _looked_over(self, written: str, person: User, is_disconnected: IsDisconnected) -> ExperimentCheck:
+    async def _check_text(self, written: str, person: User, is_disconnected: IsDisconnected) -> ExperimentCheck:
         here = self._actuator.live_state.tuning.parameters, self._loop_settings().tuning
-        return await self._texts.run(person, is_disconnected, self._experiments.checked, written, *here)
+        return await self._text_work.run(person, is_disconnected, self._experiments.checked, written, *here)
 
     async def dry_run(self, request: ExperimentRequest, person: User, is_disconnected: IsDisconnected) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
@@ -610,11 +619,11 @@ class JobManager:
         if request.name in experiments_by_name():
             _, plan, wanted = await asyncio.to_thread(self._experiments.plan, *asked)
         else:
-            _, plan, wanted = await self._texts.run(person, is_disconnected, self._experiments.plan, *asked)
-        return await self._play_dry(RunRequest(plan, wanted, person.name), person, is_disconnected)
+            _, plan, wanted = await self._text_work.run(person, is_disconnected, self._experiments.plan, *asked)
+        return await self._run_dry(RunRequest(plan, wanted, person.name), person, is_disconnected)
 
-    async def _play_dry(self, order: RunRequest, person: User, is_disconnected: IsDisconnected) -> DryRunView:
-        bank = await self._bank_of(order.loop_settings)
+    async def _run_dry(self, order: RunRequest, person: User, is_disconnected: IsDisconnected) -> DryRunView:
+        bank = await self._load_bank(order.loop_settings)
         others = list_plan_banks(order.plan) - {0 if bank is None else bank.id}
         used = [
             *([] if bank is None else [bank]),
@@ -632,22 +641,24 @@ class JobManager:
         plans = build_plans(request)
         async with self._actuator.start_lock:
             self._require_free()
-            parameters = self._station.parameters
+            parameters = self._rig.parameters
             loop, bank = self._loop_settings(), self._actuator.live_state.tuning.bank
-            start = read_start(self._station.loop.ring.newest())
-            told = await self._texts.order(forecast_identifications, plans, parameters, start, loop.lam_motor)
+            start = read_start(self._rig.loop.ring.newest())
+            told = await self._text_work.run_for_operator(
+                forecast_identifications, plans, parameters, start, loop.lam_motor
+            )
             told.require_within_range(parameters)
             return await self._start(bank, *(RunRequest(plan, loop, who) for plan in plans))
 
     async def predict_identification(self, request: IdentificationRequest, compute: Compute) -> Prediction:
         """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
-        tuning, start = self._actuator.live_state.tuning, read_start(self._station.loop.ring.newest())
+        tuning, start = self._actuator.live_state.tuning, read_start(self._rig.loop.ring.newest())
         told: Prediction = await compute(predict_runs, request, tuning.parameters, tuning.lambdas.lam_motor, start)
         return told
 
     def is_evaluating(self, run_id: int) -> bool:
         """Whether the result of a run is being computed."""
-        return run_id in self._results
+        return run_id in self._evaluations
 
     async def close(self, cause: str = "service ended") -> None:
         """Give up what is running; its run is closed as ended by ``cause``."""
@@ -668,20 +679,20 @@ class JobManager:
         """Start orders in turn, all with the tuning of the first on the models of ``bank``."""
         await self._actuator.tuning_service.apply_temporary(orders[0].loop_settings.tuning, bank, orders[0].who)
         try:
-            run = await asyncio.to_thread(create_run, self._station, orders[0])
+            run = await asyncio.to_thread(create_run, self._rig, orders[0])
         except BaseException:
             await self._actuator.tuning_service.restore_operator_tuning()
             raise
         self._problem = ""
-        self._results.forget()
+        self._evaluations.forget()
         self.pause.begin(len(orders) - 1)
-        progress = await self._progress(orders, 0, run)
+        progress = await self._make_progress_callback(orders, 0, run)
         progress(RunPhase.STARTING, 0.0)
-        self._running = asyncio.create_task(self._perform(orders, run, progress))
+        self._running = asyncio.create_task(self._run_all(orders, run, progress))
         self._prepare_report()
         return run.id
 
-    async def _perform(self, orders: Sequence[RunRequest], run: Run, show: ProgressCallback) -> None:
+    async def _run_all(self, orders: Sequence[RunRequest], run: Run, show: ProgressCallback) -> None:
         """Perform orders in turn; ``run`` and ``show`` are those of the first. One that does not complete ends it.
 
         While the result of one is computed the next one plays: together they take what was announced.
@@ -692,25 +703,27 @@ class JobManager:
             for position, order in enumerate(orders):
                 if position > 0:
                     playing = False
-                    if (following := await self._following(orders[position:], run, show)) is None:
+                    if (following := await self._create_next_run(orders[position:], run, show)) is None:
                         break
                     run, playing = following, True
-                    show = await self._progress(orders, position, run)
+                    show = await self._make_progress_callback(orders, position, run)
                     show(RunPhase.STARTING, 0.0)
-                self._actuator.live_state.program_tunings = await self._on_the_way(order)
+                self._actuator.live_state.program_tunings = await self._list_program_tunings(order)
                 over = (
-                    self._actuator.tuning_service.restore_operator_tuning if position == len(orders) - 1 else _nothing
+                    self._actuator.tuning_service.restore_operator_tuning
+                    if position == len(orders) - 1
+                    else _keep_tuning
                 )
-                closed = await play_run(self._station, order, run, show, over)
+                closed = await play_run(self._rig, order, run, show, over)
                 end_state = EndState(closed.end_state)
-                work = asyncio.create_task(evaluate_closed_run(self._station, order.plan, closed))
-                self._results.add(run.id, end_state, work)
+                work = asyncio.create_task(evaluate_closed_run(self._rig, order.plan, closed))
+                self._evaluations.add(run.id, end_state, work)
                 if end_state is not EndState.COMPLETED:
                     break
             playing = False
             self.pause.begin(0)
             show(RunPhase.EVALUATION, 0.0)
-            if await self._results.any_missing():
+            if await self._evaluations.wait_for_results():
                 end_state = None  # whoever waits for the result, the queue too, waits for a person
         except Exception as error:
             _log.exception("Run %s failed.", run.id)
@@ -722,66 +735,66 @@ class JobManager:
                 self._safe_stop.begin(Fault.SERVICE_LOST)
             if not self._closing:  # the next start finds the operator's tuning: what was lent is not kept
                 await self._actuator.tuning_service.restore_operator_tuning()
-            await self._results.end(giving_up=self._closing)
+            await self._evaluations.end(giving_up=self._closing)
             self._actuator.live_state.task = None
             self._actuator.changed()
-            self.queue.ended(run.id, end_state)
+            self.queue.handle_run_end(run.id, end_state)
 
-    async def _following(self, orders: Sequence[RunRequest], run: Run, show: ProgressCallback) -> Run | None:
+    async def _create_next_run(self, orders: Sequence[RunRequest], run: Run, show: ProgressCallback) -> Run | None:
         """Create the first run of what is left after ``run`` once no pause is wanted; None, and a problem, if it fails.
 
         Nothing plays then, and ``run`` is complete: neither it nor the joint is concerned.
         """
         try:
-            await self.pause.over(self._station.loop, partial(show, RunPhase.PAUSED, 0.0))
-            return await asyncio.to_thread(create_run, self._station, orders[0])
+            await self.pause.wait_until_resumed(self._rig.loop, partial(show, RunPhase.PAUSED, 0.0))
+            return await asyncio.to_thread(create_run, self._rig, orders[0])
         except Exception as error:
             _log.warning("No run follows run %s: %s", run.id, error, exc_info=not isinstance(error, NotReadyError))
-            self._problem = not_begun(run.id, error, len(orders))
+            self._problem = describe_runs_not_started(run.id, error, len(orders))
             return None
 
-    async def _on_the_way(self, order: RunRequest) -> list[ResolvedTuning]:
+    async def _list_program_tunings(self, order: RunRequest) -> list[ResolvedTuning]:
         """Return the tunings that an order puts into use while it plays, by their numbers from 1 on."""
         choices = list_plan_tunings(order.plan, order.loop_settings.tuning)
         numbers = {choice.bank for choice in choices}
         there = {bank.id: bank for bank in await asyncio.to_thread(self._banks.existing, numbers)} if choices else {}
         return [ResolvedTuning(choice, there.get(choice.bank)) for choice in choices]
 
-    async def _progress(self, orders: Sequence[RunRequest], position: int, run: Run) -> ProgressCallback:
+    async def _make_progress_callback(self, orders: Sequence[RunRequest], position: int, run: Run) -> ProgressCallback:
         """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
-        plan, start = orders[position].plan, read_start(self._station.loop.ring.newest())
-        told = await asyncio.to_thread(forecast_duration, plan, self._station.parameters, start)
-        ordered = Ordered(plan, run.id, told, position + 1, len(orders))
-        return run_progress(self._actuator.live_state, ordered, self.pause)
+        plan, start = orders[position].plan, read_start(self._rig.loop.ring.newest())
+        told = await asyncio.to_thread(forecast_duration, plan, self._rig.parameters, start)
+        ordered = ScheduledRun(plan, run.id, told, position + 1, len(orders))
+        return make_progress_callback(self._actuator.live_state, ordered, self.pause)
 
     def _require_seed(self, wanted: LoopSettings) -> None:
         if wanted.seed != self._seed:
             remedy = f"the simulator of this service runs with seed {self._seed}; sinew experiment takes any"
             raise SettingError("seed", wanted.seed, remedy)
 
-    async def _bank_of(self, wanted: LoopSettings) -> Bank | None:
+    async def _load_bank(self, wanted: LoopSettings) -> Bank | None:
         return await asyncio.to_thread(self._banks.stored_bank, wanted.bank) if wanted.bank else None
 
-    async def _ordered(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
+    async def _parse_request(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
         """Return what is asked for, of an own one its version; the operator's tuning where nothing else is said."""
         asked = request.name, self._loop_settings(), request.settings
         if request.name in experiments_by_name():  # no text of a person's: as costly as Sinew's own
             return await asyncio.to_thread(self._experiments.plan, *asked)
-        return await self._texts.order(self._experiments.plan, *asked)
+        return await self._text_work.run_for_operator(self._experiments.plan, *asked)
 
     def _loop_settings(self) -> LoopSettings:
         return LoopSettings(**self._actuator.live_state.operator_tuning.choice.document(), seed=self._seed)
 
 
-def _experiment_kinds(
+def _list_experiment_kinds(
     known: OwnExperiments, in_force: LoopSettings, tuning: TuningView, plant: PlantKind
 ) -> list[ExperimentKind]:
-    return experiment_kinds(known.all(), in_force, tuning, plant)
+    return list_experiment_kinds(known.all(), in_force, tuning, plant)
 
 
 def _require_playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> None:
     compile_program(make_bank_loader(database), parameters, plan, tuning)
 
 
-async def _nothing() -> None:
+async def _keep_tuning() -> None:
     """Leave the tuning with a sequence of runs until the last one is over."""

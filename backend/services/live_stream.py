@@ -117,7 +117,7 @@ class SampleSource(Protocol):
         ...
 
 
-class Client:
+class StreamClient:
     """One open websocket: what waits to be sent to it, and what it has missed."""
 
     def __init__(self) -> None:
@@ -127,7 +127,7 @@ class Client:
         self._missed = 0
         self._wake = asyncio.Event()
 
-    def offer_frame(self, frame: bytes) -> None:
+    def queue_frame(self, frame: bytes) -> None:
         """Queue a frame; when the queue is full it is not sent, and its samples are counted as missed."""
         if len(self._frames) >= QUEUE_FRAMES:
             self._missed += wire.count_of(frame)
@@ -136,12 +136,12 @@ class Client:
         self._missed = 0
         self._wake.set()
 
-    def offer_state(self, state: str) -> None:
+    def queue_state(self, state: str) -> None:
         """Replace the state that waits to be sent: the newest wins."""
         self._state = state
         self._wake.set()
 
-    def offer_text(self, text: str) -> None:
+    def queue_text(self, text: str) -> None:
         """Queue a message that must arrive in order: an event mark, a pong."""
         self._texts.append(text)
         self._wake.set()
@@ -170,7 +170,7 @@ class LiveStream:
     def __init__(self, samples: Callable[[], SampleSource], state: Callable[[], StateMessage]) -> None:
         self._samples = samples
         self._state = state
-        self._clients: set[Client] = set()
+        self._clients: set[StreamClient] = set()
         self._marks: deque[str] = deque(maxlen=MARKS)
         self._ring = samples()
         self._position = self._ring.count
@@ -181,14 +181,14 @@ class LiveStream:
         """How many websockets are open."""
         return len(self._clients)
 
-    def announce(self, mark: EventMessage) -> None:
+    def publish_mark(self, mark: EventMessage) -> None:
         """Put a mark on the time axis of all clients and of those who come later."""
         text = mark.model_dump_json()
         self._marks.append(text)
         for client in self._clients:
-            client.offer_text(text)
+            client.queue_text(text)
 
-    def state_changed(self) -> None:
+    def request_state(self) -> None:
         """Send the state with the next frame."""
         self._state_due = 0.0
 
@@ -208,19 +208,19 @@ class LiveStream:
         if now_s >= self._state_due:
             self._state_due = now_s + STATE_PERIOD_S
             self._broadcast_state()
-        for frame in self._new_frames():
+        for frame in self._read_new_frames():
             for client in self._clients:
-                client.offer_frame(frame)
+                client.queue_frame(frame)
 
     @contextmanager
-    def attending(self) -> Iterator[tuple["Client", Iterable[str | bytes]]]:
+    def connect(self) -> Iterator[tuple["StreamClient", Iterable[str | bytes]]]:
         """Count one more client; beside it comes what it is sent first: how to read all, state, the seconds before."""
-        client = Client()
-        greeting = [layout().model_dump_json(), self._state().model_dump_json(), *self._marks]
-        history = _frames(self._ring, max(0, self._position - round(HISTORY_S / T_s)), self._position)
+        client = StreamClient()
+        first_messages = [build_layout().model_dump_json(), self._state().model_dump_json(), *self._marks]
+        history = _read_frames(self._ring, max(0, self._position - round(HISTORY_S / T_s)), self._position)
         self._clients.add(client)
         try:
-            yield client, chain(greeting, history)
+            yield client, chain(first_messages, history)
         finally:
             self._clients.discard(client)
 
@@ -228,23 +228,23 @@ class LiveStream:
         self._ring = self._samples()
         self._position = 0
         self._marks.clear()
-        again = layout().model_dump_json()
+        again = build_layout().model_dump_json()
         for client in self._clients:
-            client.offer_text(again)
+            client.queue_text(again)
 
     def _broadcast_state(self) -> None:
         if self._clients:
             state = self._state().model_dump_json()
             for client in self._clients:
-                client.offer_state(state)
+                client.queue_state(state)
 
-    def _new_frames(self) -> Iterator[bytes]:
+    def _read_new_frames(self) -> Iterator[bytes]:
         end = self._ring.count
-        yield from _frames(self._ring, self._position, end)
+        yield from _read_frames(self._ring, self._position, end)
         self._position = end
 
 
-def layout() -> LayoutMessage:
+def build_layout() -> LayoutMessage:
     """Return the message that tells how to read all others."""
     return LayoutMessage(
         fields=list(STORED),
@@ -255,7 +255,7 @@ def layout() -> LayoutMessage:
     )
 
 
-def _frames(ring: SampleSource, since: int, end: int) -> Iterator[bytes]:
+def _read_frames(ring: SampleSource, since: int, end: int) -> Iterator[bytes]:
     while since < end:
         first, rows, missed = ring.read(since, min(FRAME_SAMPLES, end - since))
         if len(rows) == 0:

@@ -28,29 +28,29 @@ _RUN = re.compile(r"run (\d{1,15})")
 def describe_recording(path: str | Path, database: Database) -> PlayedRecording:
     """Return what a recording is and what happened in it.
 
-    That is told by the log where its run is stored here, else by its columns. Raises PlantError for another file.
+    That is last_move by the log where its run is stored here, else by its columns. Raises PlantError for another file.
     """
     recording = load_replay(path)
-    facts = _facts(Path(path))
+    facts = _read_facts(Path(path))
     named = None if facts is None else _RUN.fullmatch(facts.of)
     number = None if named is None else int(named[1])
-    stored = None if facts is None or number is None else _stored_marks(database, number, facts)
+    stored = None if facts is None or number is None else _load_marks(database, number, facts)
     return PlayedRecording(
         title=facts.of if facts is not None and facts.of else Path(path).name,
         run=number,
         duration_s=(len(recording) - 1) * T_s,
-        marks=_marks_in(recording) if stored is None else stored,
+        marks=_derive_marks(recording) if stored is None else stored,
     )
 
 
-def _facts(path: Path) -> Facts | None:
+def _read_facts(path: Path) -> Facts | None:
     try:
         return writers.read_parquet(path)[0] if path.suffix == ".parquet" else writers.read_csv(path)[0]
     except (ImportRefusedError, UnicodeDecodeError):
         return None  # a file that another program wrote, or one cut to a part: it says of itself nothing that holds
 
 
-def _stored_marks(database: Database, number: int, facts: Facts) -> list[RunMark] | None:
+def _load_marks(database: Database, number: int, facts: Facts) -> list[RunMark] | None:
     """Return what the log tells of the run; None where the run of that number here is another one."""
     try:
         with database.reading() as session:
@@ -61,39 +61,39 @@ def _stored_marks(database: Database, number: int, facts: Facts) -> list[RunMark
         return None
 
 
-def _marks_in(recording: RecordedSamples) -> list[RunMark]:
+def _derive_marks(recording: RecordedSamples) -> list[RunMark]:
     columns = recording.columns
     marks = []
     if "mode" in columns:
         modes = columns["mode"]
-        for at in _changes(modes):
-            before, after = _named(MODES, modes[at - 1]), _named(MODES, modes[at])
-            marks.append(_mark(at, EventKind.MODE, f"{before} → {after}"))
-    for at in _changes(columns["fault"]):
+        for at in _find_changes(modes):
+            before, after = _look_up_name(MODES, modes[at - 1]), _look_up_name(MODES, modes[at])
+            marks.append(_build_mark(at, EventKind.MODE, f"{before} → {after}"))
+    for at in _find_changes(columns["fault"]):
         number = columns["fault"][at]
         if 0.0 < number < len(FAULTS):
-            marks.append(_mark(at, EventKind.TRIP, EXPLAINED[FAULTS[int(number)]].message))
+            marks.append(_build_mark(at, EventKind.TRIP, EXPLAINED[FAULTS[int(number)]].message))
     return sorted(marks, key=lambda mark: mark.t)
 
 
-def _changes(codes: Signal) -> list[int]:
+def _find_changes(codes: Signal) -> list[int]:
     """Return the places of samples with another code than the one before them."""
     found: list[int] = (np.flatnonzero(np.diff(codes) != 0.0) + 1).tolist()
     return found
 
 
-def _named(names: tuple[Any, ...], code: float) -> str:
+def _look_up_name(names: tuple[Any, ...], code: float) -> str:
     known = np.isfinite(code) and 0 <= code < len(names)
     return str(names[int(code)]) if known else f"mode {code:g}"
 
 
-def _mark(at: int, kind: EventKind, text: str) -> RunMark:
+def _build_mark(at: int, kind: EventKind, text: str) -> RunMark:
     return RunMark(t=at * T_s, kind=kind, text=text, who="")
 
 
 # Player --------------------------------------------------------------------------------------------
 #
-# The player of a recording: where it stands, by what the loop told of it last, and what it is asked
+# The player of a recording: where it stands, by what the loop last_move of it last, and what it is asked
 # for.
 
 
@@ -113,10 +113,10 @@ class RecordingPlayer:
         changed: Callable[[], None],
     ) -> None:
         self._recording, self._command, self._changed = recording, command, changed
-        self._told: PlayerMoved | None = None
+        self._last_move: PlayerMoved | None = None
 
     @property
-    def plays(self) -> bool:
+    def has_recording(self) -> bool:
         """Whether a recording is in the place of a plant."""
         return self._recording is not None
 
@@ -130,30 +130,30 @@ class RecordingPlayer:
 
     def handle_event(self, event: PlayerMoved) -> None:
         """Take in where the player is from a tick on."""
-        self._told = event
+        self._last_move = event
         self._changed()
 
     def view(self, tick: int) -> PlayerView | None:
-        """Return where it stands in ``tick``; None where nothing is played, or the loop has not told yet."""
-        told, recording = self._told, self._recording
-        if told is None or recording is None:
+        """Return where it stands in ``tick``; None where nothing is played, or the loop has not last_move yet."""
+        last_move, recording = self._last_move, self._recording
+        if last_move is None or recording is None:
             return None
-        gone = max(0, tick - told.tick) * told.speed if told.playing else 0.0
-        last = told.samples - 1
-        sample = min(told.sample + gone, last)
+        gone = max(0, tick - last_move.tick) * last_move.speed if last_move.playing else 0.0
+        last = last_move.samples - 1
+        sample = min(last_move.sample + gone, last)
         return PlayerView(
             title=recording.title,
             t=math.floor(sample) * T_s,
             tick=tick,
             duration_s=last * T_s,
-            playing=told.playing and sample < last,
+            playing=last_move.playing and sample < last,
             ended=sample >= last,
-            speed=told.speed,
+            speed=last_move.speed,
             speed_min=SPEED_MIN,
             speed_max=SPEED_MAX,
         )
 
-    async def order(self, order: PlayerOrder) -> None:
+    async def apply(self, order: PlayerOrder) -> None:
         """Play, pause, set the speed, go to a time. Raises RequestRejectedError, OutOfRangeError."""
         duration_s = self.recording.duration_s
         sample = None
@@ -164,7 +164,7 @@ class RecordingPlayer:
             sample = round(order.t / T_s)
         await self._command(PlayRecording(order.playing, order.speed, sample))
 
-    def require_none(self) -> None:
+    def require_no_recording(self) -> None:
         """Raise RequestRejectedError while a recording is played: it takes no other commands."""
-        if self.plays:
+        if self.has_recording:
             raise RequestRejectedError(ErrorCode.NOT_NOW, NO_COMMANDS, code="recording_played")

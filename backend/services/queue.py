@@ -49,17 +49,17 @@ class DryRuns:
     def __init__(self, offload: Offload) -> None:
         self._offload = offload
         self.places = WorkLimiter("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
-        self._under_way: dict[User, tuple[Path, float]] = {}
+        self._running_folders: dict[User, tuple[Path, float]] = {}
 
-    def get_ready(self, parameters: PlantParameters, settings: LoopSettings) -> None:
+    def prepare(self, parameters: PlantParameters, settings: LoopSettings) -> None:
         """Let the process load what a dry run takes, once, so that the first one is as soon there as those after it."""
-        self._offload.begin(_get_ready, parameters, settings)
+        self._offload.begin(_prepare_process, parameters, settings)
 
     async def progress(self, person: User) -> DryRunProgress:
         """Return how far the dry run of a person is."""
-        if person not in self._under_way:
+        if person not in self._running_folders:
             return DryRunProgress(under_way=False, doing=RunPhase.STARTING, played_s=0.0, duration_s=0.0)
-        folder, duration_s = self._under_way[person]
+        folder, duration_s = self._running_folders[person]
         doing, elapsed_s = await asyncio.to_thread(read_progress, folder)
         played_s = {RunPhase.PROGRAM: min(elapsed_s, duration_s), RunPhase.EVALUATION: duration_s}.get(doing, 0.0)
         return DryRunProgress(under_way=True, doing=doing, played_s=played_s, duration_s=duration_s)
@@ -88,22 +88,22 @@ class DryRuns:
             words="length of a dry run",
             path=(),
         )
-        with self.places.held(person):
+        with self.places.reserve(person):
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
-            self._under_way[person] = Path(folder), duration_s
+            self._running_folders[person] = Path(folder), duration_s
             try:
                 played = await run_while_connected(
                     self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), is_disconnected
                 )
             finally:
-                self._under_way.pop(person, None)
+                self._running_folders.pop(person, None)
                 # Here, not in the process: one that is killed clears up nothing.
                 shutil.rmtree(folder, ignore_errors=True)
         settings = {**list_setting_values(order.plan), **asdict(order.loop_settings)}
         return dry_run_view(played.run, played.result, played.curves, duration_s, settings)
 
 
-def _get_ready(parameters: PlantParameters, settings: LoopSettings) -> None:
+def _prepare_process(parameters: PlantParameters, settings: LoopSettings) -> None:
     """Take over what was computed for a tuning before, which loads half of SciPy, and load the rest."""
     RobustnessCache().load()
     warm_up_dry_run(parameters, settings)
@@ -123,7 +123,7 @@ Start = Callable[[ExperimentRequest, str], Awaitable[int]]
 Check = Callable[[ExperimentRequest], Awaitable[ExperimentRequest]]
 
 
-class Queue:
+class ExperimentQueue:
     """Belongs to the service's event loop. ``start`` starts one experiment.
 
     ``check`` raises for one that cannot be, and returns it with all its settings: what is shown of one that waits is
@@ -134,13 +134,13 @@ class Queue:
     def __init__(self, start: Start, check: Check, supervision: Supervision, database: Database) -> None:
         self._supervision = supervision
         self._database = database
-        self._changing = asyncio.Lock()
+        self._change_lock = asyncio.Lock()
         self._start = start
         self._check = check
         self._items: list[QueuedView] = []
         self._running = False
         self._problem = ""
-        self._refused: int | None = None
+        self._rejected_item: int | None = None
         self._run: int | None = None
         self._restore()
 
@@ -153,24 +153,24 @@ class Queue:
 
         Raises what a start with these settings would raise, and StorageError where it cannot be kept.
         """
-        self._require_room()
+        self._require_space()
         whole = await self._check(request)
-        async with self._changing:
-            self._require_room()  # others may have been added meanwhile
+        async with self._change_lock:
+            self._require_space()  # others may have been added meanwhile
             kept = await asyncio.to_thread(self._store, whole, who)
             if not self._items:
-                self._tell("")  # what once held the queue, with nothing left in it, says nothing about this one
+                self._set_problem("")  # what once held the queue, with nothing left in it, says nothing about this one
             self._items.append(QueuedView(id=kept.id, name=whole.name, settings=whole.settings, who=who))
         return self.view()
 
     async def remove(self, item_id: int) -> QueueView:
         """Take an experiment out. Raises RequestRejectedError when it does not wait any more, StorageError."""
-        async with self._changing:
-            self._waiting(item_id)
+        async with self._change_lock:
+            self._find_waiting(item_id)
             await asyncio.to_thread(self._delete, item_id)
             self._items = [item for item in self._items if item.id != item_id]
-            if not self._items or item_id == self._refused:
-                self._tell("")
+            if not self._items or item_id == self._rejected_item:
+                self._set_problem("")
         return self.view()
 
     async def move(self, item_id: int, place: int) -> QueueView:
@@ -178,25 +178,25 @@ class Queue:
 
         Raises RequestRejectedError when it does not wait any more, OutOfRangeError, StorageError.
         """
-        async with self._changing:
-            moved = self._waiting(item_id)
+        async with self._change_lock:
+            moved = self._find_waiting(item_id)
             words = "place in the queue"
             check_range("place", place, 0, len(self._items) - 1, "1", words=words)
             order = [item.id for item in self._items if item.id != item_id]
             order.insert(place, item_id)
-            await asyncio.to_thread(self._arrange, order)
+            await asyncio.to_thread(self._store_order, order)
             others = [item for item in self._items if item.id != item_id]  # one may have started meanwhile
             if len(others) < len(self._items):
                 self._items = [*others[:place], moved, *others[place:]]
         return self.view()
 
-    def _waiting(self, item_id: int) -> QueuedView:
+    def _find_waiting(self, item_id: int) -> QueuedView:
         found = next((item for item in self._items if item.id == item_id), None)
         if found is None:
             raise RequestRejectedError(ErrorCode.UNKNOWN, f"experiment {item_id} does not wait in the queue")
         return found
 
-    def _require_room(self) -> None:
+    def _require_space(self) -> None:
         if len(self._items) >= LONGEST:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, f"the queue is full: it holds {LONGEST} experiments; remove one first"
@@ -207,8 +207,8 @@ class Queue:
         if not self._items:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "the queue is empty: add an experiment first")
         if not self._running:
-            self._tell("")
-            await self._begin()
+            self._set_problem("")
+            await self._start_first()
             self._running = True
         return self.view()
 
@@ -217,46 +217,46 @@ class Queue:
         self._running = False
         return self.view()
 
-    def ended(self, run_id: int, end_state: EndState | None) -> None:
+    def handle_run_end(self, run_id: int, end_state: EndState | None) -> None:
         """Go on after an experiment; None when it failed without an end state."""
         if run_id != self._run:
             return
         self._run = None
         if end_state is not EndState.COMPLETED:
             how = "failed" if end_state is None else f"ended as {end_state.replace('_', ' ')}"
-            self._hold(f"run {run_id} {how}")
+            self._pause(f"run {run_id} {how}")
         elif not self._items:
             self._running = False
         elif self._running:
-            self._supervision.keep_task(_PART, self._go_on)
+            self._supervision.keep_task(_PART, self._start_next)
 
-    def _tell(self, problem: str, refused: int | None = None) -> None:
+    def _set_problem(self, problem: str, refused: int | None = None) -> None:
         """Say why the queue is held: until it runs, is empty, or what was ``refused`` does not wait any more."""
-        self._problem, self._refused = problem, refused
+        self._problem, self._rejected_item = problem, refused
 
-    async def _go_on(self) -> None:
+    async def _start_next(self) -> None:
         if not (self._running and self._items):  # a person was quicker: held, or nothing waits any more
             self._running = False
             return
-        following = self._items[0]
+        next_item = self._items[0]
         try:
-            await self._begin()
+            await self._start_first()
         except Exception as error:
             # Whatever refuses the next one is for a person to read; those that wait stay.
             _log.warning("The queue is paused: %s", error)
-            if following in self._items:
-                self._hold(f"the next one was refused: {error}", following.id)
+            if next_item in self._items:
+                self._pause(f"the next one was refused: {error}", next_item.id)
             else:
-                self._hold(f"the one that a person has taken out meanwhile was refused: {error}")
+                self._pause(f"the one that a person has taken out meanwhile was refused: {error}")
 
-    def _hold(self, cause: str, refused: int | None = None) -> None:
+    def _pause(self, cause: str, refused: int | None = None) -> None:
         """Stop here, and say how to go on; ``refused`` is the experiment that the cause lies with."""
         count = len(self._items)
         remedy = "nothing waits any more" if count == 0 else "start the queue again to go on with the first that waits"
-        self._tell(f"held because {cause}; {remedy}", refused)
+        self._set_problem(f"held because {cause}; {remedy}", refused)
         self._running = False
 
-    async def _begin(self) -> None:
+    async def _start_first(self) -> None:
         item = self._items[0]
         self._run = await self._start(ExperimentRequest(name=item.name, settings=item.settings), item.who)
         self._items = [waiting for waiting in self._items if waiting.id != item.id]
@@ -276,12 +276,12 @@ class Queue:
                 kept = queue.load_waiting(session)
         except StorageError as error:
             _log.warning("The service cannot read the stored queue: %s", error)
-            self._tell(f"held because what waited in it cannot be read: {error}")
+            self._set_problem(f"held because what waited in it cannot be read: {error}")
             return
         self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in kept]
         if kept:
             _log.warning("%d experiments wait in the stored queue. An operator starts them.", len(kept))
-            self._hold("the service was started again")
+            self._pause("the service was started again")
 
     def _store(self, whole: ExperimentRequest, who: str) -> queue.StoredQueued:
         with self._database.session() as session:
@@ -291,6 +291,6 @@ class Queue:
         with self._database.session() as session:
             queue.remove(session, item_id)
 
-    def _arrange(self, order: list[int]) -> None:
+    def _store_order(self, order: list[int]) -> None:
         with self._database.session() as session:
             queue.arrange(session, order)

@@ -277,7 +277,7 @@ class StudyScheduler:
         async with self._door:
             self._require_place()
             tuning = self._tuning()
-            study = await self._texts.order(_begin, self._database, text, who, self._parameters, tuning)
+            study = await self._texts.run_for_operator(_begin, self._database, text, who, self._parameters, tuning)
             return self._have_computed(study)
 
     async def resume(self, study_id: int) -> StudyView:

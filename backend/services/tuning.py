@@ -245,13 +245,13 @@ class TuningService:
 
     def _drop_unusable_rejection(self, tuning: ActiveTuning) -> ActiveTuning:
         """Return what can come back into force of a tuning."""
-        return tuning if self._contact.learned else tuning.without_rejection()
+        return tuning if self._contact.points else tuning.without_rejection()
 
     def _require_known_bias(self, tuning: ActiveTuning) -> None:
         """Raise RequestRejectedError for a rejection of a force that is not known, or not well enough."""
         if tuning.choice.k_ext == 0.0:
             return
-        points = self._contact.learned
+        points = self._contact.points
         if not points:
             raise RequestRejectedError(ErrorCode.NOT_NOW, BIAS_NOT_CALIBRATED)
         noise = max(point.std_N for point in points)

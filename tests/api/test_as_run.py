@@ -168,7 +168,7 @@ async def moved_while_pushed(parts: Parts) -> None:
     await actuator.set_references(0.7, 10.0, WHO)
     await advance(0.5)
     actuator.release_push()
-    await actuator.contact.order(TouchOrder(forget=True), WHO)
+    await actuator.contact.apply(TouchOrder(forget=True), WHO)
     await advance(0.5)
 
 

@@ -193,7 +193,7 @@ def test_an_experiment_that_nobody_watches_is_stopped_and_said_to_be_given_up(mo
     run = moving.client.post("/api/experiments", json=body).raise_for_status().json()["id"]
     wait_for(moving.client, "mode", "experiment")
     for task in moving.tasks().values():
-        if "_perform" in str(task.get_coro()):
+        if "_run_all" in str(task.get_coro()):
             moving.call(task.cancel)
     wait_for(moving.client, "mode", "tripped")
     state = wait_for(moving.client, "task", None)

@@ -192,14 +192,14 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
         await pretension(parts)
         pause = parts.ordered_runs.pause
         with pytest.raises(RequestRejectedError, match="nothing is under way"):
-            pause.ask(True)
+            pause.request(True)
 
         def at_each(task: TaskView) -> None:
             if task.phase is RunPhase.PROGRAM and task.number == 1 and not task.pause_wanted:
-                pause.ask(True)
+                pause.request(True)
             if task.phase is RunPhase.PROGRAM and task.number == 2:
                 with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
-                    pause.ask(True)
+                    pause.request(True)
             state = parts.state()
             if task.phase is RunPhase.PAUSED:
                 assert (task.number, task.following, task.part) == (1, 1, None)
@@ -215,7 +215,7 @@ def test_the_next_tension_waits_for_a_pause_to_be_over_and_no_run_is_under_way_m
             for mode in (Mode.RUN, Mode.COMPLIANCE):
                 with pytest.raises(RequestRejectedError, match="go on, or stop softly; legal now: stopping, off"):
                     await parts.actuator.set_mode(mode, OPERATOR.name)
-            pause.ask(False)
+            pause.request(False)
 
         resumed = asyncio.create_task(goes_on())
         seen = await follow(parts, TWO, at_each)
@@ -242,7 +242,7 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
 
         def at_each(task: TaskView) -> None:
             if task.phase is RunPhase.PROGRAM and not task.pause_wanted:
-                parts.ordered_runs.pause.ask(True)
+                parts.ordered_runs.pause.request(True)
             if task.phase is RunPhase.PAUSED and not stopping:
                 stopping.append(asyncio.create_task(parts.supervisor.send(SetMode(Mode.STOPPING))))
 

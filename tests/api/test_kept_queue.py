@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 
 from backend.schemas.experiment import ExperimentRequest
-from backend.services.queue import Queue
+from backend.services.queue import ExperimentQueue
 from backend.storage.database import open_database
 from backend.storage.orm import StorageError
 from backend.storage.runs import EndState
@@ -87,7 +87,7 @@ def test_what_cannot_be_stored_does_not_wait(tmp_path: Path) -> None:
     async def session() -> None:
         supervision = Supervision()
         with closing(open_database(tmp_path)) as database:
-            queue = Queue(start, check, supervision, database)
+            queue = ExperimentQueue(start, check, supervision, database)
             await queue.add(ExperimentRequest(name="sequence", settings={}), "Ana")
             (item,) = queue.view().items
             os.rename(tmp_path / "sinew.db", tmp_path / "away.db")
@@ -97,9 +97,9 @@ def test_what_cannot_be_stored_does_not_wait(tmp_path: Path) -> None:
             assert queue.view().items == [item]
             assert (await queue.run()).run == 5  # it has started: that its row stays is in the log
             assert queue.view().items == []
-            queue.ended(5, EndState.COMPLETED)
+            queue.handle_run_end(5, EndState.COMPLETED)
             os.rename(tmp_path / "away.db", tmp_path / "sinew.db")
-            again = Queue(start, check, supervision, database).view()
+            again = ExperimentQueue(start, check, supervision, database).view()
             assert [(one.id, one.kept) for one in again.items] == [(item.id, True)]
         await supervision.close()
 

@@ -13,7 +13,7 @@ from backend.api.dependencies import serve
 from backend.realtime.ring_buffer import Ring
 from backend.sample import FIELDS, INDEX
 from backend.schemas.state import EventMessage, MarkKind, StateMessage
-from backend.services.live_stream import QUEUE_FRAMES, Client, LiveStream
+from backend.services.live_stream import QUEUE_FRAMES, LiveStream, StreamClient
 
 
 def fill(ring: Ring, count: int) -> None:
@@ -185,11 +185,11 @@ def test_a_page_that_falls_silent_is_gone_and_a_script_that_never_said_anything_
 
 def test_of_states_the_newest_wins_and_of_marks_none_is_lost() -> None:
     async def session() -> None:
-        client = Client()
-        client.offer_state("old")
-        client.offer_state("new")
+        client = StreamClient()
+        client.queue_state("old")
+        client.queue_state("new")
         for name in ("a", "b"):
-            client.offer_text(name)
+            client.queue_text(name)
         assert [await client.next() for _ in range(3)] == ["a", "b", "new"]
 
     asyncio.run(session())
@@ -199,7 +199,7 @@ def test_marks_reach_those_who_come_later() -> None:
     async def session() -> None:
         ring = Ring.create(1024)
         stream, watcher = stream_on(ring), Watcher()
-        stream.announce(EventMessage(tick=7, kind=MarkKind.NOTE, text="before"))
+        stream.publish_mark(EventMessage(tick=7, kind=MarkKind.NOTE, text="before"))
         serving = asyncio.create_task(served(stream, watcher))
         await settle()
         assert any('"before"' in text for text in watcher.texts)

@@ -19,7 +19,7 @@ from backend.sample import INDEX, NAMES
 from backend.schemas.identification import ActuatorRequest
 from backend.schemas.state import TaskView
 from backend.services import jobs
-from backend.services.jobs import Pause, not_begun
+from backend.services.jobs import Pause, describe_runs_not_started
 from backend.services.state import LiveState
 from backend.storage import runs
 from backend.storage.database import open_database
@@ -70,14 +70,14 @@ def paused(following: int) -> tuple[Pause, Present]:
     pause = Pause(cast(LiveState, live_state), lambda: None)
     pause.begin(following)
     if following:
-        pause.ask(True)
+        pause.request(True)
     return pause, live_state
 
 
 def wait(pause: Pause, loop: FakeLoop) -> int:
     """Wait for its end; how often it was shown."""
     shown: list[None] = []
-    asyncio.run(pause.over(cast(LoopClient, loop), lambda: shown.append(None)))
+    asyncio.run(pause.wait_until_resumed(cast(LoopClient, loop), lambda: shown.append(None)))
     return len(shown)
 
 
@@ -85,18 +85,18 @@ def test_it_lasts_until_the_next_run_is_let_begin_and_one_less_follows_then() ->
     pause, live_state = paused(2)
     assert live_state.task is not None
     assert live_state.task.pause_wanted
-    loop = FakeLoop(*[Mode.PRETENSION] * 5, at_each=lambda advanced: pause.ask(False) if advanced == 3 else None)
-    assert (wait(pause, loop), loop.advanced, pause.following) == (3, 3, 1)
+    loop = FakeLoop(*[Mode.PRETENSION] * 5, at_each=lambda advanced: pause.request(False) if advanced == 3 else None)
+    assert (wait(pause, loop), loop.advanced, pause.remaining_runs) == (3, 3, 1)
 
 
 def test_where_none_is_wanted_the_next_run_begins_at_once() -> None:
     pause, _ = paused(1)
-    pause.ask(False)
+    pause.request(False)
     loop = FakeLoop()
-    assert (wait(pause, loop), loop.advanced, pause.following) == (0, 0, 0)
+    assert (wait(pause, loop), loop.advanced, pause.remaining_runs) == (0, 0, 0)
     with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
-        pause.ask(True)  # the last run is being prepared: what is shown is still the one before it
-    assert not pause.wanted
+        pause.request(True)  # the last run is being prepared: what is shown is still the one before it
+    assert not pause.is_requested
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_it_ends_the_order_where_the_motors_are_let_go(mode: Mode, why: str) -> 
     loop = FakeLoop(Mode.PRETENSION, mode, Mode.PRETENSION)
     with pytest.raises(NotReadyError, match=why) as ended:
         wait(pause, loop)
-    assert (ended.value.mode, loop.advanced, pause.following) == (mode, 2, 2)
+    assert (ended.value.mode, loop.advanced, pause.remaining_runs) == (mode, 2, 2)
 
 
 def test_a_loop_that_dies_ends_it() -> None:
@@ -124,16 +124,16 @@ def test_a_loop_that_dies_ends_it() -> None:
 def test_none_is_accepted_once_no_run_will_follow() -> None:
     pause, live_state = paused(1)
     pause.begin(0)
-    assert not pause.wanted
+    assert not pause.is_requested
     with pytest.raises(RequestRejectedError, match="no run of the same order follows"):
-        pause.ask(True)
+        pause.request(True)
     live_state.task = None
     with pytest.raises(RequestRejectedError, match="nothing is under way"):
-        pause.ask(True)
+        pause.request(True)
 
 
 def test_what_was_not_begun_is_counted() -> None:
-    assert not_begun(7, LoopExitedError("it died."), 2) == (
+    assert describe_runs_not_started(7, LoopExitedError("it died."), 2) == (
         "The order ended after run 7: it died; 2 runs were not begun. Order them anew."
     )
 
@@ -168,7 +168,7 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
             over: Callable[[], Awaitable[None]],
         ) -> Run:
             if dies:
-                parts.ordered_runs.pause.ask(True)
+                parts.ordered_runs.pause.request(True)
                 monkeypatch.setattr(parts.supervisor, "advance", died)
             await over()
             with database.session() as session:

@@ -15,7 +15,7 @@ from backend.realtime.modes import Mode
 from backend.sample import INDEX
 from backend.schemas.session import Role
 from backend.schemas.state import PushRequest
-from backend.services.jobs import experiment_kinds
+from backend.services.jobs import list_experiment_kinds
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from plant.interface import PlantChoice, PlantKind
@@ -77,7 +77,7 @@ def test_what_only_pushes_or_loads_is_offered_where_something_can(database: Data
     async def offered(parts: Parts) -> None:
         def why_not(kind: PlantKind) -> dict[str, str]:
             tuning, offers = parts.live_state.tuning.view(0.0), experiments_by_name().values()
-            return {one.name: one.why_not for one in experiment_kinds(offers, LoopSettings(), tuning, kind)}
+            return {one.name: one.why_not for one in list_experiment_kinds(offers, LoopSettings(), tuning, kind)}
 
         assert set(why_not(PlantKind.VIRTUAL_CARD).values()) == set(why_not(PlantKind.SIMULATOR).values()) == {""}
         for kind in (PlantKind.RIG, PlantKind.REPLAY):

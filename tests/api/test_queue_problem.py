@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 from backend.errors import RequestRejectedError
 from backend.schemas.experiment import ExperimentRequest
-from backend.services.queue import Queue, Start
+from backend.services.queue import ExperimentQueue, Start
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from backend.supervision import Supervision
@@ -25,7 +25,7 @@ async def start(request: ExperimentRequest, _who: str) -> int:
     return 5
 
 
-def held(session: Callable[[Queue], Awaitable[None]], start: Start = start) -> None:
+def held(session: Callable[[ExperimentQueue], Awaitable[None]], start: Start = start) -> None:
     """Run a session on a queue with nothing to move."""
 
     async def check(request: ExperimentRequest) -> ExperimentRequest:
@@ -33,24 +33,24 @@ def held(session: Callable[[Queue], Awaitable[None]], start: Start = start) -> N
 
     async def whole(database: Database) -> None:
         supervision = Supervision()
-        await session(Queue(start, check, supervision, database))
+        await session(ExperimentQueue(start, check, supervision, database))
         await supervision.close()
 
     with TemporaryDirectory() as folder, closing(open_database(Path(folder))) as database:
         asyncio.run(whole(database))
 
 
-async def refused(queue: Queue) -> None:
+async def refused(queue: ExperimentQueue) -> None:
     while not queue.view().problem:
         await asyncio.sleep(0.001)
 
 
 def test_a_refusal_of_an_experiment_goes_with_that_experiment() -> None:
-    async def session(queue: Queue) -> None:
+    async def session(queue: ExperimentQueue) -> None:
         for request in (SHORT, WITHOUT_BANK, SHORT):
             await queue.add(request, "Ana")
         await queue.run()
-        queue.ended(5, EndState.COMPLETED)
+        queue.handle_run_end(5, EndState.COMPLETED)
         await refused(queue)
         assert "there is no bank 99" in queue.view().problem
         refused_one, waiting = queue.view().items
@@ -63,17 +63,17 @@ def test_a_refusal_of_an_experiment_goes_with_that_experiment() -> None:
 
 
 def test_a_person_is_quicker_than_the_step_to_the_next_one() -> None:
-    async def session(queue: Queue) -> None:
+    async def session(queue: ExperimentQueue) -> None:
         for _ in range(2):
             await queue.add(SHORT, "Ana")
         await queue.run()
-        queue.ended(5, EndState.COMPLETED)
+        queue.handle_run_end(5, EndState.COMPLETED)
         queue.hold()
         await asyncio.sleep(0.01)
         assert (len(queue.view().items), queue.view().run) == (1, None)
         await queue.run()
         await queue.add(WITHOUT_BANK, "Ana")
-        queue.ended(5, EndState.COMPLETED)
+        queue.handle_run_end(5, EndState.COMPLETED)
         await queue.remove(queue.view().items[0].id)
         await asyncio.sleep(0.01)
         view = queue.view()
@@ -92,11 +92,11 @@ def test_one_that_is_taken_out_while_it_is_refused_leaves_the_queue_as_it_is() -
             raise RequestRejectedError(ErrorCode.UNKNOWN, "there is no bank 99")
         return 5
 
-    async def session(queue: Queue) -> None:
+    async def session(queue: ExperimentQueue) -> None:
         for request in (SHORT, WITHOUT_BANK):
             await queue.add(request, "Ana")
         await queue.run()
-        queue.ended(5, EndState.COMPLETED)
+        queue.handle_run_end(5, EndState.COMPLETED)
         await asked.wait()
         await queue.remove(queue.view().items[0].id)
         told.set()
@@ -109,18 +109,18 @@ def test_one_that_is_taken_out_while_it_is_refused_leaves_the_queue_as_it_is() -
 
 
 def test_an_empty_queue_is_not_held() -> None:
-    async def session(queue: Queue) -> None:
+    async def session(queue: ExperimentQueue) -> None:
         for request in (SHORT, SHORT, SHORT):
             await queue.add(request, "Ana")
         await queue.run()
-        queue.ended(5, EndState.STOPPED)
+        queue.handle_run_end(5, EndState.STOPPED)
         assert queue.view().problem.startswith("held because run 5 ended as stopped; start the queue again")
         first, second = queue.view().items
         assert (await queue.remove(first.id)).problem.startswith("held because run 5 ended as stopped")
         assert (await queue.remove(second.id)).problem == ""
         await queue.add(SHORT, "Ana")
         await queue.run()
-        queue.ended(5, EndState.STOPPED)
+        queue.handle_run_end(5, EndState.STOPPED)
         assert queue.view().problem.endswith("nothing waits any more")
         await queue.add(SHORT, "Ana")
         assert queue.view().problem == ""

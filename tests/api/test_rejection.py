@@ -29,7 +29,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 async def learned(parts: Parts) -> None:
     await at_rest(parts)
-    await parts.actuator.contact.order(TouchOrder(learn=True), WHO)
+    await parts.actuator.contact.apply(TouchOrder(learn=True), WHO)
 
 
 def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Database) -> None:
@@ -49,10 +49,10 @@ def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Da
         await push(parts, 5.0, 1.5)
         assert abs(newest(parts, "q") - q) > 0.02  # it swings back out as it is let go
         with pytest.raises(RequestRejectedError, match="k_ext to 0"):
-            await contact.order(TouchOrder(forget=True), WHO)
+            await contact.apply(TouchOrder(forget=True), WHO)
         assert len(contact.view().learned) == 1
         assert (await tuning_service.apply(TuningRequest(k_ext=0.0), WHO)).k_ext == 0.0
-        assert (await contact.order(TouchOrder(forget=True), WHO)).learned == []
+        assert (await contact.apply(TouchOrder(forget=True), WHO)).learned == []
 
     stepped(database, load_parameters("lab"), operate)
 

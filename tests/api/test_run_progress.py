@@ -8,7 +8,7 @@ import pytest
 from backend.execution.progress import RunPhase
 from backend.experiments.forecast import Expected
 from backend.experiments.library import find_experiment
-from backend.services.jobs import Ordered, run_progress
+from backend.services.jobs import ScheduledRun, make_progress_callback
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,9 @@ from backend.services.jobs import Ordered, run_progress
 def test_an_experiment_that_is_data_is_named_by_its_title(name: str, kind: str, title: str) -> None:
     plan = find_experiment(name).usual
     live_state: Any = SimpleNamespace(task=None)
-    order = Ordered(plan, run=14, expected=Expected(before_s=2.0, program_s=30.0))
-    run_progress(live_state, order, cast(Any, SimpleNamespace(following=0, wanted=False)))(RunPhase.PRETENSION, 1.5)
+    order = ScheduledRun(plan, run=14, expected=Expected(before_s=2.0, program_s=30.0))
+    make_progress_callback(live_state, order, cast(Any, SimpleNamespace(remaining_runs=0, is_requested=False)))(
+        RunPhase.PRETENSION, 1.5
+    )
     task = live_state.task
     assert (task.kind, task.title, task.run, task.elapsed_s, task.duration_s) == (kind, title, 14, 1.5, 32.0)

@@ -92,7 +92,7 @@ def test_the_bias_is_known_between_the_points_and_S_is_as_it_was(database: Datab
 
     async def learn(parts: Parts) -> None:
         await at_rest(parts, 10.4)
-        begun = (await parts.actuator.contact.order(BEGIN, WHO)).sweep
+        begun = (await parts.actuator.contact.apply(BEGIN, WHO)).sweep
         assert begun == SweepView(under_way=True, point=1, points=SWEEP_POINTS, S_ref=8.0, why="")
         seen: list[SweepView] = []
         while sweep_of(parts).under_way:

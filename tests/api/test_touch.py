@@ -56,24 +56,24 @@ def test_what_is_learned_is_taken_off_at_its_stiffness(database: Database) -> No
         await at_rest(parts, 10.0)
         before = newest(parts, "F_ext_hat")
         assert abs(before) > 0.1
-        (point,) = (await contact.order(TouchOrder(learn=True), WHO)).learned
+        (point,) = (await contact.apply(TouchOrder(learn=True), WHO)).learned
         assert pytest.approx(10.0, abs=0.05) == point.S
         assert pytest.approx(before, abs=0.2) == point.F
         assert 0.0 < point.std_N < 0.15
         await parts.supervisor.advance(1.0)
         assert newest(parts, "F_ext_hat") == pytest.approx(0.0, abs=0.2)
         await at_rest(parts, 14.0)
-        both = (await contact.order(TouchOrder(learn=True), WHO)).learned
+        both = (await contact.apply(TouchOrder(learn=True), WHO)).learned
         assert [round(one.S) for one in both] == [10, 14]
         assert both[0] == point
         with pytest.raises(RequestRejectedError, match="less than 1 s ago"):
-            await contact.order(TouchOrder(learn=True), WHO)
+            await contact.apply(TouchOrder(learn=True), WHO)
         await parts.supervisor.advance(1.1)
-        again = (await contact.order(TouchOrder(learn=True), WHO)).learned
+        again = (await contact.apply(TouchOrder(learn=True), WHO)).learned
         assert [round(one.S) for one in again] == [10, 14]  # in the place of the one before
         assert pytest.approx(both[1].F, abs=0.1) == again[1].F
         assert parts.state().touch.learned == again
-        assert (await contact.order(TouchOrder(forget=True), WHO)).learned == []
+        assert (await contact.apply(TouchOrder(forget=True), WHO)).learned == []
         await parts.supervisor.advance(0.5)
         assert newest(parts, "F_ext_hat") == pytest.approx(both[1].F, abs=0.3)
 
@@ -88,7 +88,7 @@ def test_nothing_is_learned_where_something_acts_or_moves(database: Database) ->
     async def refused(parts: Parts) -> None:
         async def why() -> str:
             with pytest.raises(RequestRejectedError) as told:
-                await parts.actuator.contact.order(TouchOrder(learn=True, contact_N=2.0), WHO)
+                await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=2.0), WHO)
             assert parts.state().touch.learned == []
             assert parts.state().touch.contact_N == 0.0
             return str(told.value)
@@ -118,17 +118,17 @@ def test_a_joint_is_armed_only_where_its_estimate_is_known_well_enough(database:
         contact = parts.actuator.contact
         await at_rest(parts)
         with pytest.raises(RequestRejectedError, match="learn it at rest first"):
-            await contact.order(TouchOrder(contact_N=1.5), WHO)
+            await contact.apply(TouchOrder(contact_N=1.5), WHO)
         for contact_N in (0.5, 31.0, -1.0):
             with pytest.raises(OutOfRangeError) as refused:
-                await contact.order(TouchOrder(learn=True, contact_N=contact_N), WHO)
+                await contact.apply(TouchOrder(learn=True, contact_N=contact_N), WHO)
             assert refused.value.quantity == "contact_N"
-        armed = await contact.order(TouchOrder(learn=True, contact_N=1.5), WHO)
+        armed = await contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
         assert armed.contact_N == 1.5
         with pytest.raises(RequestRejectedError, match="learn it at rest first"):
-            await contact.order(TouchOrder(forget=True), WHO)
+            await contact.apply(TouchOrder(forget=True), WHO)
         assert parts.state().touch == armed
-        assert (await contact.order(TouchOrder(forget=True, contact_N=0.0), WHO)).contact_N == 0.0
+        assert (await contact.apply(TouchOrder(forget=True, contact_N=0.0), WHO)).contact_N == 0.0
         await push(parts, 5.0)
         assert parts.live_state.mode is Mode.RUN
 
@@ -138,7 +138,7 @@ def test_a_joint_is_armed_only_where_its_estimate_is_known_well_enough(database:
 def test_a_contact_is_told_until_a_mode_is_chosen(database: Database) -> None:
     async def touched(parts: Parts) -> None:
         await at_rest(parts)
-        await parts.actuator.contact.order(TouchOrder(learn=True, contact_N=1.5), WHO)
+        await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
         recorded = parts.state().recording_run
         await push(parts, 5.0)
         state = parts.state()
@@ -166,7 +166,7 @@ def test_a_contact_is_told_until_a_mode_is_chosen(database: Database) -> None:
 def test_zeros_found_anew_and_a_new_loop_begin_with_nothing_learned(database: Database) -> None:
     async def anew(parts: Parts) -> None:
         await at_rest(parts)
-        await parts.actuator.contact.order(TouchOrder(learn=True, contact_N=1.5), WHO)
+        await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
         for broken, is_known in ((Broken(Breakage.SAFETY_TRIP), True), (Broken(Breakage.JUMP), False)):
             await parts.actuator.inject_fault(broken, WHO)
             await parts.supervisor.advance(0.5)
@@ -180,7 +180,7 @@ def test_zeros_found_anew_and_a_new_loop_begin_with_nothing_learned(database: Da
         await push(parts, 5.0)
         assert parts.live_state.mode is Mode.RUN
         await parts.supervisor.advance(2.0)
-        await parts.actuator.contact.order(TouchOrder(learn=True, contact_N=1.5), WHO)
+        await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
         parts.supervisor.dead = True
         parts.actuator.contact._handle_event(LoopExited("killed"))
         assert parts.state().touch == TouchView(contact_N=0.0, learned=[], felt=None)

@@ -54,7 +54,7 @@ async def until(parts: Parts, reached: Callable[[], bool] = lambda: False) -> Sw
 
 async def learned_two(parts: Parts) -> None:
     await at_rest(parts)
-    await parts.actuator.contact.order(BEGIN, WHO)
+    await parts.actuator.contact.apply(BEGIN, WHO)
     await until(parts, lambda: sweep_of(parts).point == 3)
     assert sweep_of(parts).S_ref == pytest.approx(11.5)
 
@@ -67,14 +67,14 @@ def reference(parts: Parts) -> tuple[float, float | None]:
 def test_a_person_stops_it_and_S_is_put_back(database: Database) -> None:
     async def stop(parts: Parts) -> None:
         with pytest.raises(RequestRejectedError, match="nothing to stop"):
-            await parts.actuator.contact.order(STOP, WHO)
+            await parts.actuator.contact.apply(STOP, WHO)
         await learned_two(parts)
-        told = await parts.actuator.contact.order(STOP, WHO)
+        told = await parts.actuator.contact.apply(STOP, WHO)
         assert told.sweep == SweepView(under_way=False, point=3, points=5, S_ref=11.5, why="it was stopped")
         await parts.supervisor.advance(0.01)
         assert reference(parts) == pytest.approx((0.2, 10.0))
         assert len(parts.state().touch.learned) == 2
-        assert (await parts.actuator.contact.order(TouchOrder(forget=True), WHO)).sweep is None
+        assert (await parts.actuator.contact.apply(TouchOrder(forget=True), WHO)).sweep is None
 
     stepped(database, load_parameters("lab"), stop)
     with database.reading() as session:
@@ -118,7 +118,7 @@ def test_what_else_moves_the_joint_ends_it_and_what_was_learned_stays(database: 
             if then is not None:
                 assert reference(parts) == pytest.approx(then)
             if parts.live_state.mode is not Mode.TRIPPED:
-                await parts.actuator.contact.order(TouchOrder(forget=True), WHO)
+                await parts.actuator.contact.apply(TouchOrder(forget=True), WHO)
                 await parts.actuator.set_mode(Mode.PRETENSION, WHO)
                 await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
         assert parts.live_state.fault is Fault.STOP_PRESSED
@@ -131,7 +131,7 @@ def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(dat
     async def refused(parts: Parts) -> None:
         async def why(order: TouchOrder = BEGIN) -> str:
             with pytest.raises(RequestRejectedError) as told:
-                await parts.actuator.contact.order(order, WHO)
+                await parts.actuator.contact.apply(order, WHO)
             return str(told.value)
 
         assert "held in run, and the mode is off" in await why()
@@ -142,9 +142,9 @@ def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(dat
         )
         assert "run 4, tracking, is under way" in await why()
         parts.live_state.task = None
-        await parts.actuator.contact.order(TouchOrder(learn=True, contact_N=2.0), WHO)
+        await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=2.0), WHO)
         assert "gives way to contacts" in await why()
-        await parts.actuator.contact.order(TouchOrder(contact_N=0.0), WHO)
+        await parts.actuator.contact.apply(TouchOrder(contact_N=0.0), WHO)
         await parts.supervisor.send(commands.ApplyPush(1.0, 0.5))
         await parts.supervisor.advance(0.1)
         assert "pushed" in await why()
@@ -156,9 +156,9 @@ def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(dat
         await parts.supervisor.send(commands.Obstruct(None))
         await parts.supervisor.advance(2.0)
         assert parts.state().touch.sweep is None
-        await parts.actuator.contact.order(BEGIN, WHO)
+        await parts.actuator.contact.apply(BEGIN, WHO)
         assert "under way already" in await why()
-        assert (await parts.actuator.contact.order(TouchOrder(), WHO)).sweep == sweep_of(parts)
+        assert (await parts.actuator.contact.apply(TouchOrder(), WHO)).sweep == sweep_of(parts)
         for order in (TouchOrder(learn=True), TouchOrder(forget=True), TouchOrder(contact_N=2.0)):
             assert "wait for its end or stop it" in await why(order)
         assert (await until(parts)).why == ""
@@ -179,7 +179,7 @@ def test_what_is_not_at_rest_says_which_and_no_number_is_not_rest(S: float, F: f
     rows = np.zeros((1000, len(INDEX)))
     rows[:, INDEX["S"]] = S
     rows[500:, INDEX["F_ext_hat"]] = F
-    said = contact._restless(rows, 8.0)
+    said = contact._explain_drift(rows, 8.0)
     assert said.startswith(why)
     assert bool(said) == bool(why)
 
@@ -187,8 +187,8 @@ def test_what_is_not_at_rest_says_which_and_no_number_is_not_rest(S: float, F: f
 def test_a_point_that_does_not_come_to_rest_ends_it(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     async def restless(parts: Parts) -> None:
         await at_rest(parts)
-        monkeypatch.setattr(contact, "drift", lambda rows: 0.5)
-        await parts.actuator.contact.order(BEGIN, WHO)
+        monkeypatch.setattr(contact, "compute_drift", lambda rows: 0.5)
+        await parts.actuator.contact.apply(BEGIN, WHO)
         begun = parts.supervisor.ring.count
         sweep = await until(parts)
         assert "at 8 N·m/rad nothing could be learned within 20 s: the estimate moves by 0.50 N" in sweep.why
@@ -211,7 +211,7 @@ def test_its_death_is_told(database: Database, monkeypatch: pytest.MonkeyPatch, 
             assert contact.sweep._task is not None
             contact.sweep._task.cancel()
         else:
-            monkeypatch.setattr(contact, "_restless", broken)
+            monkeypatch.setattr("backend.services.contact._explain_drift", broken)
         sweep = await until(parts)
         cause = "its task was cancelled" if cancelled else "ZeroDivisionError: of a test"
         assert sweep.why == f"it died ({cause})"
@@ -221,7 +221,7 @@ def test_its_death_is_told(database: Database, monkeypatch: pytest.MonkeyPatch, 
         assert len(parts.state().touch.learned) == 2
         monkeypatch.undo()
         await parts.supervisor.advance(2.0)
-        await contact.order(BEGIN, WHO)
+        await contact.apply(BEGIN, WHO)
         assert contact.sweep.problem == ""
         assert (await until(parts)).why == ""
 

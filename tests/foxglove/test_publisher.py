@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from backend.foxglove.bridge import MessageSlots, OtherVersionError, Publisher
-from backend.services.live_stream import layout
+from backend.services.live_stream import build_layout
 
 
 def frame(content: bytes) -> bytes:
@@ -24,7 +24,7 @@ def test_a_ticket_is_turned_into_its_message_and_nothing_else_is() -> None:
 def test_a_service_of_another_version_is_refused() -> None:
     publisher = Publisher("test", MessageSlots())
     try:
-        told = layout()
+        told = build_layout()
         publisher.publish(told.model_dump_json())
         with pytest.raises(OtherVersionError, match="use one version of both"):
             publisher.publish(told.model_copy(update={"fields": told.fields[1:]}).model_dump_json())

@@ -148,7 +148,7 @@ async def push(body: PushRequest, service: ServiceInUse, person: InControl) -> P
 @operate_router.put("/touch")
 async def set_touch(body: TouchOrder, service: ServiceInUse, person: InControl) -> TouchView:
     """Learn what the outside force reads with nothing outside, and from what force on the joint gives way."""
-    return await service.actuator.contact.order(body, person.name)
+    return await service.actuator.contact.apply(body, person.name)
 
 
 @operate_router.put("/wall")
@@ -187,4 +187,4 @@ async def get_recording(service: ServiceInUse, _person: SignedIn) -> PlayedRecor
 @player_router.put("", status_code=204)
 async def play(body: PlayerOrder, service: ServiceInUse, _person: HoldsControl) -> None:
     """Play, pause, set the speed or go to a time of the recording; at its end, playing begins anew."""
-    await service.actuator.player.order(body)
+    await service.actuator.player.apply(body)

@@ -43,7 +43,9 @@ experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"], 
 @experiments_router.get("")
 async def list_experiments(request: Request, service: ServiceInUse, person: SignedIn) -> ExperimentKindList:
     """List the kinds of experiments with their settings and units."""
-    return ExperimentKindList(experiments=await service.ordered_runs.experiment_kinds(person, request.is_disconnected))
+    return ExperimentKindList(
+        experiments=await service.ordered_runs.list_experiment_kinds(person, request.is_disconnected)
+    )
 
 
 @experiments_router.post("", status_code=202)
@@ -137,7 +139,7 @@ async def keep_experiment(
     request: Request, body: ExperimentText, service: ServiceInUse, person: Operator
 ) -> OwnExperiment:
     """Keep an experiment as the next version of its name; one that could not be played here is refused."""
-    return await service.ordered_runs.keep_experiment(body.text, person, request.is_disconnected)
+    return await service.ordered_runs.store_experiment(body.text, person, request.is_disconnected)
 
 
 @own_experiments_router.post("/check")

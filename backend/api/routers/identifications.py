@@ -34,7 +34,7 @@ async def pause(
     body: identification.PauseRequest, service: ServiceInUse, _person: InControl
 ) -> identification.PauseRequest:
     """Let the next of several identifications wait, or begin; refused where none follows the one under way."""
-    service.ordered_runs.pause.ask(body.paused)
+    service.ordered_runs.pause.request(body.paused)
     return body
 
 

@@ -403,7 +403,7 @@ sheets_router = APIRouter(tags=["runs"], route_class=ThreadRoute)
 @sheets_router.post(SHEETS, response_class=Response, responses={200: {"content": {PDF: {}}}})
 async def print_sheet(request: Request, body: SheetToPrint, service: ServiceInUse, person: SignedIn) -> Response:
     """Return a sheet of charts as PDF at its size. Open to viewers: it moves and keeps nothing."""
-    return download(await service.sheets.pdf(body.svg, person, request.is_disconnected), PDF, "sinew-charts.pdf")
+    return download(await service.sheets.render(body.svg, person, request.is_disconnected), PDF, "sinew-charts.pdf")
 
 
 # Formulas ------------------------------------------------------------------------------------------

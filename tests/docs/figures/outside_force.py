@@ -67,7 +67,7 @@ def swept(parameters: PlantParameters, seed: int) -> tuple[tuple[float, float], 
 
     async def learn(parts: Parts) -> tuple[float, float]:
         await at_rest(parts, 10.4)
-        await parts.actuator.contact.order(BEGIN, WHO)
+        await parts.actuator.contact.apply(BEGIN, WHO)
         while sweep_of(parts).under_way:
             await asyncio.sleep(0)
         assert not sweep_of(parts).why, sweep_of(parts).why
