@@ -15,7 +15,7 @@ from backend.auth import AUTHENTICATION_PART as TOKENS
 from backend.auth import CONTROL_LEASE_PART as CONTROL
 from backend.auth import HANDOVER_PART as HAND_OVER
 from backend.auth import AccessChanged, Authentication, ControlHandover, ControlLease, ControlReleased, HolderChanged
-from backend.commissioning import KeptHands, find_completed_commissioning
+from backend.commissioning import DriveLockout, find_completed_commissioning
 from backend.data_folder import DATA_FOLDER_PART as FOLDER
 from backend.data_folder import FolderWatch, HeldFolder
 from backend.event_bus import EventBus, StateChanged
@@ -122,7 +122,7 @@ class BootContext:
     tuning_store: TuningStore
     tuning: ActiveTuning
     said: str
-    hands: KeptHands
+    hands: DriveLockout
     supervisor: Supervisor
 
 
@@ -155,7 +155,7 @@ def bootstrap(
     tuning, said = tuning_store.restore(parameters)
     said = "; ".join(part for part in (version_said, said) if part)
     brought_up = find_completed_commissioning(database, settings.plant_choice)
-    hands = KeptHands(database, settings.plant_choice)
+    hands = DriveLockout(database, settings.plant_choice)
     identified = {} if applied is None else changed_sections(applied)
     drives_off = hands.left is not None
     setup = Setup(

@@ -202,13 +202,13 @@ def run_in_turn(
 def _bench(settings: Settings, first: "RunRequest") -> "Iterator[_Play]":
     """Open database and simulator, both set for ``first``, and give what plays an order there."""
     from backend.data_folder import playing_in
-    from backend.execution import open_headless_station, run_experiment
+    from backend.execution import open_headless_rig, run_experiment
     from backend.reports import load_source
 
     with (
         database_of(settings) as database,
         playing_in(settings.data),
-        open_headless_station(
+        open_headless_rig(
             database, parameters_in_force(settings, database), first.loop_settings, settings.plant_choice
         ) as station,
     ):
@@ -470,11 +470,18 @@ def _peaks(
     plan = checked.plan
     numbers = {tuning.bank, *list_plan_banks(plan)}
     with database.reading() as session:
-        used = [bank for bank in banks.find(session) if bank.id in numbers]
-    order = RunRequest(plan, LoopSettings(**tuning.document()), current_user())
+        used_banks = [bank for bank in banks.find(session) if bank.id in numbers]
+    request = RunRequest(plan, LoopSettings(**tuning.document()), current_user())
     with TemporaryDirectory() as folder:
-        played = dry_run(parameters=parameters, order=order, used=used, signals=("q",), points=2, folder=Path(folder))
-    figures = () if played.result is None else played.result.metrics.figures
+        simulated = dry_run(
+            parameters=parameters,
+            request=request,
+            used_banks=used_banks,
+            signals=("q",),
+            points=2,
+            folder=Path(folder),
+        )
+    figures = () if simulated.result is None else simulated.result.metrics.figures
     return {figure.name: figure.value for figure in figures}
 
 

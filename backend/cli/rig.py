@@ -27,7 +27,7 @@ from backend.cli.options import (
     load_settings,
 )
 from backend.cli.output import AsJson, angle_unit, errors, fail, out, print_json, print_table
-from backend.commissioning import INSTEAD, MORE_WEIGHTS, STEP, STEPS, StepId
+from backend.commissioning import ALTERNATIVES, FURTHER_WEIGHTS, STEP, STEPS, StepId
 from backend.plain_text import as_line
 from backend.settings import Settings
 from backend.units import format_angles, read, reading_of, with_unit
@@ -276,12 +276,12 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ste
             if not result.passed:
                 ended = f"{STEP[order.step].title}: {result.text}"
                 break
-        states, locked, unkept = at_rig.states(), at_rig.supervisor.setup.drives_off, at_rig.unkept
-    if unkept:
-        say(unkept, style="red")
+        states, locked, lockout_problem = at_rig.states(), at_rig.supervisor.setup.drives_off, at_rig.lockout_problem
+    if lockout_problem:
+        say(lockout_problem, style="red")
     elif locked:
         say("The drives stay off where the rig is driven next, until somebody there switches them on.")
-    if any(order.step in INSTEAD for order in orders):
+    if any(order.step in ALTERNATIVES for order in orders):
         say("The zero ends with this command's loop: set it again where the rig is driven next.")
     return _standing_of(settings, states, database, ended)
 
@@ -290,7 +290,7 @@ async def _one(at_rig: "Session", terminal: Terminal, order: StepRequest) -> "St
     step = order.step
     say(f"\n{STEP[step].title}", style="bold")
     say(f"  {STEP[step].instruction}")
-    at_rig.require_free(step)
+    at_rig.require_startable(step)
     result = await at_rig.play(step, order.values or await _numbers(terminal, step), order.cells)
     say(f"  {'passed' if result.passed else 'FAILED'}: {result.text}", style="green" if result.passed else "red")
     for figure in result.figures:
@@ -489,11 +489,11 @@ def calibrate(
     """
     from backend.commissioning import collect_values
 
-    most = 2 + len(MORE_WEIGHTS)
+    most = 2 + len(FURTHER_WEIGHTS)
     if not 2 <= len(weight) <= most:
         fail(f"--weight: two known weights at least, and {most} at most; {len(weight)} given", status=2)
     lightest, *between, heaviest = sorted(weight)
-    names = ["weight_1_N", "weight_2_N", *(more.name for more in MORE_WEIGHTS)]
+    names = ["weight_1_N", "weight_2_N", *(more.name for more in FURTHER_WEIGHTS)]
     values = collect_values(StepId.CALIBRATE, dict(zip(names, (lightest, heaviest, *between), strict=False)))
     settings = load_settings(
         plant=plant,

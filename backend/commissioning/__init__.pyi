@@ -1,6 +1,6 @@
 from . import status
 from .procedure import ProcedureContext, StepFinding
-from .session import BlockedError, KeptHands, Prompt, Session, collect_values, open_session, run_step, switch_drives
+from .session import BlockedError, DriveLockout, Prompt, Session, collect_values, open_session, run_step, switch_drives
 from .status import (
     Kept,
     StepState,
@@ -9,18 +9,18 @@ from .status import (
     find_completed_commissioning,
     find_for_next_start,
 )
-from .steps import INSTEAD, MORE_WEIGHTS, STEP, STEPS, CommissioningStep, Input, StepId
+from .steps import ALTERNATIVES, FURTHER_WEIGHTS, STEP, STEPS, CommissioningStep, Input, StepId
 
 __all__ = [
-    "INSTEAD",
-    "MORE_WEIGHTS",
+    "ALTERNATIVES",
+    "FURTHER_WEIGHTS",
     "STEP",
     "STEPS",
     "BlockedError",
     "CommissioningStep",
+    "DriveLockout",
     "Input",
     "Kept",
-    "KeptHands",
     "ProcedureContext",
     "Prompt",
     "Session",

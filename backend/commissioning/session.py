@@ -27,7 +27,7 @@ from backend.commissioning.procedures import (
     zero,
 )
 from backend.commissioning.status import StepStatus, find_blocking_steps
-from backend.commissioning.steps import MORE_WEIGHTS, STEP, StepId
+from backend.commissioning.steps import FURTHER_WEIGHTS, STEP, StepId
 from backend.errors import check_range
 from backend.realtime import (
     Accepted,
@@ -78,7 +78,7 @@ def collect_values(step: StepId, given: Mapping[str, float]) -> dict[str, float]
 
     Raises OutOfRangeError, ValueError for one it does not ask for.
     """
-    further = [more for more in MORE_WEIGHTS if more.name in given] if step is StepId.CALIBRATE else []
+    further = [more for more in FURTHER_WEIGHTS if more.name in given] if step is StepId.CALIBRATE else []
     asked = {wanted.name: wanted for wanted in (*STEP[step].inputs, *further)}
     unknown = ", ".join(sorted(set(given) - set(asked)))
     if unknown:
@@ -137,7 +137,7 @@ async def _left_safe(work: ProcedureContext) -> None:
 _log = logging.getLogger(__name__)
 
 
-class KeptHands:
+class DriveLockout:
     """Keeps in the data folder whether hands may be at what is driven: a rig and a virtual card each by itself.
 
     ``left`` says who had the drives off and when, where that was before this start and nobody has switched them since.
@@ -173,7 +173,7 @@ class KeptHands:
             settings.save(session, self._name, there, who)
 
 
-async def switch_drives(supervisor: Supervisor, kept: KeptHands, on: bool, who: str) -> Accepted | Refused:
+async def switch_drives(supervisor: Supervisor, kept: DriveLockout, on: bool, who: str) -> Accepted | Refused:
     """Take the drives away or give them back, and keep it. Raises LoopExitedError where they are to come on.
 
     Without a loop they are off already: the next one starts so. That they are to go off is kept whatever becomes of it.
@@ -224,7 +224,7 @@ class Session:
         parameters: PlantParameters,
         person: Prompt,
         wiring: Wiring,
-        hands: KeptHands,
+        hands: DriveLockout,
     ) -> None:
         self._database = database
         self.supervisor = supervisor
@@ -235,7 +235,7 @@ class Session:
         self._started = datetime.now(UTC)
 
     @property
-    def unkept(self) -> str:
+    def lockout_problem(self) -> str:
         """What of the drives' lock could not be kept for the next start; empty where all was."""
         return self._hands.problem
 
@@ -243,7 +243,7 @@ class Session:
         """Return how each step stands now."""
         return status.states(status.kept(self._database), self._wiring, self._started)
 
-    def require_free(self, step: StepId) -> None:
+    def require_startable(self, step: StepId) -> None:
         """Raise BlockedError where something has to come before, PlantError for a wiring file that is none any more."""
         file = load_wiring_choice(self.supervisor.setup.plant)
         if {wiring_fingerprint(file), wiring_fingerprint(self._wiring)} != {self.supervisor.started_with.wired}:
@@ -257,7 +257,7 @@ class Session:
 
         Of a step that is given up nothing is stored; but once a motor was tried, directions are not proven any more.
         """
-        self.require_free(step)
+        self.require_startable(step)
         setup = self.supervisor.setup
         work = ProcedureContext(
             self.supervisor,
@@ -303,7 +303,7 @@ async def open_session(
     supervision = Supervision()
     supervisor = Supervisor(setup, supervision)
     try:
-        hands = KeptHands(database, setup.plant)
+        hands = DriveLockout(database, setup.plant)
         await supervisor.start()
         if hands.left is not None:
             await hands.put(False, person.name)

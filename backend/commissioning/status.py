@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from backend.commissioning.procedure import StepFinding
-from backend.commissioning.steps import INSTEAD, STEP, STEPS, CommissioningStep, StepId
+from backend.commissioning.steps import ALTERNATIVES, STEP, STEPS, CommissioningStep, StepId
 from backend.storage import Database, NewStepResult, StoredStepResult, commissioning
 from backend.units import counted
 from plant import (
@@ -58,7 +58,7 @@ def standing(
         return StepStatus(StepState.FAILED, "it was done last without success")
     if result.fingerprint != wired:
         return StepStatus(StepState.OUT_OF_DATE, "the wiring file has changed since")
-    if step.id in INSTEAD and result.at < loop_started:
+    if step.id in ALTERNATIVES and result.at < loop_started:
         return StepStatus(StepState.OUT_OF_DATE, "the loop has been started since: the encoders have lost their zero")
     if step.id is StepId.CALIBRATE and (other := _missing_cell(result)):
         return StepStatus(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
@@ -87,7 +87,7 @@ def states(kept: Kept, wiring: Wiring | None, loop_started: datetime) -> dict[St
         return found
     return found | {
         step: StepStatus(StepState.CURRENT, f"{STEP[other].title} has set it")
-        for step, other in INSTEAD.items()
+        for step, other in ALTERNATIVES.items()
         if found[step].state in _NOT_DONE and found[other].state is StepState.CURRENT
     }
 
@@ -117,12 +117,12 @@ def _stands(step: StepId, found: StepStatus) -> bool:
 
 def _titled(step: StepId, states: Mapping[StepId, StepStatus]) -> str:
     """Return what a step is called, and what does for it where there is such a one."""
-    other = INSTEAD.get(step)
+    other = ALTERNATIVES.get(step)
     return f"{STEP[step].title} or {STEP[other].title}" if other in states and other else STEP[step].title
 
 
 def _all_needs(step: CommissioningStep) -> list[StepId]:
-    needed = set(step.needs).union(*(_all_needs(STEP[need]) for need in step.needs)) - {INSTEAD.get(step.id)}
+    needed = set(step.needs).union(*(_all_needs(STEP[need]) for need in step.needs)) - {ALTERNATIVES.get(step.id)}
     return [other.id for other in STEPS if other.id in needed]
 
 

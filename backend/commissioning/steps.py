@@ -49,7 +49,7 @@ class CommissioningStep:
 WEIGHT_MAX_N = 45.0
 """Heaviest known weight [N]: within what load cells and springs of 50 N bear."""
 
-MORE_WEIGHTS = tuple(
+FURTHER_WEIGHTS = tuple(
     Input(name=f"weight_{n}_N", words="further weight", unit="N", default=15.0, minimum=0.0, maximum=WEIGHT_MAX_N)
     for n in range(3, 10)
 )
@@ -124,7 +124,7 @@ STEPS: tuple[CommissioningStep, ...] = (
     ),
 )
 
-INSTEAD = {StepId.ZERO: StepId.HOME, StepId.HOME: StepId.ZERO}
+ALTERNATIVES = {StepId.ZERO: StepId.HOME, StepId.HOME: StepId.ZERO}
 """Steps of which one does for the other: either has the encoders count from where the joint is known to be."""
 
 STEP: dict[StepId, CommissioningStep] = {step.id: step for step in STEPS}

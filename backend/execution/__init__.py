@@ -1,4 +1,4 @@
-"""Experiments from order to stored result, on the live loop or a simulator."""
+"""Execution of experiments, from request to stored result, on the live control loop or a simulator."""
 
 import lazy_loader
 

@@ -5,7 +5,7 @@ from enum import StrEnum
 
 
 class RunPhase(StrEnum):
-    """What is being done for a run, in the order in which it is done."""
+    """Phases of a run, in their order."""
 
     STARTING = "starting"
     PRETENSION = "pretension"
@@ -15,4 +15,4 @@ class RunPhase(StrEnum):
 
 
 ProgressCallback = Callable[[RunPhase, float], None]
-"""Told a few times a second: what is being done, and for how long [s of loop time]."""
+"""Receives the current phase and its duration so far [s of loop time], several times per second."""

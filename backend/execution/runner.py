@@ -1,4 +1,4 @@
-"""Runs an experiment from its order to its stored result, on the live loop or headless."""
+"""Runs an experiment from its request to its stored result, on the live loop or headless."""
 
 import asyncio
 import logging
@@ -71,18 +71,17 @@ from backend.storage import (
 from backend.tuning import TuningError, TuningPreviewer
 from plant import ErrorCode, PlantParameters, SinewError, T_s
 
-# Playable ------------------------------------------------------------------------------------------
+# Compilation ---------------------------------------------------------------------------------------
 #
-# The program of a plan on one plant, with the gains of every tuning that it puts into use, or why
-# it cannot be.
+# The program of a plan for one plant, with the gains of every tuning that the plan applies.
 
 
 LoadBank = Callable[[int], Bank]
-"""Returns the bank of a number. Raises UnknownRecordError."""
+"""Returns the bank with a number. Raises UnknownRecordError."""
 
 
 def make_bank_loader(database: Database) -> LoadBank:
-    """Return what looks banks up in a database."""
+    """Return a function that loads banks from a database."""
 
     def load_bank(number: int) -> Bank:
         with database.reading() as session:
@@ -92,10 +91,9 @@ def make_bank_loader(database: Database) -> LoadBank:
 
 
 def compile_program(load_bank: LoadBank, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> Program:
-    """Return what the loop plays, begun with ``tuning``; takes a while for each change of it.
+    """Return the program of a plan that starts with ``tuning``; each change of tuning costs computing time.
 
-    Raises ExperimentError naming line and bound: a reference that the plant does not reach, λ that is not safe on the
-    models of its bank, a bank that is not there.
+    Raises ExperimentError with line and bound: for an unreachable reference, an unsafe λ, an unknown bank.
     """
     program = plan.program()
     if not isinstance(plan, ExperimentPlan):
@@ -103,25 +101,25 @@ def compile_program(load_bank: LoadBank, parameters: PlantParameters, plan: Plan
     require_measurable(plan.experiment, plan.values, plan.lines)
     require_reach(plan.laid, parameters, plan.lines)
     tunings = tuple(
-        _command(load_bank, parameters, plan, choice, place)
-        for place, choice in zip(plan.laid.change_places, list_plan_tunings(plan, tuning), strict=True)
+        _build_change_command(load_bank, parameters, plan, choice, index)
+        for index, choice in zip(plan.laid.change_places, list_plan_tunings(plan, tuning), strict=True)
     )
     return replace(program, tunings=tunings)
 
 
 def list_plan_tunings(plan: Plan, tuning: TuningSettings) -> list[TuningSettings]:
-    """Return the tunings that a plan which begins with ``tuning`` puts into use, in their order."""
+    """Return the tunings that a plan changes to, in order; ``tuning`` is the one at its start."""
     changes = plan.laid.changes if isinstance(plan, ExperimentPlan) else ()
     return [tuning.with_parts(change) for change in changes]
 
 
 def list_plan_banks(plan: Plan) -> set[int]:
-    """Return the numbers of the banks that a plan puts into use on its way."""
+    """Return the numbers of the banks that a plan changes to."""
     changes = plan.laid.changes if isinstance(plan, ExperimentPlan) else ()
     return {int(change["bank"]) for change in changes if "bank" in change}
 
 
-def _command(
+def _build_change_command(
     load_bank: LoadBank, parameters: PlantParameters, plan: ExperimentPlan, choice: TuningSettings, path: Path
 ) -> SetTuning:
     line = find_line(path, plan.lines)
@@ -136,25 +134,26 @@ def _command(
         raise ExperimentError(str(error), path, line) from None
 
 
-# Play ----------------------------------------------------------------------------------------------
+# Execution -----------------------------------------------------------------------------------------
 #
-# Bring the loop up and play a program to its end. The same for a live loop and a headless one.
+# Applies pretension if necessary and executes a program to its end, on a live or a headless loop.
 
 
 PRETENSION_TIMEOUT_S = 120.0
 TRAVEL_ALLOWANCE_S = 60.0
-"""A program of identification first travels to its point; a program longer than planned by this much hangs."""
+"""Time [s] beyond the planned duration after which a program is stopped as hung. An identification program needs some
+of it, because it first moves to its operating point."""
 
 SLICE_S = 0.1
-"""How often progress is told [s of loop time]."""
+"""Interval of progress reports [s of loop time]."""
 
 
-class NotPlayedError(SinewError):
-    """The loop did not take the program, for the reason that the message says."""
+class ProgramRejectedError(SinewError):
+    """The loop rejected the program; the message gives the reason."""
 
 
 class NotReadyError(SinewError):
-    """The loop is in a mode that no program can start from; the message says what to do first."""
+    """The loop is in a mode from which no program can start; the message says what to do first."""
 
     category = ErrorCode.NOT_NOW
 
@@ -164,7 +163,7 @@ class NotReadyError(SinewError):
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Code, and the modes that could be asked for instead."""
+        """Error code, and the modes that the loop can change to."""
         return {"code": "not_ready", "legal": [str(mode) for mode in LEGAL[self.mode]]}
 
 
@@ -175,7 +174,7 @@ def current_mode(loop: LoopClient) -> Mode:
 
 
 def require_ready(loop: LoopClient) -> None:
-    """Raise NotReadyError unless a program could be started from the present mode."""
+    """Raise NotReadyError unless a program can start from the current mode."""
     mode = current_mode(loop)
     if mode in (Mode.IDENTIFY, Mode.EXPERIMENT):
         raise NotReadyError("another program is being played: wait for its end or stop it", mode)
@@ -184,148 +183,146 @@ def require_ready(loop: LoopClient) -> None:
 
 
 async def execute_program(loop: LoopClient, program: Program, run: int, notify: ProgressCallback) -> None:
-    """Play ``program`` as ``run``; where it cannot start at once, wind up to pretension first.
+    """Execute ``program`` as the run with number ``run``, after pretension if the mode requires it.
 
-    How it ended, the loop has told its recorder. A program that hangs is stopped. Raises NotPlayedError where the loop
-    never took it, LoopExitedError.
+    A hung program is stopped. The recorder stores how the program ended, from an event of the loop. Raises
+    ProgramRejectedError if the program did not start, LoopExitedError.
     """
-    watch = _Watch(run)
-    end_listening = loop.listen(watch.hear)
+    monitor = _ProgramMonitor(run)
+    unsubscribe = loop.listen(monitor.on_event)
     try:
         await _start(loop, program, run, notify)
-        await _until_ended(loop, program, watch, notify)
-        if watch.died is not None:
-            raise LoopExitedError(watch.died.reason)
+        await _until_ended(loop, program, monitor, notify)
+        if monitor.loop_exit is not None:
+            raise LoopExitedError(monitor.loop_exit.reason)
     finally:
-        end_listening()
+        unsubscribe()
 
 
 async def _start(loop: LoopClient, program: Program, run: int, notify: ProgressCallback) -> None:
-    """Bring the loop to where the program can start, and start it. Raises NotPlayedError."""
+    """Start the program, after pretension if the mode requires it. Raises ProgramRejectedError."""
     mode = program_mode(program.law)
     if not may_start_from(program.law, current_mode(loop)):
         answer = await loop.send(SetMode(Mode.PRETENSION))
         if isinstance(answer, Refused):
-            raise NotPlayedError(answer.reason)
+            raise ProgramRejectedError(answer.reason)
     waited_s = 0.0
     while waited_s < PRETENSION_TIMEOUT_S:
         answer = await loop.send(RunProgram(program, run))
         if isinstance(answer, Accepted):
             return
-        if mode not in answer.legal:  # refused for good, not only until both tendons are taut
-            raise NotPlayedError(answer.reason)
+        if mode not in answer.legal:  # a permanent rejection, not a wait for taut tendons
+            raise ProgramRejectedError(answer.reason)
         notify(RunPhase.PRETENSION, waited_s)
         await loop.advance(SLICE_S)
         waited_s += SLICE_S
-    raise NotPlayedError(f"pretension was not reached within {PRETENSION_TIMEOUT_S:g} s")
+    raise ProgramRejectedError(f"pretension was not reached within {PRETENSION_TIMEOUT_S:g} s")
 
 
-async def _until_ended(loop: LoopClient, program: Program, watch: "_Watch", notify: ProgressCallback) -> None:
+async def _until_ended(
+    loop: LoopClient, program: Program, monitor: "_ProgramMonitor", notify: ProgressCallback
+) -> None:
     start_tick = loop.ring.count
     longest_s = program.duration_s + TRAVEL_ALLOWANCE_S
-    while not watch.over:
+    while not monitor.is_over:
         elapsed_s = (loop.ring.count - start_tick) * T_s
         notify(RunPhase.PROGRAM, elapsed_s)
-        if elapsed_s > longest_s and not watch.hung:
-            watch.hung = True
+        if elapsed_s > longest_s and not monitor.is_stop_sent:
+            monitor.is_stop_sent = True
             await loop.send(Stop(hard=False, detail="the program hung and was stopped"))
         await loop.advance(SLICE_S)
 
 
-class _Watch:
-    """Hears from the loop whether a program is over."""
+class _ProgramMonitor:
+    """Determines from the loop's events whether a program has ended."""
 
     def __init__(self, run: int) -> None:
-        self.hung = False
+        self.is_stop_sent = False
         self._run = run
         self._ended: RunEnded | None = None
-        self._at_rest = False
-        self.died: LoopExited | None = None
+        self._is_stop_complete = False
+        self.loop_exit: LoopExited | None = None
 
-    def hear(self, event: Event | LoopExited) -> None:
+    def on_event(self, event: Event | LoopExited) -> None:
         match event:
             case LoopExited():
-                self.died = event
+                self.loop_exit = event
             case Stopped():
-                self._at_rest = True
+                self._is_stop_complete = True
             case RunEnded() if event.run == self._run:
                 self._ended = event
 
     @property
-    def over(self) -> bool:
-        """Whether the program has ended and, where a fault ended it, the stop is complete."""
-        ended = self._ended is not None and (not isinstance(self._ended.why, Fault) or self._at_rest)
-        return ended or self.died is not None
+    def is_over(self) -> bool:
+        """Whether the program has ended and, if a fault ended it, the stop is complete."""
+        ended = self._ended is not None and (not isinstance(self._ended.why, Fault) or self._is_stop_complete)
+        return ended or self.loop_exit is not None
 
 
-# Learning ------------------------------------------------------------------------------------------
+# Bias of the external force ------------------------------------------------------------------------
 #
-# What the outside force reads with nothing outside, learned before a computed run that is to reject
-# pushes.
-#
-# At a rig and at the dashboard a person lets go of the joint and learns; at a computed joint nobody
-# leans.
+# Before a simulated run with disturbance rejection, the bias of the estimated external force is
+# calibrated automatically: nothing touches a simulated joint. On a rig a person starts the
+# calibration after letting go of the joint.
 
 
-POINTS = 5
-"""Stiffnesses at which the bias is learned, from the lowest reference to the highest."""
+BIAS_POINTS = 5
+"""Number of stiffnesses at which the bias is measured, from the lowest to the highest reference."""
 
-LEARNED_S = 1.0
-"""So long a point is learned [s]."""
+BIAS_AVERAGING_S = 1.0
+"""Averaging time at each stiffness [s]."""
 
-_SETTLING = 6.0
-"""Of the slower λ: so long the joint is left to come to rest, after the time that any way takes."""
-_WAY_S = 3.0
+_SETTLING_TIME_CONSTANTS = 6.0  # settling time in units of the slower λ, after _MOVE_TIME_S
+_MOVE_TIME_S = 3.0  # longest motion between two stiffnesses
 
 
-async def learn_for(loop: object, program: Program, tuning: SetTuning) -> None:
-    """Learn where a computed loop begins ``program`` with a rejection, or comes to one; a live one is left alone.
+async def calibrate_force_bias(loop: object, program: Program, tuning: SetTuning) -> None:
+    """Calibrate the bias of the external force if a simulated loop needs it for ``program``.
 
-    Raises NotPlayedError where the joint could not be brought to rest for it.
+    It is needed if the initial ``tuning`` or one of the program uses disturbance rejection. A live loop is not changed.
+    Raises ProgramRejectedError if the joint did not come to rest.
     """
-    rejects = any(one.k_ext > 0.0 for one in (tuning, *program.tunings))
+    rejects = any(item.k_ext > 0.0 for item in (tuning, *program.tunings))
     if not rejects or not isinstance(loop, SimulatedLoop) or loop.learned:
         return
-    await _at_rest(loop)
+    await _enter_run_mode(loop)
     points = []
-    for S_ref in np.linspace(*STIFFNESS_RANGE, POINTS):
-        await _taken(loop, SetReferences(0.0, float(S_ref)))
-        await loop.advance(_WAY_S + _SETTLING * max(tuning.lam_q, tuning.lam_S))
-        await loop.advance(LEARNED_S)
-        count = round(LEARNED_S / T_s)
+    for S_ref in np.linspace(*STIFFNESS_RANGE, BIAS_POINTS):
+        await _require_accepted(loop, SetReferences(0.0, float(S_ref)))
+        await loop.advance(_MOVE_TIME_S + _SETTLING_TIME_CONSTANTS * max(tuning.lam_q, tuning.lam_S))
+        await loop.advance(BIAS_AVERAGING_S)
+        count = round(BIAS_AVERAGING_S / T_s)
         _, rows, _ = loop.ring.read(loop.ring.count - count, count)
         points.append((float(rows[:, INDEX["S"]].mean()), float(rows[:, INDEX["F_ext_hat"]].mean())))
-    await _taken(loop, ConfigureContactDetection(tuple(points)))
-    await _taken(loop, tuning)
-    await _taken(loop, SetMode(Mode.PRETENSION))
+    await _require_accepted(loop, ConfigureContactDetection(tuple(points)))
+    await _require_accepted(loop, tuning)
+    await _require_accepted(loop, SetMode(Mode.PRETENSION))
 
 
-async def _at_rest(loop: SimulatedLoop) -> None:
-    await _taken(loop, SetMode(Mode.PRETENSION))
+async def _enter_run_mode(loop: SimulatedLoop) -> None:
+    await _require_accepted(loop, SetMode(Mode.PRETENSION))
     waited_s = 0.0
     while isinstance(answer := await loop.send(SetMode(Mode.RUN)), Refused):
         if waited_s > PRETENSION_TIMEOUT_S:
-            raise NotPlayedError(f"nothing was learned of the outside force: {answer.reason}")
+            raise ProgramRejectedError(f"nothing was learned of the outside force: {answer.reason}")
         await loop.advance(SLICE_S)
         waited_s += SLICE_S
 
 
-async def _taken(loop: SimulatedLoop, command: Command) -> None:
+async def _require_accepted(loop: SimulatedLoop, command: Command) -> None:
     answer = await loop.send(command)
     if not isinstance(answer, Accepted):
-        raise NotPlayedError(f"nothing was learned of the outside force: {answer.reason}")
+        raise ProgramRejectedError(f"nothing was learned of the outside force: {answer.reason}")
 
 
 # Runner --------------------------------------------------------------------------------------------
 #
-# Run an experiment from order to stored result: one path for the browser and the command line, live
-# and headless.
-#
-# What is handed over is plain data; reports are made from what is stored here.
+# From request to stored result, for page and command line, live and headless. Reports are made from
+# what is stored here.
 
 
 STORING_TIMEOUT_S = 10.0
-"""The recorder stores what is left of a run within a second; after this long [s] something is wrong with it."""
+"""Time [s] within which the recorder must store the end of a run; it normally takes less than 1 s."""
 
 _LOG = logging.getLogger(__name__)
 _PACKAGES = {"NumPy": "numpy", "SciPy": "scipy", "numba": "numba", "python-control": "control"}
@@ -333,10 +330,10 @@ _PACKAGES = {"NumPy": "numpy", "SciPy": "scipy", "numba": "numba", "python-contr
 
 @dataclass
 class ExperimentRig:
-    """Where experiments run: a loop whose samples a recorder stores in the database, and what it controls.
+    """A control loop, the database in which a recorder stores its samples, and the plant.
 
-    ``plant`` is its ``PlantChoice.name``. ``compute`` calls a function away from the event loop: in a thread, or in
-    another process where a live loop waits for this one's heartbeat, as linear algebra keeps Python's lock.
+    ``plant`` is its ``PlantChoice.name``. ``compute`` calls a function outside the event loop: in a thread, or, with a
+    live loop, in another process, because linear algebra holds the interpreter lock and would delay the heartbeat.
     """
 
     loop: LoopClient
@@ -348,7 +345,7 @@ class ExperimentRig:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """What to run, with the loop settings in force, for whom."""
+    """Plan to execute, the settings of the loop, and the author."""
 
     plan: Plan
     loop_settings: LoopSettings
@@ -358,150 +355,152 @@ class RunRequest:
 
 @dataclass(frozen=True)
 class RunResult:
-    """The run as it ended and what was computed from it."""
+    """The closed run and its evaluation."""
 
     run: Run
     evaluation: Evaluation
 
 
-def create_run(station: ExperimentRig, order: RunRequest) -> Run:
-    """Store the run before anything moves.
+def create_run(rig: ExperimentRig, request: RunRequest) -> Run:
+    """Check the request and store its run, before any motion.
 
-    Raises NotReadyError when the loop could not start it now, OutOfRangeError where an identification would take
-    joint or springs out of their range, ExperimentError for what this plant cannot play.
+    Raises NotReadyError if the loop cannot start it now, OutOfRangeError if an identification would move joint or
+    springs out of their range, ExperimentError if this plant cannot execute the experiment.
     """
-    require_ready(station.loop)
-    if isinstance(order.plan, IdentificationPlan):
-        start = read_start(station.loop.ring.newest())
-        told = forecast_identifications([order.plan], station.parameters, start, order.loop_settings.lam_motor)
-        told.require_within_range(station.parameters)
-    compile_program(make_bank_loader(station.database), station.parameters, order.plan, order.loop_settings.tuning)
+    require_ready(rig.loop)
+    if isinstance(request.plan, IdentificationPlan):
+        start = read_start(rig.loop.ring.newest())
+        forecast = forecast_identifications([request.plan], rig.parameters, start, request.loop_settings.lam_motor)
+        forecast.require_within_range(rig.parameters)
+    compile_program(make_bank_loader(rig.database), rig.parameters, request.plan, request.loop_settings.tuning)
     settings = RunSettings(
-        plan=plan_values(order.plan),
-        loop=StoredLoopSettings(**asdict(order.loop_settings)),
-        declared=(*declare_choice(order.plan), *describe_values(order.loop_settings)),
-        versions={"Python": platform.python_version()} | {name: version(of) for name, of in _PACKAGES.items()},
-        granted=None if station.loop.granted is None else KeptGrant(**asdict(station.loop.granted)),
+        plan=plan_values(request.plan),
+        loop=StoredLoopSettings(**asdict(request.loop_settings)),
+        declared=(*declare_choice(request.plan), *describe_values(request.loop_settings)),
+        versions={"Python": platform.python_version()}
+        | {name: version(package) for name, package in _PACKAGES.items()},
+        granted=None if rig.loop.granted is None else KeptGrant(**asdict(rig.loop.granted)),
     )
     new = NewRun(
-        kind=RunKind(order.plan.kind),
-        plant=station.plant,
-        parameters_name=station.parameters.name,
-        parameters=station.parameters.to_document(),
-        who=order.who,
+        kind=RunKind(request.plan.kind),
+        plant=rig.plant,
+        parameters_name=rig.parameters.name,
+        parameters=rig.parameters.to_document(),
+        who=request.who,
         software=__version__,
         settings=SETTINGS.write(settings),
-        bank_id=order.loop_settings.bank or None,
-        note=order.note,
+        bank_id=request.loop_settings.bank or None,
+        note=request.note,
     )
-    with station.database.session() as session:
+    with rig.database.session() as session:
         return runs.create(session, new)
 
 
-async def _nothing() -> None:
-    """Do nothing more when a program is over."""
+async def _do_nothing() -> None:
+    """Do nothing."""
 
 
-async def play_and_evaluate(
-    station: ExperimentRig,
-    order: RunRequest,
+async def execute_and_evaluate(
+    rig: ExperimentRig,
+    request: RunRequest,
     run: Run,
     notify: ProgressCallback,
-    over: Callable[[], Awaitable[None]] = _nothing,
+    release: Callable[[], Awaitable[None]] = _do_nothing,
 ) -> RunResult:
-    """Play an order as ``run`` and evaluate it: ``played``, then ``evaluate_closed_run``."""
-    closed = await play_run(station, order, run, notify, over)
+    """Execute a request as ``run`` and evaluate it; the arguments are those of ``execute_run``."""
+    closed = await execute_run(rig, request, run, notify, release)
     notify(RunPhase.EVALUATION, 0.0)
-    return RunResult(closed, await evaluate_closed_run(station, order.plan, closed))
+    return RunResult(closed, await evaluate_closed_run(rig, request.plan, closed))
 
 
-async def play_run(
-    station: ExperimentRig,
-    order: RunRequest,
+async def execute_run(
+    rig: ExperimentRig,
+    request: RunRequest,
     run: Run,
     notify: ProgressCallback,
-    over: Callable[[], Awaitable[None]] = _nothing,
+    release: Callable[[], Awaitable[None]] = _do_nothing,
 ) -> Run:
-    """Play the order's program as ``run``, wait until it is stored, and return the run as it was closed.
+    """Execute a request as ``run``, wait until all samples are stored, and return the closed run.
 
-    ``over`` is awaited then: who lent the run something takes it back. The recorder writes how it ended; what it cannot
-    know of, a program that the loop never took and one that is given up here, is written by this.
+    The recorder stores how the program ended. This function stores what the recorder cannot know: a rejected program,
+    and a run that is cancelled here. ``release`` is awaited after the end, to restore what was changed for the run.
     """
     try:
-        tuning = order.loop_settings.tuning
+        tuning = request.loop_settings.tuning
         program = await asyncio.to_thread(
-            compile_program, make_bank_loader(station.database), station.parameters, order.plan, tuning
+            compile_program, make_bank_loader(rig.database), rig.parameters, request.plan, tuning
         )
-        bank = make_bank_loader(station.database)(tuning.bank) if tuning.bank else None
-        await learn_for(station.loop, program, build_tuning_command(station.parameters, tuning, bank))
-        await execute_program(station.loop, program, run.id, notify)
-        closed = await _recorded(station, run.id)
-    except (NotPlayedError, InvalidValueError) as refused:
-        closed = _close(station, run.id, EndState.STOPPED, str(refused))
-    except LoopExitedError as died:
-        closed = await _recorded(station, run.id, or_else=(EndState.LINK_LOST, str(died)))
+        bank = make_bank_loader(rig.database)(tuning.bank) if tuning.bank else None
+        await calibrate_force_bias(rig.loop, program, build_tuning_command(rig.parameters, tuning, bank))
+        await execute_program(rig.loop, program, run.id, notify)
+        closed = await _wait_until_recorded(rig, run.id)
+    except (ProgramRejectedError, InvalidValueError) as error:
+        closed = _close_run(rig, run.id, EndState.STOPPED, str(error))
+    except LoopExitedError as loop_exit:
+        closed = await _wait_until_recorded(rig, run.id, fallback=(EndState.LINK_LOST, str(loop_exit)))
     except BaseException as error:
-        _close(station, run.id, EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}")
+        _close_run(rig, run.id, EndState.SERVICE_DIED, f"given up: {error or type(error).__name__}")
         raise
-    await over()
+    await release()
     return closed
 
 
 async def run_experiment(
-    station: ExperimentRig, order: RunRequest, notify: ProgressCallback = lambda _phase, _elapsed_s: None
+    rig: ExperimentRig, request: RunRequest, notify: ProgressCallback = lambda _phase, _elapsed_s: None
 ) -> RunResult:
-    """Create the run and perform it. Raises NotReadyError."""
-    return await play_and_evaluate(station, order, create_run(station, order), notify)
+    """Create, execute and evaluate a run. Raises NotReadyError, OutOfRangeError, ExperimentError."""
+    return await execute_and_evaluate(rig, request, create_run(rig, request), notify)
 
 
-async def _recorded(
-    station: ExperimentRig,
+async def _wait_until_recorded(
+    rig: ExperimentRig,
     run_id: int,
-    or_else: tuple[EndState, str] = (EndState.SERVICE_DIED, f"its end was not recorded within {STORING_TIMEOUT_S:g} s"),
+    fallback: tuple[EndState, str] = (
+        EndState.SERVICE_DIED,
+        f"its end was not recorded within {STORING_TIMEOUT_S:g} s",
+    ),
 ) -> Run:
-    """Return the run once the recorder has stored its last samples and how it ended."""
+    """Return the run after the recorder has closed it; close it as ``fallback`` after STORING_TIMEOUT_S."""
     waited_s = 0.0
     while waited_s < STORING_TIMEOUT_S:
-        with station.database.reading() as session:
+        with rig.database.reading() as session:
             run = runs.get(session, run_id)
         if run.end_state != EndState.RUNNING:
             return run
         try:
-            await station.loop.advance(SLICE_S)
+            await rig.loop.advance(SLICE_S)
         except LoopExitedError:
             await asyncio.sleep(SLICE_S)
         waited_s += SLICE_S
-    return _close(station, run_id, *or_else)
+    return _close_run(rig, run_id, *fallback)
 
 
-async def evaluate_closed_run(station: ExperimentRig, plan: Plan, run: Run) -> Evaluation:
-    """Compute and store the result of a closed run; what ended early is evaluated as incomplete.
+async def evaluate_closed_run(rig: ExperimentRig, plan: Plan, run: Run) -> Evaluation:
+    """Compute and store the result of a closed run; a run that ended early is marked as incomplete.
 
-    A run is over whatever becomes of that: where it fails, outcome and run say why, and it goes on.
+    An evaluation that fails does not raise: the returned evaluation and the stored run contain the reason.
     """
     try:
-        evaluation: Evaluation = await station.compute(
-            evaluate_finished_run, station.database, station.parameters, plan, run
-        )
+        evaluation: Evaluation = await rig.compute(evaluate_finished_run, rig.database, rig.parameters, plan, run)
         return evaluation
     except Exception as error:
         _LOG.exception("The evaluation of run %s failed.", run.id)
         problem = f"{type(error).__name__}: {error}"
     except BaseException:
-        _keep_problem(station, run.id, "the service ended before the run was evaluated")
+        _store_problem(rig, run.id, "the service ended before the run was evaluated")
         raise
-    _keep_problem(station, run.id, problem)
+    _store_problem(rig, run.id, problem)
     return Evaluation(None, None, f"it could not be evaluated: {problem}")
 
 
-def _keep_problem(station: ExperimentRig, run_id: int, problem: str) -> None:
+def _store_problem(rig: ExperimentRig, run_id: int, problem: str) -> None:
     try:
-        with station.database.session() as session:
+        with rig.database.session() as session:
             runs.set_evaluation_problem(session, run_id, problem)
     except StorageError:
         _LOG.exception("The service could not store why run %s has no result: %s", run_id, problem)
 
 
-def _close(station: ExperimentRig, run_id: int, end_state: EndState, detail: str) -> Run:
-    with station.database.session() as session:
+def _close_run(rig: ExperimentRig, run_id: int, end_state: EndState, detail: str) -> Run:
+    with rig.database.session() as session:
         return runs.end(session, run_id, end_state, detail)

@@ -1,4 +1,4 @@
-"""Experiments on a simulator faster than real time: headless stations, dry runs, points of studies."""
+"""Executes experiments on a simulator, faster than real time: headless, as dry runs, for studies."""
 
 import asyncio
 import os
@@ -17,9 +17,9 @@ from backend.execution.runner import (
     ExperimentRig,
     LoadBank,
     RunRequest,
+    calibrate_force_bias,
     compile_program,
     execute_program,
-    learn_for,
     make_bank_loader,
     run_experiment,
 )
@@ -32,20 +32,19 @@ from backend.storage import Bank, Database, EndState, Result, Run, banks, open_d
 from backend.tuning import TuningPreviewer
 from plant import SIMULATOR, PlantChoice, PlantError, PlantParameters, T_s, make_plant
 
-# Headless station ----------------------------------------------------------------------------------
+# Headless rig --------------------------------------------------------------------------------------
 #
-# A station stepped as fast as it goes, on what waits for its writes: for the command line, for dry
-# runs, for tests.
+# A simulated plant that is stepped as fast as possible, for the command line, dry runs and tests.
 
 
 @contextmanager
-def open_headless_station(
+def open_headless_rig(
     database: Database, parameters: PlantParameters, settings: LoopSettings, plant: PlantChoice = SIMULATOR
 ) -> Iterator[ExperimentRig]:
-    """Give an actuator that is computed, with a recorder, set to ``settings``; let go of it at the end of the block.
+    """Open a simulated actuator with control loop and recorder; close it at the end of the block.
 
-    Raises PlantError for a ``plant`` that moves by itself, UnknownRecordError for a bank that is not there,
-    OutOfRangeError for λ that is not safe on its models.
+    Raises PlantError for a ``plant`` that runs in real time, UnknownRecordError for an unknown bank, OutOfRangeError
+    for an unsafe λ.
     """
     bank = make_bank_loader(database)(settings.bank) if settings.bank else None
     recorders: list[Recorder] = []
@@ -54,7 +53,7 @@ def open_headless_station(
         for recorder in recorders:
             recorder.drain_what_is_worth_it()
 
-    loop = headless_loop(parameters, settings, bank, record, plant)
+    loop = make_headless_loop(parameters, settings, bank, record, plant)
     recorder = Recorder(database, loop.ring)
     recorders.append(recorder)
     loop.listen(recorder.on_event)
@@ -65,41 +64,39 @@ def open_headless_station(
         recorder.close()
 
 
-def headless_loop(
+def make_headless_loop(
     parameters: PlantParameters,
     settings: LoopSettings,
     bank: Bank | None,
-    each_batch: Callable[[Ring], None],
+    on_batch: Callable[[Ring], None],
     plant: PlantChoice = SIMULATOR,
 ) -> SimulatedLoop:
-    """Return a loop on a computed actuator, set to ``settings``; ``each_batch`` sees its samples as they come.
+    """Return a control loop on a simulated actuator; ``on_batch`` is called after each batch of samples.
 
-    Raises PlantError for a ``plant`` that moves by itself, OutOfRangeError for λ that is not safe.
+    Raises PlantError for a ``plant`` that runs in real time, OutOfRangeError for an unsafe λ.
     """
     previewer = TuningPreviewer(parameters, entry_points(bank), lam_motor=settings.lam_motor, b=settings.b)
     previewer.require_safe(settings.lambdas, settings.budget)
-    made = make_plant(plant, parameters, settings.seed)
-    if not made.stepped:
+    actuator = make_plant(plant, parameters, settings.seed)
+    if not actuator.stepped:
         raise PlantError(f"{plant.name}: it runs in real time, start experiments from the dashboard of sinew serve")
-    return SimulatedLoop(made, parameters, build_tuning_command(parameters, settings, bank), each_batch)
+    return SimulatedLoop(actuator, parameters, build_tuning_command(parameters, settings, bank), on_batch)
 
 
 # Dry run -------------------------------------------------------------------------------------------
 #
-# An order played on a simulator of its own, faster than real time, before it moves anything real.
-#
-# The same program, loop and evaluation as the real run; its database lives in a folder that is
-# thrown away.
+# A request executed on a simulator of its own before the real run, with the same program, loop and
+# evaluation. Its database is in a temporary folder.
 
 
 _PROGRESS = "progress"
-_TOLD_EVERY_S = 0.5
-"""How often progress is written [s of loop time], which passes many times faster."""
+_PROGRESS_INTERVAL_S = 0.5
+"""Interval at which progress is written [s of loop time]."""
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """How it went; ``curves`` is None when nothing was played."""
+    """Run, result and curves of a dry run; result and curves are None if the evaluation failed."""
 
     run: Run
     result: Result | None
@@ -107,7 +104,7 @@ class DryRun:
 
 
 def warm_up_dry_run(parameters: PlantParameters, settings: LoopSettings) -> None:
-    """Play the shortest tracking there is and keep nothing of it: what a dry run takes is loaded then."""
+    """Execute a short experiment and discard it, so that everything that a dry run needs is loaded."""
     shortest = build_ready_plan("tracking", q_duration_s=0.5, S_duration_s=0.5)
     tuning = build_tuning_command(parameters, replace(settings, bank=0), None)
     with closing(SimulatedLoop(make_plant(SIMULATOR, parameters, 0), parameters, tuning)) as loop:
@@ -116,73 +113,69 @@ def warm_up_dry_run(parameters: PlantParameters, settings: LoopSettings) -> None
 
 def dry_run(
     parameters: PlantParameters,
-    order: RunRequest,
-    used: Sequence[Bank],
+    request: RunRequest,
+    used_banks: Sequence[Bank],
     signals: Sequence[str],
     points: int,
     folder: Path,
 ) -> DryRun:
-    """Play ``order`` with the models of the banks that it uses; its result with ``points`` buckets of ``signals``.
+    """Execute a request on a simulator and return its result and curves.
 
-    ``folder`` takes the database, where the banks have the numbers that they have; whoever gives it throws it away.
-
-    Raises OutOfRangeError for λ that is not safe on these models.
+    The curves have ``points`` buckets of ``signals``. ``used_banks`` are all banks of the request; they keep their
+    numbers. The database is created in ``folder``, which the caller deletes. Raises OutOfRangeError for an unsafe λ.
     """
     with closing(open_database(folder)) as database:
         with database.session() as session:
-            for bank in used:
+            for bank in used_banks:
                 entries = [replace(entry, identification_id=None) for entry in bank.entries]
                 banks.add(session, bank.name, entries, bank.who, number=bank.id)
-        with open_headless_station(database, parameters, order.loop_settings) as station:
-            outcome = asyncio.run(run_experiment(station, order, _Progress(folder)))
+        with open_headless_rig(database, parameters, request.loop_settings) as rig:
+            result = asyncio.run(run_experiment(rig, request, _ProgressFile(folder)))
         with database.reading() as session:
-            stored = outcome.evaluation.result
-            curves = None if stored is None else read_envelope(session, outcome.run.id, points, signals)
-        return DryRun(outcome.run, stored, curves)
+            stored = result.evaluation.result
+            curves = None if stored is None else read_envelope(session, result.run.id, points, signals)
+        return DryRun(result.run, stored, curves)
 
 
-class _Progress:
-    """Writes how far a dry run is into its folder, where the service reads it."""
+class _ProgressFile:
+    """Progress callback that writes a file for ``read_progress``, as a dry run is in another process."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._told: tuple[RunPhase, int] | None = None
+        self._last_written: tuple[RunPhase, int] | None = None
 
-    def __call__(self, doing: RunPhase, elapsed_s: float) -> None:
-        now = doing, int(elapsed_s / _TOLD_EVERY_S)
-        if now == self._told:
+    def __call__(self, phase: RunPhase, elapsed_s: float) -> None:
+        now = phase, int(elapsed_s / _PROGRESS_INTERVAL_S)
+        if now == self._last_written:
             return
-        self._told = now
-        being_written = self._folder / f"{_PROGRESS}.new"
-        being_written.write_text(f"{doing} {elapsed_s:.3f}", encoding="utf-8")
-        os.replace(being_written, self._folder / _PROGRESS)
+        self._last_written = now
+        temporary = self._folder / f"{_PROGRESS}.new"
+        temporary.write_text(f"{phase} {elapsed_s:.3f}", encoding="utf-8")
+        os.replace(temporary, self._folder / _PROGRESS)
 
 
 def read_progress(folder: Path) -> tuple[RunPhase, float]:
-    """Return what a dry run does in this folder, and for how long [s of loop time]."""
+    """Return the phase of the dry run in a folder, and its duration so far [s of loop time]."""
     try:
-        doing, elapsed_s = (folder / _PROGRESS).read_text(encoding="utf-8").split()
-    except OSError:  # nothing is told yet, or it is over and the folder is gone
+        phase, elapsed_s = (folder / _PROGRESS).read_text(encoding="utf-8").split()
+    except OSError:  # not written yet, or the run has ended and the folder is deleted
         return RunPhase.STARTING, 0.0
-    return RunPhase(doing), float(elapsed_s)
+    return RunPhase(phase), float(elapsed_s)
 
 
 # In memory -----------------------------------------------------------------------------------------
 #
-# An experiment played on a simulator of its own and measured, with nothing stored: the row of a
-# study.
-#
-# The same loop, program and evaluation as a run that is stored, of samples as a recording keeps
-# them, so that the figures are the same to the last digit.
+# An experiment that is simulated and evaluated without a database, for studies. Samples have the
+# precision of a recording, so the metrics are identical to those of a stored run.
 
 
 _RUN = 1
-_AT_ONCE = 100_000
+_MAX_ROWS = 100_000
 
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """How it ended, ``end_state`` an ``EndState`` value, what was recorded, measured and judged."""
+    """End, metrics, criteria and samples of a simulated run; ``end_state`` is an ``EndState`` value."""
 
     end_state: str
     end_detail: str
@@ -191,45 +184,45 @@ class SimulatedRun:
     columns: Columns
 
 
-def play_in_memory(
+def simulate_in_memory(
     parameters: PlantParameters, plan: ExperimentPlan, settings: LoopSettings, load_bank: LoadBank
 ) -> SimulatedRun:
-    """Play a plan as ``sinew experiment`` would, and measure it; ``end_detail`` also says why nothing was measured.
+    """Execute and evaluate a plan as ``sinew experiment`` does, without storing it.
 
-    Raises OutOfRangeError for λ that is not safe, ExperimentError for what this plant cannot play, NotPlayedError,
-    UnknownRecordError for a bank that ``load_bank`` does not know.
+    ``end_detail`` also gives the reason of a failed evaluation. Raises OutOfRangeError for an unsafe λ, ExperimentError
+    if this plant cannot execute the plan, ProgramRejectedError, UnknownRecordError for an unknown bank.
     """
     bank = load_bank(settings.bank) if settings.bank else None
-    kept = _Kept()
-    with closing(headless_loop(parameters, settings, bank, kept.drain)) as loop:
+    recorder = _MemoryRecorder()
+    with closing(make_headless_loop(parameters, settings, bank, recorder.drain)) as loop:
         program = compile_program(load_bank, parameters, plan, settings.tuning)
-        loop.listen(kept.hear)
-        asyncio.run(_played(loop, program, build_tuning_command(parameters, settings, bank)))
-        kept.drain(loop.ring)
-    assert kept.ended is not None  # else it would still be played
-    state, detail = describe_end(kept.ended)
-    columns = _columns(kept.rows)
+        loop.listen(recorder.on_event)
+        asyncio.run(_execute(loop, program, build_tuning_command(parameters, settings, bank)))
+        recorder.drain(loop.ring)
+    assert recorder.ended is not None  # execute_program returns only after this event
+    state, detail = describe_end(recorder.ended)
+    columns = _build_columns(recorder.rows)
     outline = Metrics(
         complete=state == EndState.COMPLETED,
         played_s=columns["t"].size * T_s,
         planned_s=plan.program().duration_s,
         phases=plan.phases(),
     )
-    in_force = EvaluationContext(parameters, plan, settings.tuning, entry_points(bank))
+    context = EvaluationContext(parameters, plan, settings.tuning, entry_points(bank))
     try:
-        metrics, criteria = evaluate_experiment(columns, in_force, outline, 0)
+        metrics, criteria = evaluate_experiment(columns, context, outline, 0)
     except NoSamplesError as error:
         return SimulatedRun(state.value, f"{detail}: {error}" if detail else str(error), outline, (), columns)
     return SimulatedRun(state.value, detail, metrics, criteria, columns)
 
 
-async def _played(loop: SimulatedLoop, program: Program, tuning: SetTuning) -> None:
-    await learn_for(loop, program, tuning)
-    await execute_program(loop, program, _RUN, lambda _doing, _elapsed_s: None)
+async def _execute(loop: SimulatedLoop, program: Program, tuning: SetTuning) -> None:
+    await calibrate_force_bias(loop, program, tuning)
+    await execute_program(loop, program, _RUN, lambda _phase, _elapsed_s: None)
 
 
-class _Kept:
-    """The samples of the run [n, fields of a recording], and how the loop said that it ended."""
+class _MemoryRecorder:
+    """Collects the samples of the run [n, stored columns] and the event of its end."""
 
     def __init__(self) -> None:
         self.rows: list[NDArray[np.float32]] = []
@@ -237,16 +230,16 @@ class _Kept:
         self._position = 0
 
     def drain(self, ring: Ring) -> None:
-        first, rows, _ = ring.read(self._position, _AT_ONCE)
+        first, rows, _ = ring.read(self._position, _MAX_ROWS)
         self._position = first + len(rows)
         self.rows.append(rows[rows[:, INDEX["run"]] == _RUN][:, STORED_COLUMNS].astype(np.float32))
 
-    def hear(self, event: Event | LoopExited) -> None:
+    def on_event(self, event: Event | LoopExited) -> None:
         if isinstance(event, RunEnded) and event.run == _RUN:
             self.ended = event
 
 
-def _columns(rows: Sequence[NDArray[np.float32]]) -> Columns:
+def _build_columns(rows: Sequence[NDArray[np.float32]]) -> Columns:
     table = np.concatenate(rows)
     t = np.arange(len(table), dtype=np.float64) * T_s
-    return {"t": t} | {name: table[:, place].astype(np.float64) for place, name in enumerate(STORED_NAMES)}
+    return {"t": t} | {name: table[:, index].astype(np.float64) for index, name in enumerate(STORED_NAMES)}

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from backend import __version__
-from backend.commissioning import KeptHands, find_for_next_start, switch_drives
+from backend.commissioning import DriveLockout, find_for_next_start, switch_drives
 from backend.errors import RequestRejectedError, check_range
 from backend.event_bus import EventBus, StateChanged
 from backend.faults import EXPLAINED, Fault
@@ -201,7 +201,7 @@ class ActuatorService:
         tuning_store: TuningStore,
         on_ring_changed: Callable[[Ring], None],
         supervision: Supervision,
-        drive_lockout: KeptHands,
+        drive_lockout: DriveLockout,
         events: EventBus,
         recording: PlayedRecording | None = None,
     ) -> None:

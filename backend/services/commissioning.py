@@ -10,8 +10,8 @@ from backend.commissioning import (
     STEP,
     STEPS,
     CommissioningStep,
+    DriveLockout,
     Kept,
-    KeptHands,
     ProcedureContext,
     StepFinding,
     StepId,
@@ -192,7 +192,7 @@ class CommissioningService:
         supervisor: Supervisor,
         database: Database,
         parameters: PlantParameters,
-        drive_lockout: KeptHands,
+        drive_lockout: DriveLockout,
     ) -> None:
         self._actuator = actuator
         self._supervisor = supervisor

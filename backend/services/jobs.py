@@ -22,10 +22,10 @@ from backend.execution import (
     create_run,
     current_mode,
     evaluate_closed_run,
+    execute_run,
     list_plan_banks,
     list_plan_tunings,
     make_bank_loader,
-    play_run,
     require_ready,
 )
 from backend.experiments import (
@@ -714,7 +714,7 @@ class JobManager:
                     if position == len(orders) - 1
                     else _keep_tuning
                 )
-                closed = await play_run(self._rig, order, run, show, over)
+                closed = await execute_run(self._rig, order, run, show, over)
                 end_state = EndState(closed.end_state)
                 work = asyncio.create_task(evaluate_closed_run(self._rig, order.plan, closed))
                 self._evaluations.add(run.id, end_state, work)

@@ -11,7 +11,7 @@ from typing import Any
 from backend import __version__
 from backend.banks import entry_points
 from backend.errors import InvalidValueError, RequestRejectedError
-from backend.execution import NotPlayedError, play_in_memory
+from backend.execution import ProgramRejectedError, simulate_in_memory
 from backend.experiments import (
     ExperimentDefinition,
     ExperimentPlan,
@@ -94,7 +94,7 @@ LOST = "lost"
 UNSTABLE = "unstable"
 """Replaces sensitivity peak and margins of an unstable loop in the table."""
 
-_REJECTIONS = (InvalidValueError, ParameterError, TuningError, NotPlayedError, UnknownRecordError)
+_REJECTIONS = (InvalidValueError, ParameterError, TuningError, ProgramRejectedError, UnknownRecordError)
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ def _simulate_point(base: StudyBase, point: Point, figures: dict[str, float | No
         return banks[number]
 
     figures |= compute_loop_metrics(parameters, entry_points(load_bank(loop.bank) if loop.bank else None), loop)
-    result = play_in_memory(parameters, plan, loop, load_bank)
+    result = simulate_in_memory(parameters, plan, loop, load_bank)
     verdicts = [item.passed for item in result.criteria]
     passed = None if not verdicts or (None in verdicts and False not in verdicts) else all(verdicts)
     measured = {item.name: item.value for item in result.metrics.figures}

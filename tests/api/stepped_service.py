@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from backend.auth.authentication import User
-from backend.commissioning.session import KeptHands
+from backend.commissioning.session import DriveLockout
 from backend.event_bus import EventBus
 from backend.execution.runner import ExperimentRig
 from backend.realtime.commands import Accepted, Command, Refused
@@ -130,7 +130,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
     events = EventBus()
     live_state, event_log = LiveState(supervisor, parameters, tuning), EventLog(database, events)
     sessions = SessionRuns(database, "simulator")
-    hands = KeptHands(database, SIMULATOR)
+    hands = DriveLockout(database, SIMULATOR)
     actuator = ActuatorService(
         supervisor, live_state, database, sessions, event_log, tuning_store, recorder.follow, supervision, hands, events
     )

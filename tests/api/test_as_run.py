@@ -11,7 +11,7 @@ import pytest
 
 from backend.banks.tuning_settings import default_tuning_choice
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import LEAST, WITHIN_Q_RAD, WITHIN_S, build_library_entry
 from backend.experiments.parser import read
 from backend.experiments.plans import LoopSettings
@@ -135,7 +135,7 @@ def test_what_is_made_is_played_as_it_was_recorded(database: Database) -> None:
     run, experiment, _ = made(database, busy)
     plan = build_library_entry(*read(experiment.text)).usual
     settings = LoopSettings(**default_tuning_choice(load_parameters("ideal")).choice.document())
-    with open_headless_station(database, load_parameters("ideal"), settings) as station:
+    with open_headless_rig(database, load_parameters("ideal"), settings) as station:
         again = asyncio.run(run_experiment(station, RunRequest(plan, settings, WHO))).run
     assert again.end_state == "completed"
     before, after = (from_first_push(database, number) for number in (run, again.id))

@@ -13,7 +13,7 @@ import pytest
 import plant
 from backend.commissioning import status as standing
 from backend.commissioning.procedure import StepFinding
-from backend.commissioning.session import KeptHands
+from backend.commissioning.session import DriveLockout
 from backend.commissioning.status import StepState
 from backend.commissioning.steps import StepId
 from backend.errors import RequestRejectedError
@@ -55,7 +55,9 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
     async def work(parts: Parts) -> None:
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL)
         parts.supervisor.started_with = standing.find_completed_commissioning(database, parts.supervisor.setup.plant)
-        bring_up = CommissioningService(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
+        bring_up = CommissioningService(
+            parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
+        )
         await bring_up.start(StepId.WIRING_TEST, {}, "Ada")  # it fails: a simulator has no drives to take away
         while (running := (await bring_up.view()).steps[0].running) and running.phase != "keeping the result":
             await asyncio.sleep(0.0)
@@ -93,7 +95,9 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
         choice = PlantChoice(PlantKind.VIRTUAL_CARD, str(file))
         parts.supervisor.started_with = standing.find_completed_commissioning(database, choice)
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=choice, brought_up=parts.supervisor.started_with)
-        bring_up = CommissioningService(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
+        bring_up = CommissioningService(
+            parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
+        )
         assert (await bring_up.view()).steps[0].blocked == ""
         parts.supervisor.dead = True
         await parts.actuator.reset("Ada")
@@ -125,7 +129,9 @@ def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_n
         known = standing.find_completed_commissioning(database, VIRTUAL)
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
         parts.supervisor.started_with = known
-        bring_up = CommissioningService(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
+        bring_up = CommissioningService(
+            parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
+        )
         granted = RealTimeStatus(0, False, 1, ())
         for wired, proven, blocked in ((known.wired, True, False), ("of another file", False, True)):
             parts.supervisor._take(Ready(granted, "a virtual card", wired))
@@ -166,7 +172,9 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
     async def work(parts: Parts) -> None:
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
         parts.supervisor.started_with = known
-        bring_up = CommissioningService(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
+        bring_up = CommissioningService(
+            parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
+        )
         bring_up._started = 1, datetime.min.replace(tzinfo=UTC)  # the zero is this loop's
         await parts.supervisor.advance(0.01)
         assert rig.unproven == ""
@@ -211,7 +219,9 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         known = standing.in_effect(database, wiring)
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
         parts.supervisor.started_with = known
-        bring_up = CommissioningService(parts.actuator, parts.supervisor, database, IDEAL, KeptHands(database, VIRTUAL))
+        bring_up = CommissioningService(
+            parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
+        )
         bring_up._started = 1, datetime.min.replace(tzinfo=UTC)
         await parts.supervisor.advance(0.01)
         request = ActuatorRequest(tension_N=20.0, bits=6)

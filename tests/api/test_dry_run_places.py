@@ -12,7 +12,7 @@ from backend.auth.authentication import BEARER, User
 from backend.errors import RequestRejectedError
 from backend.execution.progress import RunPhase
 from backend.execution.runner import RunRequest
-from backend.execution.simulation import _Progress
+from backend.execution.simulation import _ProgressFile
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.schemas.session import Role
@@ -44,7 +44,7 @@ class Halfway(Offload):
 
     async def run(self, work: Callable[..., Any], *arguments: Any, **_none: Any) -> Any:
         folder = arguments[-1]
-        progress = _Progress(folder)
+        progress = _ProgressFile(folder)
         progress(RunPhase.PROGRAM, 3.0)
         await asyncio.Event().wait()
 

@@ -174,7 +174,7 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
             with database.session() as session:
                 return runs.end(session, run.id, EndState.COMPLETED, "")
 
-        monkeypatch.setattr(jobs, "play_run", complete)
+        monkeypatch.setattr(jobs, "execute_run", complete)
         monkeypatch.setattr(jobs, "evaluate_closed_run", at_once)
         await parts.ordered_runs.start_identification(THREE, OPERATOR.name)
         await parts.ended()

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import find_experiment
 from backend.experiments.plans import LoopSettings
 from backend.storage.database import Database, open_database
@@ -38,7 +38,7 @@ def main(count: int, core: int) -> None:
 def _play(database: Database, parameters: PlantParameters) -> None:
     settings = LoopSettings()
     order = RunRequest(find_experiment("tracking").usual, settings, "bench")
-    with open_headless_station(database, parameters, settings) as station:
+    with open_headless_rig(database, parameters, settings) as station:
         outcome = asyncio.run(run_experiment(station, order))
     if outcome.run.end_state != EndState.COMPLETED or outcome.evaluation.result is None:
         raise RuntimeError(f"the experiment was to be completed and evaluated: {outcome}")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.commissioning.session import KeptHands, switch_drives
+from backend.commissioning.session import DriveLockout, switch_drives
 from backend.realtime.commands import Accepted, Command, Refused
 from backend.realtime.gains import make_tuning_command
 from backend.realtime.ipc import Setup
@@ -28,12 +28,12 @@ def tuning() -> SetTuning:
 def test_who_was_at_it_is_known_after_a_new_start_until_somebody_says_that_nobody_is(tmp_path: Path) -> None:
     def left(plant: PlantChoice) -> str:
         with closing(open_database(tmp_path)) as database:
-            kept = KeptHands(database, plant).left
+            kept = DriveLockout(database, plant).left
             return "" if kept is None else kept.who
 
     def said(plant: PlantChoice, there: bool, who: str) -> None:
         with closing(open_database(tmp_path)) as database:
-            kept = KeptHands(database, plant)
+            kept = DriveLockout(database, plant)
             asyncio.run(kept.put(there, who))
             assert (kept.left, kept.problem) == (None, "")  # it was in this run of the service, and the page shows it
 
@@ -50,7 +50,7 @@ def test_who_was_at_it_is_known_after_a_new_start_until_somebody_says_that_nobod
 
 def test_what_cannot_be_kept_is_told(tmp_path: Path) -> None:
     database = open_database(tmp_path)
-    kept = KeptHands(database, RIG)
+    kept = DriveLockout(database, RIG)
     for file in tmp_path.iterdir():
         file.unlink()
     tmp_path.rmdir()
@@ -69,25 +69,25 @@ class NeverAnswers(Supervisor):
 def test_hands_are_kept_also_where_nobody_waits_for_the_loops_answer(tmp_path: Path, tuning: SetTuning) -> None:
     async def given_up(on: bool) -> None:
         with suppress(TimeoutError):
-            await asyncio.wait_for(switch_drives(supervisor, KeptHands(database, RIG), on, "Ada"), 0.05)
+            await asyncio.wait_for(switch_drives(supervisor, DriveLockout(database, RIG), on, "Ada"), 0.05)
 
     with closing(open_database(tmp_path)) as database:
         supervisor = NeverAnswers(Setup(RIG, "ideal", 0, tuning))
         asyncio.run(given_up(False))
-        assert KeptHands(database, RIG).left is not None
+        assert DriveLockout(database, RIG).left is not None
         asyncio.run(given_up(True))  # not known whether they came on: hands may be there
-        assert KeptHands(database, RIG).left is not None
+        assert DriveLockout(database, RIG).left is not None
         supervisor.ring.close()
 
 
 def test_without_a_loop_the_drives_can_be_switched_off_and_not_on(tmp_path: Path, tuning: SetTuning) -> None:
     """They are off already; what starts next starts so."""
     with closing(open_database(tmp_path)) as database:
-        supervisor, kept = Supervisor(Setup(RIG, "ideal", 0, tuning)), KeptHands(database, RIG)
+        supervisor, kept = Supervisor(Setup(RIG, "ideal", 0, tuning)), DriveLockout(database, RIG)
         asyncio.run(switch_drives(supervisor, kept, False, "Ada"))
         assert supervisor.setup.drives_off
-        assert KeptHands(database, RIG).left is not None
+        assert DriveLockout(database, RIG).left is not None
         with pytest.raises(LoopExitedError):
             asyncio.run(switch_drives(supervisor, kept, True, "Ada"))
-        assert KeptHands(database, RIG).left is not None
+        assert DriveLockout(database, RIG).left is not None
         supervisor.ring.close()

@@ -13,7 +13,7 @@ from backend.banks.builder import build_tuning_command
 from backend.banks.tuning_settings import default_tuning_choice
 from backend.commissioning import status
 from backend.commissioning.procedure import MeasuredNumber, StepFinding
-from backend.commissioning.session import BlockedError, KeptHands, Prompt, Session
+from backend.commissioning.session import BlockedError, DriveLockout, Prompt, Session
 from backend.commissioning.status import StepState, find_blocking_steps
 from backend.commissioning.steps import STEP, STEPS, StepId
 from backend.realtime.ipc import Setup
@@ -253,10 +253,10 @@ def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None
     known = status.in_effect(database, load_wiring(str(file)))
     supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning, known))
     person = Prompt("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)
-    hands = KeptHands(database, supervisor.setup.plant)
+    hands = DriveLockout(database, supervisor.setup.plant)
     at_rig = Session(database, supervisor, PARAMETERS, person, load_wiring(str(file)), hands)
-    at_rig.require_free(StepId.WIRING_TEST)
+    at_rig.require_startable(StepId.WIRING_TEST)
     file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
     with pytest.raises(BlockedError, match="the wiring file has changed since the loop was started"):
-        at_rig.require_free(StepId.WIRING_TEST)
+        at_rig.require_startable(StepId.WIRING_TEST)
     database.close()

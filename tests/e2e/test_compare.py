@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from backend.banks.tuning_settings import default_tuning_choice
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import find_experiment
 from backend.experiments.plans import split_values
 from backend.exports import writers
@@ -67,7 +67,7 @@ def play(database: Database, segments: list[dict[str, float]], lam_q: float) -> 
     lab, kind = load_parameters("lab"), find_experiment("sequence")
     values = {**default_tuning_choice(lab).choice.document(), "segments": json.dumps(segments), "lam_q": lam_q}
     plan, settings = split_values(kind.settings, kind.make, values)
-    with open_headless_station(database, lab, settings) as station:
+    with open_headless_rig(database, lab, settings) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator")))
     assert outcome.run.end_state == "completed"
 

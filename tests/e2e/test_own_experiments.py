@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Response, expect
 
 from backend.banks.tuning_settings import default_tuning_choice
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_library_entry, text_of
 from backend.experiments.parser import read
 from backend.experiments.plans import LoopSettings
@@ -101,7 +101,7 @@ def by_command(folder: Path) -> dict[str, float | None]:
     database = open_database(folder)
     lab = load_parameters("lab")
     settings = LoopSettings(**default_tuning_choice(lab).choice.document())
-    with open_headless_station(database, lab, settings) as station:
+    with open_headless_rig(database, lab, settings) as station:
         result = asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator"))).evaluation.result
     database.close()
     assert result is not None

@@ -8,7 +8,7 @@ import pytest
 
 from backend.analysis.evaluation import Evaluation, NotEvaluableError, reevaluate_run
 from backend.execution.runner import RunRequest, create_run, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ActuatorIdentificationPlan, LoopSettings, Plan
 from backend.storage import results, runs
@@ -28,7 +28,7 @@ SETTINGS = LoopSettings(seed=3)
 )
 def test_the_same_comes_out_and_lies_beside_the_first(tmp_path: Path, plan: Plan) -> None:
     database = open_database(tmp_path)
-    with open_headless_station(database, load_parameters("ideal"), SETTINGS) as station:
+    with open_headless_rig(database, load_parameters("ideal"), SETTINGS) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, SETTINGS, "Ana")))
     first = outcome.evaluation
     again = reevaluate_run(database, outcome.run.id)
@@ -49,7 +49,7 @@ def test_an_evaluation_that_fails_is_kept_with_the_run_until_one_succeeds(tmp_pa
     async def compute(*_: object) -> Evaluation:
         raise MemoryError("no more of it")
 
-    with open_headless_station(database, load_parameters("ideal"), SETTINGS) as station:
+    with open_headless_rig(database, load_parameters("ideal"), SETTINGS) as station:
         object.__setattr__(station, "compute", compute)
         plan = build_ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5)
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, SETTINGS, "Ana")))

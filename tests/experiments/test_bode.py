@@ -11,7 +11,7 @@ from backend.analysis.context import EvaluationContext, load_bank_points, load_i
 from backend.analysis.frequency_metrics import BodeFigures, bode_figures, build_bode_lines
 from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.tuning_settings import TuningSettings
-from backend.execution.simulation import SimulatedRun, play_in_memory
+from backend.execution.simulation import SimulatedRun, simulate_in_memory
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.faults import Limit
@@ -42,7 +42,9 @@ def figures(in_force: EvaluationContext, columns: dict[str, Any]) -> BodeFigures
 
 def played(parameters: str, **tuning: Any) -> SimulatedRun:
     plan = build_ready_plan("frequency_response", **SMALL)
-    return play_in_memory(load_parameters(parameters), plan, LoopSettings(**tuning), lambda _: pytest.fail("no bank"))
+    return simulate_in_memory(
+        load_parameters(parameters), plan, LoopSettings(**tuning), lambda _: pytest.fail("no bank")
+    )
 
 
 @pytest.mark.parametrize("motion", [LAMBDA, TIME_OPTIMAL])
@@ -88,7 +90,7 @@ def test_the_bandwidth_does_not_hang_on_the_period_of_the_excitation(period_s: f
     lead_in = "{do: step, q_ref: 0.0, S_ref: 11.0, duration_s: 4}"
     multisine = f"{{do: multisine, q_amplitude: 0.1, period_s: {period_s}, lines: 12, periods: 2}}"
     plan = plan_of(with_parts(lead_in, multisine, more="measures: [bode]\n"))
-    metrics = play_in_memory(IDEAL, plan, LoopSettings(), lambda _: pytest.fail("no bank")).metrics
+    metrics = simulate_in_memory(IDEAL, plan, LoopSettings(), lambda _: pytest.fail("no bank")).metrics
     assert metrics.value_of("bandwidth_q_Hz") == pytest.approx(truth, rel=0.01)
     assert metrics.value_of("bandwidth_q_predicted_Hz") == pytest.approx(truth, rel=0.005)
     assert metrics.value_of("resonance_q_dB") == 0.0

@@ -11,7 +11,7 @@ from backend.analysis.context import load_initial_tuning
 from backend.banks.builder import NamedEntry, require_consistent
 from backend.banks.tuning_settings import TuningSettings, default_tuning_choice
 from backend.errors import OutOfRangeError
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.plans import LoopSettings
 from backend.models.run import SETTINGS, StoredLoopSettings
 from backend.models.upgrades import upgrade_run_settings
@@ -84,12 +84,12 @@ def test_a_position_loop_that_takes_all_of_the_voltage_is_slower_by_default(
     assert default.moved.endswith(f"λ_q 0.5 → {default.choice.lam_q:g} s")
     settings = LoopSettings(**default.choice.document())
     with closing(open_database(tmp_path)) as database:
-        with open_headless_station(database, weak, settings):
+        with open_headless_rig(database, weak, settings):
             pass
         for refused in (settings.lam_q - 2e-3, METHOD.lam_q):
             with (
                 pytest.raises(OutOfRangeError, match="λ_q"),
-                open_headless_station(database, weak, replace(settings, lam_q=refused)),
+                open_headless_rig(database, weak, replace(settings, lam_q=refused)),
             ):
                 pass
 

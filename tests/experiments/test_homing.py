@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.forecast import forecast_duration, read_start
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
@@ -26,7 +26,7 @@ PLAN = build_ready_plan("compliance", profile="steps", hold_s=0.5, F_push=10.0)
 @pytest.fixture
 def station(tmp_path: Path) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path)
-    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
+    with open_headless_rig(database, load_parameters("ideal"), LoopSettings()) as made:
         yield made
     database.close()
 

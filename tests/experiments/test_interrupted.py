@@ -9,7 +9,7 @@ import pytest
 
 from backend.execution.progress import RunPhase
 from backend.execution.runner import ExperimentRig, RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments import library
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
@@ -66,7 +66,7 @@ class Interruption:
 
 def interrupted(tmp_path_factory: pytest.TempPathFactory, name: str, command: Command, after_s: float) -> RunData:
     database = open_database(tmp_path_factory.mktemp("interrupted"))
-    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
+    with open_headless_rig(database, load_parameters("ideal"), LoopSettings()) as station:
         order = RunRequest(build_ready_plan(name), LoopSettings(), "A. Operator")
         outcome = asyncio.run(run_experiment(station, order, Interruption(station, command, after_s)))
     source = load_source(database, outcome.run.id)

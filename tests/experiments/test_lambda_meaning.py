@@ -2,7 +2,7 @@
 
 import pytest
 
-from backend.execution.simulation import SimulatedRun, play_in_memory
+from backend.execution.simulation import SimulatedRun, simulate_in_memory
 from backend.experiments.library import find_experiment
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.models.run import LAMBDA, MOTIONS, TIME_OPTIMAL, StepFigures
@@ -24,7 +24,7 @@ SMALL_STEPS = (
 
 def play(name: str, plan: object, settings: LoopSettings) -> SimulatedRun:
     assert isinstance(plan, ExperimentPlan)
-    played = play_in_memory(load_parameters(name), plan, settings, lambda _: pytest.fail("no bank is used"))
+    played = simulate_in_memory(load_parameters(name), plan, settings, lambda _: pytest.fail("no bank is used"))
     assert played.end_state == "completed"
     return played
 

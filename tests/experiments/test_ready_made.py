@@ -11,7 +11,7 @@ import pytest
 from backend.analysis.evaluation import reevaluate_run
 from backend.banks.tuning_settings import TuningSettings
 from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
-from backend.execution.simulation import dry_run, open_headless_station
+from backend.execution.simulation import dry_run, open_headless_rig
 from backend.experiments import parser
 from backend.experiments.library import (
     NAMES,
@@ -33,7 +33,7 @@ from plant.parameters import load_parameters
 @pytest.fixture(scope="module")
 def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path_factory.mktemp("ready-made"))
-    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as made:
+    with open_headless_rig(database, load_parameters("ideal"), LoopSettings()) as made:
         yield made
     database.close()
 
@@ -61,7 +61,7 @@ def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path
     lab, order = load_parameters("lab"), RunRequest(build_ready_plan(name), LoopSettings(), "A. Operator")
     dry = dry_run(lab, order, (), ("q",), 10, tmp_path / "dry").result
     database = open_database(tmp_path / "command")
-    with open_headless_station(database, lab, LoopSettings()) as station:
+    with open_headless_rig(database, lab, LoopSettings()) as station:
         commanded = asyncio.run(run_experiment(station, order)).evaluation.result
     database.close()
     assert dry is not None

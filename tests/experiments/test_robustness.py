@@ -14,7 +14,7 @@ from scipy.signal import lsim
 from backend.analysis.disturbance_metrics import BACK_SHARE, RobustnessColumns, robustness_figures
 from backend.analysis.step_metrics import NoSamplesError, load_steps
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan, experiments_by_name
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.realtime.commands import Accepted, Refused, RunProgram
@@ -47,7 +47,7 @@ def ideal() -> PlantParameters:
 def source(ideal: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunData]:
     """Ordered, played, judged and stored as from the command line."""
     database = open_database(tmp_path_factory.mktemp("robustness"))
-    with open_headless_station(database, ideal, LoopSettings()) as station:
+    with open_headless_rig(database, ideal, LoopSettings()) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(PLAN, LoopSettings(), "A. Operator")))
     yield load_source(database, outcome.run.id)
     database.close()
@@ -132,7 +132,7 @@ def test_a_motor_that_rests_off_its_reference_fails_and_says_by_how_much(tmp_pat
     """On ``lab`` motors rest off their references under the load, while q and S are at theirs."""
     plan = build_ready_plan("robustness", hold_s=3.5)
     with closing(open_database(tmp_path)) as database:
-        with open_headless_station(database, load_parameters("lab"), LoopSettings()) as station:
+        with open_headless_rig(database, load_parameters("lab"), LoopSettings()) as station:
             outcome = asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator")))
         source = load_source(database, outcome.run.id)
     assert source.result is not None

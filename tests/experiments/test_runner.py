@@ -12,7 +12,7 @@ from backend.banks.builder import BankError, build_bank, build_tuning_command, e
 from backend.errors import OutOfRangeError
 from backend.execution.progress import RunPhase
 from backend.execution.runner import ExperimentRig, NotReadyError, RunRequest, RunResult, create_run, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ActuatorIdentificationPlan, LoopSettings, Plan
 from backend.faults import Fault
@@ -35,7 +35,7 @@ def parameters() -> str:
 @pytest.fixture
 def station(parameters: str, tmp_path: Path) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path)
-    with open_headless_station(database, load_parameters(parameters), SETTINGS) as made:
+    with open_headless_rig(database, load_parameters(parameters), SETTINGS) as made:
         yield made
     database.close()
 
@@ -214,13 +214,13 @@ def test_settings_that_are_not_safe_never_reach_a_loop(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     with (
         pytest.raises(OutOfRangeError, match=r"λ_q|position loop") as refused,
-        open_headless_station(database, load_parameters("ideal"), LoopSettings(lam_q=0.2)),
+        open_headless_rig(database, load_parameters("ideal"), LoopSettings(lam_q=0.2)),
     ):
         pytest.fail("a station was made")
     assert refused.value.minimum == pytest.approx(0.355, abs=0.02)
     with (
         pytest.raises(UnknownRecordError, match="bank 7"),
-        open_headless_station(database, load_parameters("ideal"), LoopSettings(bank=7)),
+        open_headless_rig(database, load_parameters("ideal"), LoopSettings(bank=7)),
     ):
         pytest.fail("a station was made")
     database.close()

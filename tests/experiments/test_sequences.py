@@ -17,7 +17,7 @@ import pytest
 from backend.analysis.evaluation import reevaluate_run
 from backend.errors import OutOfRangeError
 from backend.execution.runner import RunRequest, compile_program, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import find_experiment, parse_stored_plan
 from backend.experiments.parser import ExperimentError
 from backend.experiments.plans import ExperimentPlan, LoopSettings, split_values
@@ -153,7 +153,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
     """A database with the run 1 of a sequence, as the version before has left it, opened by this one."""
     folder, settings = tmp_path_factory.mktemp("recorded"), LoopSettings(seed=7)
     opened = open_database(folder)
-    with open_headless_station(opened, IDEAL, settings) as station:
+    with open_headless_rig(opened, IDEAL, settings) as station:
         request = RunRequest(written(RECORDED["segments"]), settings, "A. Operator")
         outcome = asyncio.run(run_experiment(station, request))
     assert (outcome.run.kind, outcome.run.end_state) == ("sequence", "completed")

@@ -10,7 +10,7 @@ from backend.analysis.identification import fit_spring_table, identify_motors, s
 from backend.errors import OutOfRangeError
 from backend.execution.progress import RunPhase
 from backend.execution.runner import ExperimentRig, RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.experiments.prediction import predict_motor, predict_spring
 from backend.identification.records import IdentificationError
@@ -38,7 +38,7 @@ def lab() -> PlantParameters:
 @pytest.fixture(scope="module")
 def station(lab: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ExperimentRig]:
     database = open_database(tmp_path_factory.mktemp("unloaded"))
-    with open_headless_station(database, lab, LoopSettings(seed=2)) as made:
+    with open_headless_rig(database, lab, LoopSettings(seed=2)) as made:
         yield made
     database.close()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings, MotorIdentificationPlan, Plan, SpringIdentificationPlan
 from backend.realtime.commands import SetMode
@@ -45,7 +45,7 @@ def performed(
             await station.loop.advance(held_s)
         return await run_experiment(station, RunRequest(plan, settings, "Ana"))
 
-    with open_headless_station(database, PARAMETERS, settings, plant) as station:
+    with open_headless_rig(database, PARAMETERS, settings, plant) as station:
         outcome = asyncio.run(played(station))
     with database.reading() as session:
         columns = read_samples(session, outcome.run.id).columns
@@ -83,7 +83,7 @@ def test_a_rig_is_not_stepped_as_fast_as_it_goes(tmp_path: Path) -> None:
     rig = PlantChoice(PlantKind.RIG)
     with (
         pytest.raises(PlantError, match="in real time"),
-        open_headless_station(database, PARAMETERS, LoopSettings(), rig),
+        open_headless_rig(database, PARAMETERS, LoopSettings(), rig),
     ):
         pass
     database.close()

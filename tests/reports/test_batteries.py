@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel
@@ -54,7 +54,7 @@ def bank(database: Database) -> int:
 
 def played(database: Database, name: str, plan: dict[str, Any] | None = None, **loop: Any) -> RunData:
     settings = LoopSettings(**loop)
-    with open_headless_station(database, LAB, settings) as station:
+    with open_headless_rig(database, LAB, settings) as station:
         outcome = asyncio.run(
             run_experiment(
                 station, RunRequest(build_ready_plan(name, **QUICK[name] | (plan or {})), settings, "A. Operator")
@@ -131,7 +131,7 @@ def test_lines_that_a_limit_spoilt_say_so_and_have_no_figures(database: Database
     name = "frequency_response"
     wild = {**QUICK[name], "q_amplitude": 1.0}
     settings = LoopSettings()
-    with open_headless_station(database, LAB, settings) as station:
+    with open_headless_rig(database, LAB, settings) as station:
         outcome = asyncio.run(
             run_experiment(station, RunRequest(build_ready_plan(name, **wild), settings, "A. Operator"))
         )

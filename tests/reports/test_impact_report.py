@@ -8,7 +8,7 @@ import pytest
 
 from backend.analysis.disturbance_metrics import find_hits
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.reports.build import build_report
@@ -27,7 +27,7 @@ PLAN = build_ready_plan("impact", speeds=2, v_slow=0.3)
 def source(tmp_path_factory: pytest.TempPathFactory) -> RunData:
     folder: Path = tmp_path_factory.mktemp("impact")
     database = open_database(folder)
-    with open_headless_station(database, load_parameters("lab"), LoopSettings()) as station:
+    with open_headless_rig(database, load_parameters("lab"), LoopSettings()) as station:
         run = asyncio.run(run_experiment(station, RunRequest(PLAN, LoopSettings(), "A. Operator"))).run
     source = load_source(database, run.id)
     database.close()

@@ -13,7 +13,7 @@ import pytest
 
 from backend.errors import RequestRejectedError
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
@@ -42,7 +42,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
     opened = open_database(tmp_path_factory.mktemp("series"))
     for lam_q in LAMBDAS:
         settings = LoopSettings(lam_q=lam_q)
-        with open_headless_station(opened, load_parameters("ideal"), settings) as station:
+        with open_headless_rig(opened, load_parameters("ideal"), settings) as station:
             asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator")))
     yield opened
     opened.close()

@@ -12,7 +12,7 @@ import pyarrow.parquet
 import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
@@ -65,7 +65,7 @@ class Made:
 def made(folder: Path) -> RunData:
     plan = build_ready_plan("tracking", q_duration_s=1.0, S_duration_s=1.0)
     database = open_database(folder)
-    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
+    with open_headless_rig(database, load_parameters("ideal"), LoopSettings()) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator", "as usual")))
     source = load_source(database, outcome.run.id)
     database.close()

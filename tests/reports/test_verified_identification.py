@@ -9,7 +9,7 @@ import pytest
 
 from backend.analysis.evaluation import reevaluate_run
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
     IdentificationPlan,
@@ -50,7 +50,7 @@ def identified(
     """A run of each kind, and the same evaluated once more."""
     database = open_database(tmp_path_factory.mktemp(request.param))
     plan, _ = PLANS[request.param]
-    with open_headless_station(database, load_parameters("ideal"), LoopSettings()) as station:
+    with open_headless_rig(database, load_parameters("ideal"), LoopSettings()) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator")))
     first = load_source(database, outcome.run.id)
     reevaluate_run(database, outcome.run.id)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
     IdentificationPlan,
@@ -36,7 +36,7 @@ def played(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     """A bundle of a run that identified something, and what was found."""
     folder = tmp_path_factory.mktemp("played")
     database = open_database(folder)
-    with open_headless_station(database, load_parameters("lab"), SETTINGS) as station:
+    with open_headless_rig(database, load_parameters("lab"), SETTINGS) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(PLANS[request.param], SETTINGS, "A. Operator")))
     assert outcome.evaluation.problem == ""
     bundle = folder / "run.zip"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import NAMES, build_ready_plan, find_experiment, settings_of
 from backend.experiments.plans import LoopSettings, Plan
 from backend.recording.codec import compute_recording_digest
@@ -66,7 +66,7 @@ def shortest(name: str) -> Plan:
 
 def play(database: Database, name: str) -> int:
     settings = LoopSettings(seed=SEED, lam_q=0.6, lam_S=0.55)
-    with open_headless_station(database, load_parameters("lab"), settings) as station:
+    with open_headless_rig(database, load_parameters("lab"), settings) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(shortest(name), settings, "A. Operator")))
     assert outcome.run.end_state == "completed"
     assert outcome.evaluation.problem == ""

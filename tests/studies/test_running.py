@@ -19,7 +19,7 @@ import pytest
 from backend.banks.tuning_settings import TuningSettings
 from backend.cli.study import _in_time
 from backend.execution.runner import RunRequest, run_experiment
-from backend.execution.simulation import open_headless_station
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import find_experiment
 from backend.experiments.plans import LoopSettings
 from backend.services.studies import Studies
@@ -78,7 +78,7 @@ def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database
         )
         plan = find_experiment("tracking").make({"q_duration_s": 0.5, "S_duration_s": 0.5, "S_high": 12.0})
         settings = LoopSettings(lam_q=values["lam_q"], seed=values["seed"])
-        with open_headless_station(database, parameters, settings) as station:
+        with open_headless_rig(database, parameters, settings) as station:
             outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "Ana")))
         assert outcome.evaluation.result is not None
         expected = {item.name: item.value for item in outcome.evaluation.result.metrics.figures}

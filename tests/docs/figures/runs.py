@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from backend.analysis.context import EvaluationContext
 from backend.banks.builder import build_tuning_command
-from backend.execution.simulation import SimulatedRun, headless_loop, play_in_memory
+from backend.execution.simulation import SimulatedRun, make_headless_loop, simulate_in_memory
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.realtime.commands import Accepted, Command, SetMode, SetReferences
@@ -61,7 +61,7 @@ def experiment(
 ) -> Experiment:
     """Play a ready-made experiment to its end; ``settings`` are the defaults unless given."""
     plan, used = build_ready_plan(name, **values), settings or LoopSettings()
-    played = play_in_memory(parameters, plan, used, no_bank)
+    played = simulate_in_memory(parameters, plan, used, no_bank)
     assert played.end_state == "completed", played.end_detail
     return Experiment(parameters, plan, used, played)
 
@@ -78,7 +78,7 @@ class Bench:
         self.parameters, self.settings = parameters, settings
         self._rows: list[Array] = []
         self._position = 0
-        self._loop: SimulatedLoop = headless_loop(parameters, replace(settings, k_ext=0.0), None, self._drain)
+        self._loop: SimulatedLoop = make_headless_loop(parameters, replace(settings, k_ext=0.0), None, self._drain)
 
     def close(self) -> None:
         """Let go of the plant."""
