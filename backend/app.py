@@ -157,7 +157,7 @@ def bootstrap(
     brought_up = find_completed_commissioning(database, settings.plant_choice)
     hands = DriveLockout(database, settings.plant_choice)
     identified = {} if applied is None else changed_sections(applied)
-    drives_off = hands.left is not None
+    drives_off = hands.previous_lock is not None
     setup = Setup(
         plant=settings.plant_choice,
         parameters=settings.params,

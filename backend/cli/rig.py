@@ -34,7 +34,7 @@ from backend.units import format_angles, read, reading_of, with_unit
 from plant import SinewError
 
 if TYPE_CHECKING:
-    from backend.commissioning import Session, StepStatus
+    from backend.commissioning import CommissioningSession, StepStatus
     from backend.storage import Database, StoredStepResult
     from plant import CheckFinding, Raw
 
@@ -193,7 +193,9 @@ def _states_at_rest(settings: Settings, database: "Database") -> "dict[StepId, S
     from backend.commissioning import status as standing
     from plant import load_wiring_choice
 
-    return standing.states(standing.kept(database), load_wiring_choice(settings.plant_choice), datetime.now(UTC))
+    return standing.determine_statuses(
+        standing.load_results(database), load_wiring_choice(settings.plant_choice), datetime.now(UTC)
+    )
 
 
 def not_done(settings: Settings) -> list[StepId]:
@@ -245,7 +247,7 @@ def _require_free(settings: Settings, database: "Database", orders: Sequence[Ste
 
 async def _played(settings: Settings, database: "Database", orders: Sequence[StepRequest]) -> "_BringUp":
     from backend.banks import build_tuning_command, default_tuning_choice
-    from backend.commissioning import BlockedError, Prompt, find_completed_commissioning, open_session
+    from backend.commissioning import BlockedError, OperatorDialog, find_completed_commissioning, open_session
     from backend.realtime import Setup
     from plant import load_parameters
 
@@ -254,7 +256,7 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ste
     tuning = build_tuning_command(parameters, default_tuning_choice(parameters).choice, None)
     setup = Setup(choice, settings.params, 0, tuning, find_completed_commissioning(database, choice))
     terminal = Terminal()
-    person = Prompt(current_user(), terminal.confirmed, terminal.phase)
+    person = OperatorDialog(current_user(), terminal.confirmed, terminal.phase)
     say(f"{choice.name}, {choice.wiring}. Ctrl-C at any time: zero volts; what has not ended is not kept.")
     if choice.simulated:
         say("Nothing real moves: at each Enter the program's own hand does what is asked for.")
@@ -286,12 +288,12 @@ async def _played(settings: Settings, database: "Database", orders: Sequence[Ste
     return _standing_of(settings, states, database, ended)
 
 
-async def _one(at_rig: "Session", terminal: Terminal, order: StepRequest) -> "StoredStepResult":
+async def _one(at_rig: "CommissioningSession", terminal: Terminal, order: StepRequest) -> "StoredStepResult":
     step = order.step
     say(f"\n{STEP[step].title}", style="bold")
     say(f"  {STEP[step].instruction}")
     at_rig.require_startable(step)
-    result = await at_rig.play(step, order.values or await _numbers(terminal, step), order.cells)
+    result = await at_rig.run(step, order.values or await _numbers(terminal, step), order.cells)
     say(f"  {'passed' if result.passed else 'FAILED'}: {result.text}", style="green" if result.passed else "red")
     for figure in result.figures:
         say(f"    {figure['words']}: {_read(figure['value'], figure['unit'])}")
@@ -354,7 +356,7 @@ def _standing_of(
 ) -> _BringUp:
     from backend.commissioning import status as standing
 
-    results = standing.newest(database)
+    results = standing.load_newest_results(database)
     steps = tuple(
         _Step(
             id=step.id,

@@ -1,10 +1,19 @@
 from . import status
 from .procedure import ProcedureContext, StepFinding
-from .session import BlockedError, DriveLockout, Prompt, Session, collect_values, open_session, run_step, switch_drives
+from .session import (
+    BlockedError,
+    CommissioningSession,
+    DriveLockout,
+    OperatorDialog,
+    collect_values,
+    open_session,
+    run_step,
+    switch_drives,
+)
 from .status import (
-    Kept,
     StepState,
     StepStatus,
+    StoredResults,
     find_blocking_steps,
     find_completed_commissioning,
     find_for_next_start,
@@ -17,17 +26,17 @@ __all__ = [
     "STEP",
     "STEPS",
     "BlockedError",
+    "CommissioningSession",
     "CommissioningStep",
     "DriveLockout",
     "Input",
-    "Kept",
+    "OperatorDialog",
     "ProcedureContext",
-    "Prompt",
-    "Session",
     "StepFinding",
     "StepId",
     "StepState",
     "StepStatus",
+    "StoredResults",
     "collect_values",
     "find_blocking_steps",
     "find_completed_commissioning",

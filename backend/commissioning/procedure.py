@@ -1,4 +1,4 @@
-"""What a procedure works with: the loop, its samples, and a person who does things at the rig."""
+"""The context of a procedure: control loop, samples, and the person who acts at the rig."""
 
 import math
 from collections.abc import Awaitable, Callable
@@ -18,18 +18,18 @@ Signal = NDArray[np.float64]
 """One signal [n]."""
 
 SLACK = ManualInput(q=0.0, theta_A=0.0, theta_B=0.0)
-"""Joint and motors where a virtual card begins: both tendons slack."""
+"""Zero position of joint and motors, at which both tendons of a virtual card are slack."""
 
-HAND_S = 2.0
-"""A hand of this program has brought joint and motors to where they belong after so long [s]."""
+MANUAL_MOTION_S = 2.0
+"""Time [s] after which a simulated manual input has reached its position."""
 
 BLOCK_S = 0.05
-"""Readings are averaged over so long [s]: the noise of a load cell is a seventh of itself then."""
+"""Averaging time [s]; it reduces the noise of a load cell to a seventh."""
 
 
 @dataclass(frozen=True)
 class MeasuredNumber:
-    """One number that was measured; None where it could not be."""
+    """A measured number; None if it could not be measured."""
 
     words: str
     value: float | None
@@ -38,9 +38,9 @@ class MeasuredNumber:
 
 @dataclass(frozen=True)
 class StepFinding:
-    """What a step came to; ``calibrations`` take effect where it passed.
+    """Result of a step; ``calibrations`` take effect if it passed.
 
-    ``disproves_directions`` tells that a motor or the joint did not go where the step of the directions says.
+    ``disproves_directions``: a motor or the joint moved against the result of the direction step.
     """
 
     passed: bool
@@ -51,25 +51,27 @@ class StepFinding:
 
 
 class StepFailedError(SinewError):
-    """A step cannot go on; the message says what was seen and what to do."""
+    """The step cannot continue; the message says what was measured and what to do."""
 
 
 class DirectionsDisprovedError(StepFailedError):
-    """What was seen contradicts the step of the directions: it has to be done again."""
+    """A measurement contradicts the direction step, which must be repeated."""
 
 
-Confirmed = Callable[[str], Awaitable[None]]
-"""Asks a person to do something and returns once it is confirmed."""
+RequestConfirmation = Callable[[str], Awaitable[None]]
+"""Asks the person to do something and returns after the confirmation."""
 
 
-Switch = Callable[[bool], Awaitable[Accepted | Refused]]
-"""Switches the drives on or off, and keeps whether hands may be at the rig."""
+SetDrives = Callable[[bool], Awaitable[Accepted | Refused]]
+"""Switches the drives on or off and stores the drive lockout."""
 
 
 class ProcedureContext:
-    """``values`` are what the person entered; ``computed`` tells that hands of this program do what is asked for.
+    """Access of a running step to loop, wiring and person.
 
-    ``cells`` are the load cells to calibrate. ``tried_motors``: the loop takes directions for unproven since.
+    ``values`` are the inputs of the step. ``is_simulated``: the program simulates the requested manual inputs.
+    ``cells`` are the load cells to calibrate. ``has_tried_motors``: a motor test has started, so directions are
+    unproven.
     """
 
     def __init__(
@@ -79,22 +81,22 @@ class ProcedureContext:
         parameters: PlantParameters,
         values: dict[str, float],
         *,
-        computed: bool,
-        confirmed: Confirmed,
-        switch: Switch,
-        phase: Callable[[str], None],
+        is_simulated: bool,
+        request_confirmation: RequestConfirmation,
+        set_drives: SetDrives,
+        report_phase: Callable[[str], None],
         cells: str = "AB",
     ) -> None:
         self.loop = loop
         self.wiring = wiring
         self.parameters = parameters
         self.values = values
-        self.phase = phase
-        self.computed = computed
+        self.report_phase = report_phase
+        self.is_simulated = is_simulated
         self.cells = cells
-        self.tried_motors = False
-        self._confirmed = confirmed
-        self._switch = switch
+        self.has_tried_motors = False
+        self._request_confirmation = request_confirmation
+        self._set_drives = set_drives
 
     @property
     def mode(self) -> Mode:
@@ -103,44 +105,47 @@ class ProcedureContext:
         return Mode.OFF if newest is None else MODES[int(newest[INDEX["mode"]])]
 
     async def send(self, command: Command) -> None:
-        """Hand over a command. Raises StepFailedError with the loop's reason where it is refused."""
+        """Send a command. Raises StepFailedError with the loop's reason if it is rejected."""
         _require_accepted(await self.loop.send(command))
 
-    async def drives_off(self) -> None:
-        """Take the drives away before hands are asked for; they stay off until somebody has them switched on."""
-        _require_accepted(await self._switch(False))
+    async def switch_drives_off(self) -> None:
+        """Switch the drives off before the person touches the rig; they stay off until a person switches them on."""
+        _require_accepted(await self._set_drives(False))
 
-    async def drives_on(self) -> None:
-        """Give the drives back, at zero volts: only after it was confirmed that no hand is at the rig."""
-        _require_accepted(await self._switch(True))
+    async def switch_drives_on(self) -> None:
+        """Switch the drives on, at zero volts; only after the person has confirmed to be clear of the rig."""
+        _require_accepted(await self._set_drives(True))
 
-    async def ask(self, words: str, hand: ManualInput = NO_HAND) -> None:
-        """Ask a person to do something and wait until it is confirmed; at a virtual card, ``hand`` does it then."""
-        await self._confirmed(words)
-        if self.computed and hand != NO_HAND:
+    async def request_action(self, words: str, hand: ManualInput = NO_HAND) -> None:
+        """Ask the person to do something and wait for the confirmation.
+
+        On a virtual card, ``manual_input`` is simulated afterwards.
+        """
+        await self._request_confirmation(words)
+        if self.is_simulated and hand != NO_HAND:
             await self.send(SimulateManualInput(hand))
-            await self.loop.advance(HAND_S)
+            await self.loop.advance(MANUAL_MOTION_S)
 
-    async def let_go(self) -> None:
-        """Take the hands away."""
-        if self.computed:
+    async def release_rig(self) -> None:
+        """End the simulated manual input."""
+        if self.is_simulated:
             await self.send(SimulateManualInput(NO_HAND))
             await self.loop.advance(0.1)
 
-    async def mean(self, *names: str, seconds: float = 0.3) -> NDArray[np.float64]:
-        """Return the means [len(names)] of signals over the next seconds; nan where one was no number."""
-        rows = await self.recorded(seconds)
+    async def measure_mean(self, *names: str, seconds: float = 0.3) -> NDArray[np.float64]:
+        """Return the means [len(names)] of signals over the next seconds; nan if a sample is not a number."""
+        rows = await self.record(seconds)
         means: NDArray[np.float64] = rows[:, [INDEX[name] for name in names]].mean(axis=0)
         return means
 
-    async def recorded(self, seconds: float) -> NDArray[np.float64]:
-        """Let the loop go on and return the samples [n, fields] from now on."""
+    async def record(self, seconds: float) -> NDArray[np.float64]:
+        """Return the samples [n, fields] of the next seconds."""
         first = self.loop.ring.count
         await self.loop.advance(seconds)
-        return self.since(first)[: round(seconds / T_s)]
+        return self.read_since(first)[: round(seconds / T_s)]
 
-    def since(self, first: int) -> NDArray[np.float64]:
-        """Return the samples [n, fields] from the one numbered ``first`` on."""
+    def read_since(self, first: int) -> NDArray[np.float64]:
+        """Return the samples [n, fields] from the sample with index ``first`` on."""
         _, rows, _ = self.loop.ring.read(first, self.loop.ring.capacity)
         return rows
 
@@ -150,12 +155,12 @@ def _require_accepted(answer: Accepted | Refused) -> None:
         raise StepFailedError(answer.reason)
 
 
-def known(value: float) -> float | None:
-    """Return what was measured; None where it is no number."""
+def to_finite(value: float) -> float | None:
+    """Return a measured value, or None if it is not finite."""
     return value if math.isfinite(value) else None
 
 
-def blocks(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+def average_blocks(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     """Return means of a signal over blocks of BLOCK_S."""
     length = round(BLOCK_S / T_s)
     count = max(len(rows) // length, 1)

@@ -1,4 +1,4 @@
-"""A commissioning session without the service, and the step that it plays."""
+"""Runs single steps of the commissioning, and whole sessions on the command line without the service."""
 
 import asyncio
 import logging
@@ -9,22 +9,22 @@ from datetime import UTC, datetime
 
 from backend.commissioning import status
 from backend.commissioning.procedure import (
-    Confirmed,
     DirectionsDisprovedError,
     ProcedureContext,
+    RequestConfirmation,
     StepFailedError,
     StepFinding,
 )
 from backend.commissioning.procedures import (
-    calibrate,
-    direction,
-    home,
-    pretension,
+    apply_pretension,
+    calibrate_load_cells,
+    check_directions,
+    check_safety_module,
+    check_wiring,
+    home_joint,
     require_weights,
-    safety_module,
-    tare,
-    wiring_test,
-    zero,
+    set_zero,
+    tare_load_cells,
 )
 from backend.commissioning.status import StepStatus, find_blocking_steps
 from backend.commissioning.steps import FURTHER_WEIGHTS, STEP, StepId
@@ -56,27 +56,27 @@ from plant import (
     wiring_fingerprint,
 )
 
-# Engine --------------------------------------------------------------------------------------------
+# Steps ---------------------------------------------------------------------------------------------
 #
-# Plays one step, whatever becomes of it: at its end nothing is driven and no hand is left.
+# Runs one step. However it ends, the outputs are at zero volts and no manual input is simulated.
 
 
-_WORK: dict[StepId, Callable[[ProcedureContext], Awaitable[StepFinding]]] = {
-    StepId.WIRING_TEST: wiring_test,
-    StepId.TARE: tare,
-    StepId.CALIBRATE: calibrate,
-    StepId.ZERO: zero,
-    StepId.DIRECTION: direction,
-    StepId.HOME: home,
-    StepId.PRETENSION: pretension,
-    StepId.SAFETY_MODULE: safety_module,
+_PROCEDURES: dict[StepId, Callable[[ProcedureContext], Awaitable[StepFinding]]] = {
+    StepId.WIRING_TEST: check_wiring,
+    StepId.TARE: tare_load_cells,
+    StepId.CALIBRATE: calibrate_load_cells,
+    StepId.ZERO: set_zero,
+    StepId.DIRECTION: check_directions,
+    StepId.HOME: home_joint,
+    StepId.PRETENSION: apply_pretension,
+    StepId.SAFETY_MODULE: check_safety_module,
 }
 
 
 def collect_values(step: StepId, given: Mapping[str, float]) -> dict[str, float]:
-    """Return all numbers that a step asks for, and further weights that are given.
+    """Return all inputs of a step, with defaults, and the further weights of a calibration.
 
-    Raises OutOfRangeError, ValueError for one it does not ask for.
+    Raises OutOfRangeError, ValueError for an input that the step does not have.
     """
     further = [more for more in FURTHER_WEIGHTS if more.name in given] if step is StepId.CALIBRATE else []
     asked = {wanted.name: wanted for wanted in (*STEP[step].inputs, *further)}
@@ -92,91 +92,93 @@ def collect_values(step: StepId, given: Mapping[str, float]) -> dict[str, float]
     return values
 
 
-async def run_step(step: StepId, work: ProcedureContext) -> StepFinding:
-    """Play a step; what it fails on is its finding. Raises LoopExitedError, and CancelledError where it is given up.
+async def run_step(step: StepId, context: ProcedureContext) -> StepFinding:
+    """Run a step and return its finding, also if it fails.
 
-    To give up the trial of a motor is a finding: who does may have seen it go the wrong way.
+    Raises LoopExitedError, and CancelledError if it is cancelled. A cancelled motor test is a failed finding instead:
+    the person may have cancelled it because the motor turned the wrong way.
     """
     try:
-        finding = await _WORK[step](work)
+        finding = await _PROCEDURES[step](context)
         if step is StepId.DIRECTION and finding.passed:
-            await work.send(ProveDirections())
-    except StepFailedError as failed:
-        finding = StepFinding(False, str(failed), disproves_directions=isinstance(failed, DirectionsDisprovedError))
-    except TimeoutError as late:
-        finding = StepFinding(False, str(late))
+            await context.send(ProveDirections())
+    except StepFailedError as error:
+        finding = StepFinding(False, str(error), disproves_directions=isinstance(error, DirectionsDisprovedError))
+    except TimeoutError as error:
+        finding = StepFinding(False, str(error))
     except asyncio.CancelledError:
-        if not work.tried_motors:
+        if not context.has_tried_motors:
             raise
         finding = StepFinding(False, "it was given up after a motor had been tried: do it again")
     finally:
-        await _left_safe(work)
-    doubted = finding.disproves_directions or step in (StepId.WIRING_TEST, StepId.DIRECTION)
-    if doubted and not finding.passed:
-        with suppress(LoopExitedError):  # the next one starts unproven
-            await work.loop.send(ProveDirections(proven=False))
+        await _ensure_safe_end(context)
+    is_in_doubt = finding.disproves_directions or step in (StepId.WIRING_TEST, StepId.DIRECTION)
+    if is_in_doubt and not finding.passed:
+        with suppress(LoopExitedError):  # the next loop starts with unproven directions
+            await context.loop.send(ProveDirections(proven=False))
     return finding
 
 
-async def _left_safe(work: ProcedureContext) -> None:
+async def _ensure_safe_end(context: ProcedureContext) -> None:
     try:
-        if work.computed:
-            await work.loop.send(SimulateManualInput(NO_HAND))
-        # Whatever the newest sample says: a command of the last tick may not be in it. In OFF it is refused.
-        await work.loop.send(SetMode(Mode.STOPPING))
+        if context.is_simulated:
+            await context.loop.send(SimulateManualInput(NO_HAND))
+        # Without a check of the mode: the newest sample may miss a command of the last tick. Mode off rejects this.
+        await context.loop.send(SetMode(Mode.STOPPING))
     except LoopExitedError:
-        pass  # what it drove is at zero volts without it
+        pass  # the outputs are at zero volts without the loop
 
 
-# Hands ---------------------------------------------------------------------------------------------
+# Drive lockout -------------------------------------------------------------------------------------
 #
-# That hands may be at the rig: told to the loop, which keeps the drives off, and kept for the next
-# start.
+# While people work at the rig, the control loop keeps the drives disabled. The database stores the
+# lockout for the next start of the service.
 
 
 _log = logging.getLogger(__name__)
 
 
 class DriveLockout:
-    """Keeps in the data folder whether hands may be at what is driven: a rig and a virtual card each by itself.
+    """Stores whether the drives are locked, separately for the rig and the virtual card.
 
-    ``left`` says who had the drives off and when, where that was before this start and nobody has switched them since.
-    ``problem`` tells that it could not be kept.
+    ``previous_lock``: who locked the drives and when, if that was before this start and nobody has switched them since.
+    ``problem``: why the lockout could not be stored; empty otherwise.
     """
 
     def __init__(self, database: Database, plant: PlantChoice) -> None:
         self.problem = ""
         self._database = database
-        self._turn = asyncio.Lock()
-        self._name = f"hands at the {plant.name}"
-        self.left: StoredSetting | None = None
+        self._lock = asyncio.Lock()
+        self._key = f"hands at the {plant.name}"
+        self.previous_lock: StoredSetting | None = None
         if plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
             with database.reading() as session:
-                kept = settings.newest(session, self._name)
-            self.left = kept if kept is not None and kept.value else None
+                lockout = settings.newest(session, self._key)
+            self.previous_lock = lockout if lockout is not None and lockout.value else None
 
-    async def put(self, there: bool, who: str) -> None:
-        """Keep it; where the disk refuses, what is driven is safe all the same, and the problem says so."""
-        self.left = None
+    async def store(self, is_locked: bool, who: str) -> None:
+        """Store the lockout. A failure sets ``problem`` and does not raise."""
+        self.previous_lock = None
         try:
-            async with self._turn:  # in the order in which the loop has obeyed
-                await asyncio.to_thread(self._put, there, who)
+            async with self._lock:  # in the order in which the loop switched
+                await asyncio.to_thread(self._store, is_locked, who)
         except StorageError as error:
             _log.exception("The service could not store whether somebody works at the rig.")
-            stays = "off" if there else "on"
+            stays = "off" if is_locked else "on"
             self.problem = f"That the drives are {stays} could not be kept for the next start of the service ({error})."
         else:
             self.problem = ""
 
-    def _put(self, there: bool, who: str) -> None:
+    def _store(self, is_locked: bool, who: str) -> None:
         with self._database.session() as session:
-            settings.save(session, self._name, there, who)
+            settings.save(session, self._key, is_locked, who)
 
 
-async def switch_drives(supervisor: Supervisor, kept: DriveLockout, on: bool, who: str) -> Accepted | Refused:
-    """Take the drives away or give them back, and keep it. Raises LoopExitedError where they are to come on.
+async def switch_drives(supervisor: Supervisor, lockout: DriveLockout, on: bool, who: str) -> Accepted | Refused:
+    """Switch the drives on or off and store the lockout.
 
-    Without a loop they are off already: the next one starts so. That they are to go off is kept whatever becomes of it.
+    If the loop process has exited, the drives are off, and the next loop starts with locked drives; to switch them on
+    then raises LoopExitedError. A lock is stored even if the loop does not answer.
     """
     try:
         answer = await supervisor.send(SwitchDrives(on))
@@ -187,64 +189,64 @@ async def switch_drives(supervisor: Supervisor, kept: DriveLockout, on: bool, wh
         answer = Accepted(0, 0)
     finally:
         if not on:
-            await kept.put(True, who)
+            await lockout.store(True, who)
     if on and isinstance(answer, Accepted):
-        await kept.put(False, who)
+        await lockout.store(False, who)
     return answer
 
 
 # Session -------------------------------------------------------------------------------------------
 #
-# One person brings a rig up without the service: a loop process of its own, the same steps, kept
-# the same way.
+# Commissioning from the command line: a control loop of its own, with the steps and the stored
+# results of the service.
 
 
 @dataclass(frozen=True)
-class Prompt:
-    """Who brings the rig up: ``confirmed`` asks to do something at it, ``phase`` tells what goes on."""
+class OperatorDialog:
+    """The person at the terminal: name, a function that waits for a confirmation, one that shows the phase."""
 
     name: str
-    confirmed: Confirmed
-    phase: Callable[[str], None]
+    request_confirmation: RequestConfirmation
+    report_phase: Callable[[str], None]
 
 
 class BlockedError(SinewError):
-    """A step cannot be started now; the message says what has to come before."""
+    """A step cannot start yet; the message says what must be done first."""
 
     category = ErrorCode.NOT_NOW
 
 
-class Session:
-    """Steps over one loop. What a calibration measured takes effect with a new start of it, as in the service."""
+class CommissioningSession:
+    """Runs steps on one control loop, which it restarts with the results of a calibration, as the service does."""
 
     def __init__(
         self,
         database: Database,
         supervisor: Supervisor,
         parameters: PlantParameters,
-        person: Prompt,
+        dialog: OperatorDialog,
         wiring: Wiring,
-        hands: DriveLockout,
+        lockout: DriveLockout,
     ) -> None:
         self._database = database
         self.supervisor = supervisor
         self._parameters = parameters
-        self._person = person
+        self._dialog = dialog
         self._wiring = wiring
-        self._hands = hands
+        self._lockout = lockout
         self._started = datetime.now(UTC)
 
     @property
     def lockout_problem(self) -> str:
-        """What of the drives' lock could not be kept for the next start; empty where all was."""
-        return self._hands.problem
+        """Why the drive lockout could not be stored for the next start; empty otherwise."""
+        return self._lockout.problem
 
     def states(self) -> dict[StepId, StepStatus]:
-        """Return how each step stands now."""
-        return status.states(status.kept(self._database), self._wiring, self._started)
+        """Return the status of each step."""
+        return status.determine_statuses(status.load_results(self._database), self._wiring, self._started)
 
     def require_startable(self, step: StepId) -> None:
-        """Raise BlockedError where something has to come before, PlantError for a wiring file that is none any more."""
+        """Raise BlockedError unless the step can start, PlantError for an unreadable wiring file."""
         file = load_wiring_choice(self.supervisor.setup.plant)
         if {wiring_fingerprint(file), wiring_fingerprint(self._wiring)} != {self.supervisor.started_with.wired}:
             raise BlockedError("the wiring file has changed since the loop was started: give the command again")
@@ -252,63 +254,67 @@ class Session:
         if blocked:
             raise BlockedError(f"{STEP[step].title}: {blocked}")
 
-    async def play(self, step: StepId, values: Mapping[str, float], cells: str = "AB") -> StoredStepResult:
-        """Play a step and keep what it came to. Raises BlockedError.
+    async def run(self, step: StepId, values: Mapping[str, float], cells: str = "AB") -> StoredStepResult:
+        """Run a step and store its result. Raises BlockedError.
 
-        Of a step that is given up nothing is stored; but once a motor was tried, directions are not proven any more.
+        A cancelled step stores nothing; but after the test of a motor, directions are no longer proven.
         """
         self.require_startable(step)
         setup = self.supervisor.setup
-        work = ProcedureContext(
+        context = ProcedureContext(
             self.supervisor,
             apply_calibration(self._wiring, setup.brought_up.calibrations),
             self._parameters,
             dict(values),
-            computed=setup.plant.simulated,
-            confirmed=self._person.confirmed,
-            switch=lambda on: switch_drives(self.supervisor, self._hands, on, self._person.name),
-            phase=self._person.phase,
+            is_simulated=setup.plant.simulated,
+            request_confirmation=self._dialog.request_confirmation,
+            set_drives=lambda on: switch_drives(self.supervisor, self._lockout, on, self._dialog.name),
+            report_phase=self._dialog.report_phase,
             cells=cells,
         )
         try:
-            finding = await run_step(step, work)
-        except LoopExitedError as died:
-            finding = StepFinding(False, str(died))
-        # Nothing is awaited on the way: it is given up before the result is kept, or after.
-        kept = status.keep(self._database, step, self._wiring, finding, self._person.name)
-        anew = finding.passed and finding.calibrations
-        if anew:
-            self._wiring = load_wiring_choice(setup.plant)  # what the new loop will read
+            finding = await run_step(step, context)
+        except LoopExitedError as error:
+            finding = StepFinding(False, str(error))
+        # No await between the end of the step and the storing of its result, so it cannot be cancelled in between.
+        lockout = status.store_result(self._database, step, self._wiring, finding, self._dialog.name)
+        must_restart = finding.passed and finding.calibrations
+        if must_restart:
+            self._wiring = load_wiring_choice(setup.plant)  # the file that the new loop reads
         self.supervisor.setup = replace(
-            self.supervisor.setup, brought_up=status.in_effect(self._database, self._wiring)
+            self.supervisor.setup, brought_up=status.load_brought_up(self._database, self._wiring)
         )
-        if anew:
-            self._person.phase("starting the loop with what was measured")
+        if must_restart:
+            self._dialog.report_phase("starting the loop with what was measured")
             await self.supervisor.restart("with what the step has measured")
             self._started = datetime.now(UTC)
-        return kept
+        return lockout
 
 
 @asynccontextmanager
 async def open_session(
-    database: Database, setup: Setup, parameters: PlantParameters, person: Prompt
-) -> AsyncIterator[Session]:
-    """Start a loop process; at the end of the block, however it comes, zero volts, and let go of the card.
+    database: Database, setup: Setup, parameters: PlantParameters, dialog: OperatorDialog
+) -> AsyncIterator[CommissioningSession]:
+    """Start a control loop; at the end of the block set zero volts and release the card.
 
-    Who starts it has said that no hand is at the rig.
-    Raises LoopExitedError, PlantError.
+    The caller has confirmed that nobody works at the rig. Raises LoopExitedError, PlantError.
     """
     wiring = load_wiring_choice(setup.plant)
-    setup = replace(setup, brought_up=status.in_effect(database, wiring))  # a person may have been asked meanwhile
+    setup = replace(setup, brought_up=status.load_brought_up(database, wiring))  # results may be new since
     supervision = Supervision()
     supervisor = Supervisor(setup, supervision)
     try:
-        hands = DriveLockout(database, setup.plant)
+        lockout = DriveLockout(database, setup.plant)
         await supervisor.start()
-        if hands.left is not None:
-            await hands.put(False, person.name)
-        yield Session(
-            database=database, supervisor=supervisor, parameters=parameters, person=person, wiring=wiring, hands=hands
+        if lockout.previous_lock is not None:
+            await lockout.store(False, dialog.name)
+        yield CommissioningSession(
+            database=database,
+            supervisor=supervisor,
+            parameters=parameters,
+            dialog=dialog,
+            wiring=wiring,
+            lockout=lockout,
         )
     finally:
         await supervisor.stop("the bring-up has ended")

@@ -1,16 +1,11 @@
-"""Steps of the commissioning: what each needs, how it stands, how long it holds."""
+"""The steps of the commissioning: texts, inputs, prerequisites and validity."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
-# Steps ---------------------------------------------------------------------------------------------
-#
-# The steps of bringing a rig up: what each is called, asks for and needs, and for how long it holds
-# good.
-
 
 class StepId(StrEnum):
-    """The steps, in their order."""
+    """Identifiers of the steps, in their order."""
 
     WIRING_TEST = "wiring_test"
     TARE = "tare"
@@ -24,7 +19,7 @@ class StepId(StrEnum):
 
 @dataclass(frozen=True)
 class Input:
-    """One number that a step asks for, with its bounds in its unit."""
+    """A number that the person enters for a step, with bounds in its unit."""
 
     name: str
     words: str
@@ -36,7 +31,7 @@ class Input:
 
 @dataclass(frozen=True)
 class CommissioningStep:
-    """``holds_days`` tells for how long a result holds good; ``needs`` what has to be passed before."""
+    """A step; its result is valid for ``holds_days``, and the steps ``needs`` must have passed before."""
 
     id: StepId
     title: str
@@ -47,13 +42,13 @@ class CommissioningStep:
 
 
 WEIGHT_MAX_N = 45.0
-"""Heaviest known weight [N]: within what load cells and springs of 50 N bear."""
+"""Heaviest weight [N] of a calibration; load cells and springs bear 50 N."""
 
 FURTHER_WEIGHTS = tuple(
     Input(name=f"weight_{n}_N", words="further weight", unit="N", default=15.0, minimum=0.0, maximum=WEIGHT_MAX_N)
     for n in range(3, 10)
 )
-"""What a calibration takes beside the two weights that it asks for."""
+"""Optional weights of a calibration, in addition to the two required ones."""
 
 STEPS: tuple[CommissioningStep, ...] = (
     CommissioningStep(
@@ -125,6 +120,6 @@ STEPS: tuple[CommissioningStep, ...] = (
 )
 
 ALTERNATIVES = {StepId.ZERO: StepId.HOME, StepId.HOME: StepId.ZERO}
-"""Steps of which one does for the other: either has the encoders count from where the joint is known to be."""
+"""Steps that replace each other: both set the zero of the encoders."""
 
 STEP: dict[StepId, CommissioningStep] = {step.id: step for step in STEPS}

@@ -11,12 +11,12 @@ from backend.commissioning import (
     STEPS,
     CommissioningStep,
     DriveLockout,
-    Kept,
     ProcedureContext,
     StepFinding,
     StepId,
     StepState,
     StepStatus,
+    StoredResults,
     collect_values,
     find_blocking_steps,
     run_step,
@@ -120,8 +120,8 @@ class CommissioningResults:
 
     async def store(self, step: StepId, wiring: Wiring, finding: StepFinding, who: str) -> None:
         """Store what a step came to; each start of the loop from here on goes by it, the next one at once if needed."""
-        await asyncio.to_thread(status.keep, self._database, step, wiring, finding, who)
-        brought_up = await asyncio.to_thread(status.in_effect, self._database, wiring)
+        await asyncio.to_thread(status.store_result, self._database, step, wiring, finding, who)
+        brought_up = await asyncio.to_thread(status.load_brought_up, self._database, wiring)
         self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
         if not (finding.calibrations and finding.passed):
             return
@@ -223,7 +223,7 @@ class CommissioningService:
             why_not = self._results.explain_changed_wiring(wiring)
         except PlantError as error:
             why_not = str(error)
-        kept = await asyncio.to_thread(status.kept, self._database)
+        kept = await asyncio.to_thread(status.load_results, self._database)
         states, results = self._compute_states(kept, wiring), kept.results
         steps = [
             build_step_view(
@@ -236,7 +236,7 @@ class CommissioningService:
             for step in STEPS
             if step.id in states
         ]
-        left = self._drive_lockout.left
+        left = self._drive_lockout.previous_lock
         return BringUpView(
             applies=True,
             why_not="",
@@ -268,7 +268,7 @@ class CommissioningService:
         except PlantError as error:
             raise RequestRejectedError(ErrorCode.NOT_NOW, str(error)) from None
         async with self._actuator.start_lock:
-            kept = await asyncio.to_thread(status.kept, self._database)
+            kept = await asyncio.to_thread(status.load_results, self._database)
             blocked = self._results.explain_changed_wiring(wiring) or self._find_blocker(
                 STEP[step], self._compute_states(kept, wiring)
             )
@@ -348,10 +348,10 @@ class CommissioningService:
             calibrated,
             self._parameters,
             values,
-            computed=computed,
-            confirmed=confirmed,
-            switch=lambda on: switch_drives(self._supervisor, self._drive_lockout, on, who),
-            phase=phase,
+            is_simulated=computed,
+            request_confirmation=confirmed,
+            set_drives=lambda on: switch_drives(self._supervisor, self._drive_lockout, on, who),
+            report_phase=phase,
         )
         try:
             try:
@@ -373,11 +373,11 @@ class CommissioningService:
             self._set_occupied(None)
             self._actuator.changed()
 
-    def _compute_states(self, kept: Kept, wiring: Wiring | None) -> dict[StepId, StepStatus]:
+    def _compute_states(self, kept: StoredResults, wiring: Wiring | None) -> dict[StepId, StepStatus]:
         starts = self._actuator.live_state.starts
         if starts != self._started[0]:
             self._started = starts, datetime.now(UTC)
-        found = status.states(kept, wiring, self._started[1])
+        found = status.determine_statuses(kept, wiring, self._started[1])
         if self._supervisor.started_with.calibrations != self._supervisor.setup.brought_up.calibrations:
             for step in (StepId.TARE, StepId.CALIBRATE):
                 if found[step].state is StepState.CURRENT:

@@ -220,11 +220,11 @@ def test_a_tare_keeps_the_slope_that_is_stored_whether_it_is_in_force_or_not(rig
     assert wiring.load_cell_A.slope == 10.0
     cells = tuple(CellCalibration(tendon, 20.0, 0.0, "calibrated") for tendon in "AB")
     with closing(open_database(folder)) as database:
-        status.keep(database, StepId.WIRING_TEST, wiring, StepFinding(True, "well"), "Ada")
-        status.keep(database, StepId.CALIBRATE, wiring, StepFinding(True, "well", (), cells), "Ada")
+        status.store_result(database, StepId.WIRING_TEST, wiring, StepFinding(True, "well"), "Ada")
+        status.store_result(database, StepId.CALIBRATE, wiring, StepFinding(True, "well", (), cells), "Ada")
         assert played(rig, "zero")["state"] == "current"  # the loop has not been started since it was calibrated
         assert played(rig, "tare")["result"]["passed"]
-        tared = status.newest(database)[StepId.TARE].calibrations
+        tared = status.load_newest_results(database)[StepId.TARE].calibrations
     assert [(found["tendon"], found["slope"]) for found in tared] == [("A", 20.0), ("B", 20.0)]
 
 

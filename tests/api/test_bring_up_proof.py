@@ -46,7 +46,7 @@ VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
 def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither a person nor the end of the service gives it up any more: the loop may be starting anew with it."""
     database = open_database(tmp_path)
-    let_go, keep = threading.Event(), standing.keep
+    let_go, keep = threading.Event(), standing.store_result
 
     def slowly(*arguments: Any) -> StoredStepResult:
         assert let_go.wait(60.0)
@@ -67,9 +67,9 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
         await asyncio.sleep(0.0)
         let_go.set()
         await closing_down
-        assert standing.newest(database)[StepId.WIRING_TEST].who == "Ada"
+        assert standing.load_newest_results(database)[StepId.WIRING_TEST].who == "Ada"
 
-    monkeypatch.setattr(standing, "keep", slowly)
+    monkeypatch.setattr(standing, "store_result", slowly)
     try:
         stepped(database, IDEAL, work)
     finally:
@@ -84,7 +84,7 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
     for step in (StepId.WIRING_TEST, StepId.DIRECTION):
-        standing.keep(database, step, load_wiring(str(file)), StepFinding(True, "well"), "Ada")
+        standing.store_result(database, step, load_wiring(str(file)), StepFinding(True, "well"), "Ada")
     started: list[bool] = []
 
     async def restart(supervisor: Supervisor, _purpose: str) -> None:
@@ -123,7 +123,7 @@ def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_n
     """The file was edited while the loop started, and edited back."""
     database = open_database(tmp_path)
     wiring = load_wiring(VIRTUAL.wiring)
-    standing.keep(database, StepId.DIRECTION, wiring, StepFinding(True, "well"), "Ada")
+    standing.store_result(database, StepId.DIRECTION, wiring, StepFinding(True, "well"), "Ada")
 
     async def work(parts: Parts) -> None:
         known = standing.find_completed_commissioning(database, VIRTUAL)
@@ -151,8 +151,8 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
     database = open_database(tmp_path)
     wiring = load_wiring(VIRTUAL.wiring)
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
-        standing.keep(database, step, wiring, StepFinding(True, "well"), "Ada")
-    known = standing.in_effect(database, wiring)
+        standing.store_result(database, step, wiring, StepFinding(True, "well"), "Ada")
+    known = standing.load_brought_up(database, wiring)
     assert known.directions_proven
     # wired otherwise than it says, so that what is proven counts
     true = replace(wiring, load_cell_A=replace(wiring.load_cell_A, slope=10.5))
@@ -207,7 +207,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
     database, wiring = open_database(tmp_path), load_wiring(VIRTUAL.wiring)
     cells = tuple(CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB")
     for step in (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION):
-        standing.keep(database, step, wiring, StepFinding(True, "well", (), cells), "Ada")
+        standing.store_result(database, step, wiring, StepFinding(True, "well", (), cells), "Ada")
     asked, let_go = threading.Event(), threading.Event()
 
     def slowly(*arguments: Any) -> Run:
@@ -216,7 +216,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         return create_run(*arguments)
 
     async def work(parts: Parts) -> None:
-        known = standing.in_effect(database, wiring)
+        known = standing.load_brought_up(database, wiring)
         parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
         parts.supervisor.started_with = known
         bring_up = CommissioningService(

@@ -20,7 +20,7 @@ from backend.cli.experiments import current_user
 from backend.cli.rig import GivenUpError, Terminal
 from backend.commissioning import status as standing
 from backend.commissioning.procedure import StepFinding
-from backend.commissioning.session import Prompt, open_session
+from backend.commissioning.session import OperatorDialog, open_session
 from backend.commissioning.steps import STEPS, StepId
 from backend.experiments.plans import LoopSettings
 from backend.realtime.ipc import Setup
@@ -49,12 +49,12 @@ def done(data: Path, *steps: StepId, wiring: Wiring = WIRING) -> None:
     with closing(open_database(data)) as database:
         for step in steps:
             found = as_said if step in (StepId.TARE, StepId.CALIBRATE) else ()
-            standing.keep(database, step, wiring, StepFinding(True, "well", (), found), "Ada")
+            standing.store_result(database, step, wiring, StepFinding(True, "well", (), found), "Ada")
 
 
 def kept(data: Path) -> dict[str, StoredStepResult]:
     with closing(open_database(data)) as database:
-        return standing.newest(database)
+        return standing.load_newest_results(database)
 
 
 def sinew(
@@ -179,11 +179,11 @@ def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_n
 
     async def given_up() -> tuple[Supervisor, float, float]:
         with closing(open_database(tmp_path)) as database:
-            person = Prompt("Ada", confirmed, lambda _phase: None)
+            person = OperatorDialog("Ada", confirmed, lambda _phase: None)
             async with open_session(database, setup, parameters, person) as at_rig:
                 supervisor = at_rig.supervisor
-                await at_rig.play(StepId.ZERO, {})
-                playing = asyncio.create_task(at_rig.play(StepId.DIRECTION, {}))
+                await at_rig.run(StepId.ZERO, {})
+                playing = asyncio.create_task(at_rig.run(StepId.DIRECTION, {}))
                 await supervisor.advance_until(lambda: playing.done() or volts(supervisor) > 0.1, 30.0)
                 assert not playing.done(), playing.result()
                 driven = volts(supervisor)

@@ -1,4 +1,4 @@
-"""A rig at a virtual card that is wired otherwise than its wiring says, and a person who confirms everything."""
+"""A rig on a virtual card whose real wiring may differ from its wiring file, and a person who confirms everything."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -24,7 +24,7 @@ WIRING = load_wiring("pcie-6323")
 
 
 def with_entries(wiring: Wiring = WIRING, **entries: dict[str, Any]) -> Wiring:
-    """Return a wiring with other entries: encoder_A={"direction": -1.0}."""
+    """Return a wiring with some entries replaced: encoder_A={"direction": -1.0}."""
     parts = {section: replace(getattr(wiring, section), **changed) for section, changed in entries.items()}
     return replace(wiring, **parts)
 
@@ -60,23 +60,23 @@ class BroughtUpRig:
             await self.meanwhile(words)
 
     async def do(self, step: StepId, cells: str = "AB", **values: float) -> StepFinding:
-        """Play one step; ``cells`` are those to calibrate."""
+        """Run one step; ``cells`` are the load cells to calibrate."""
         work = ProcedureContext(
             self.loop,
             self.declared,
             PARAMETERS,
             collect_values(step, values),
-            computed=True,
-            confirmed=self._confirmed,
-            switch=lambda on: self.loop.send(SwitchDrives(on)),
-            phase=self.in_phase,
+            is_simulated=True,
+            request_confirmation=self._confirmed,
+            set_drives=lambda on: self.loop.send(SwitchDrives(on)),
+            report_phase=self.in_phase,
             cells=cells,
         )
         return await run_step(step, work)
 
 
 def played(rig: BroughtUpRig, *steps: StepId, **values: float) -> list[StepFinding]:
-    """Play steps in turn, as fast as they go, and let go of the rig."""
+    """Run steps one after the other, faster than real time, and close the rig."""
 
     async def all_of_them() -> list[StepFinding]:
         return [await rig.do(step, "AB", **(values if step is StepId.CALIBRATE else {})) for step in steps]

@@ -1,4 +1,4 @@
-"""While hands are at the rig its drives are off, nothing starts, and only somebody who says so brings them back."""
+"""While people work at the rig, its drives are off and no motion starts, until a person switches the drives on."""
 
 import asyncio
 

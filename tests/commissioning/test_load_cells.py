@@ -1,4 +1,4 @@
-"""What tare and calibration refuse: each time the quantity, its value, the bound with its unit, and what to do."""
+"""Rejections of tare and calibration, with quantity, value, bound with unit, and remedy."""
 
 import asyncio
 import re

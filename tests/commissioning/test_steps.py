@@ -1,4 +1,4 @@
-"""Every step on a virtual card: right wiring passes, each mistake is found by the step that is there for it."""
+"""Every step on a virtual card: correct wiring passes, and the responsible step finds each error."""
 
 import asyncio
 from typing import Any
@@ -39,7 +39,7 @@ WRONG_BY_HAND: dict[str, tuple[dict[str, dict[str, Any]], tuple[str, ...]]] = {
         ("load_cell_A.channel and load_cell_B.channel", "encoder_A.counter and encoder_B.counter"),
     ),
 }
-"""Mistakes that do not hide each other: the test plays for 20 s and finds all of them."""
+"""Independent errors, so that one test of 20 s finds all of them."""
 
 
 @pytest.mark.parametrize("case", WRONG_BY_HAND)
@@ -58,7 +58,7 @@ SENSORS = {"encoder_q": "counter", "encoder_A": "counter", "encoder_B": "counter
 
 @pytest.mark.parametrize("dead", [("encoder_q", "load_cell_A"), ("encoder_A", "load_cell_B"), ("encoder_B",)])
 def test_the_wiring_test_finds_dead_sensors(dead: tuple[str, ...]) -> None:
-    """Nothing is connected where the wiring says that it is."""
+    """Sensors are not connected although the wiring file has them."""
     nowhere = {section: {SENSORS[section]: "ctr3" if SENSORS[section] == "counter" else "ai7"} for section in dead}
     (finding,) = played(BroughtUpRig(WIRING, with_entries(WIRING, **nowhere)), StepId.WIRING_TEST)
     assert not finding.passed
@@ -124,7 +124,7 @@ def played_and_refused(rig: BroughtUpRig) -> tuple[Any, Any, Refused, Refused]:
 
 
 def test_two_weights_give_slope_and_offset_of_the_card() -> None:
-    """The true cells differ from what the wiring says by 7 % and 0.31 V."""
+    """The real load cells differ from the wiring file by 7 % and 0.31 V."""
     true = with_entries(load_cell_A={"slope": 10.7, "offset": 0.31}, load_cell_B={"slope": 9.4, "offset": -0.22})
     (finding,) = played(BroughtUpRig(WIRING, true), StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
     assert finding.passed, finding.text
@@ -193,7 +193,7 @@ def test_homing_takes_the_end_switch_for_where_it_is() -> None:
     ],
 )
 def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(step: StepId, broken: Broken) -> None:
-    """Once all is proven something goes: the very next pretension is refused, not only that of the next start."""
+    """After all steps have passed, a part fails: the next pretension is rejected at once, not only after a restart."""
     rig = BroughtUpRig()
 
     async def work() -> tuple[str, Any, Any]:

@@ -1,4 +1,4 @@
-"""Pretension and the safety module's trip: what is not measured, or stops for another reason, does not pass."""
+"""Pretension and trip of the safety module: invalid readings and other stops do not pass."""
 
 import asyncio
 import math
@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from backend.commissioning.procedure import Rows, StepFinding
-from backend.commissioning.procedures import DRIVEN_MIN_V, TURNED_BACK_RAD, let_go, near_pretension, peaks, uncut
+from backend.commissioning.procedures import (
+    DRIVEN_MIN_V,
+    TURNED_BACK_MIN_RAD,
+    compute_peaks,
+    find_uncut_drive,
+    has_tension_fallen,
+    is_near_pretension,
+)
 from backend.commissioning.steps import StepId
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Accepted, Refused, SetMode, SimulateManualInput, Stop, TryModule
@@ -23,16 +30,19 @@ NAN = math.nan
 @pytest.mark.parametrize("F", [(NAN, 10.0), (10.0, NAN), (NAN, NAN)])
 def test_no_number_is_neither_the_pretension_nor_a_tendon_let_go_nor_within_bounds(F: tuple[float, float]) -> None:
     held = np.array([10.0, 10.0])
-    assert near_pretension(held)
-    assert not near_pretension(np.array(F))
-    assert let_go(held, np.array([2.0, 2.0]))
-    assert not let_go(held, np.array(F) - 8.0)
+    assert is_near_pretension(held)
+    assert not is_near_pretension(np.array(F))
+    assert has_tension_fallen(held, np.array([2.0, 2.0]))
+    assert not has_tension_fallen(held, np.array(F) - 8.0)
     assert (
-        uncut(2.0 * np.array([DRIVEN_MIN_V, DRIVEN_MIN_V]), -2.0 * np.array([TURNED_BACK_RAD, TURNED_BACK_RAD])) == ""
+        find_uncut_drive(
+            2.0 * np.array([DRIVEN_MIN_V, DRIVEN_MIN_V]), -2.0 * np.array([TURNED_BACK_MIN_RAD, TURNED_BACK_MIN_RAD])
+        )
+        == ""
     )
-    assert uncut(np.array(F), held - 20.0) != ""
-    assert uncut(held, np.array(F) - 20.0) != ""
-    highest, apart = peaks(np.array([held, F]))
+    assert find_uncut_drive(np.array(F), held - 20.0) != ""
+    assert find_uncut_drive(held, np.array(F) - 20.0) != ""
+    highest, apart = compute_peaks(np.array([held, F]))
     assert math.isnan(highest)
     assert math.isnan(apart)
 
@@ -54,7 +64,7 @@ def test_a_load_cell_that_is_lost_at_the_trip_has_not_seen_the_motors_let_go() -
 
 
 def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
-    """Somebody presses STOP while the step waits for the module."""
+    """A person presses STOP while the step waits for the module."""
     rig = BroughtUpRig()
 
     async def press(words: str) -> None:
@@ -80,7 +90,7 @@ def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
 
 @pytest.mark.parametrize(("cuts", "named"), [((False, False), "motor A"), ((True, False), "motor B")])
 def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool], named: str) -> None:
-    """The loop's zero volts let go of the motors too, as ever: what tells is the time before them."""
+    """Zero volts from the loop release the motors as well, so only the time before that counts."""
     rig = BroughtUpRig()
     rig.simulator.module_cuts = cuts
     tripped_at: list[float] = []

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 
 import plant
 from backend.commissioning.procedure import StepFinding
-from backend.commissioning.status import keep
+from backend.commissioning.status import store_result
 from backend.commissioning.steps import StepId
 from backend.storage.database import open_database
 from plant.calibration import CellCalibration
@@ -36,7 +36,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     cells = tuple(CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB")
     with closing(open_database(folder)) as database:
         for step in (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.DIRECTION):
-            keep(database, step, wiring, StepFinding(True, "well", (), cells), "Ada")
+            store_result(database, step, wiring, StepFinding(True, "well", (), cells), "Ada")
     with running_service(folder, plant=("rig", "--virtual-card", "--wiring", str(file))) as running:
         yield running
 

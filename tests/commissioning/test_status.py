@@ -1,4 +1,4 @@
-"""What is stored of a bring-up: what takes effect of it, and when it is out of date."""
+"""Stored results of the commissioning: which are active, and when they are out of date."""
 
 import asyncio
 import math
@@ -13,7 +13,7 @@ from backend.banks.builder import build_tuning_command
 from backend.banks.tuning_settings import default_tuning_choice
 from backend.commissioning import status
 from backend.commissioning.procedure import MeasuredNumber, StepFinding
-from backend.commissioning.session import BlockedError, DriveLockout, Prompt, Session
+from backend.commissioning.session import BlockedError, CommissioningSession, DriveLockout, OperatorDialog
 from backend.commissioning.status import StepState, find_blocking_steps
 from backend.commissioning.steps import STEP, STEPS, StepId
 from backend.realtime.ipc import Setup
@@ -37,36 +37,36 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     cell = CellCalibration("A", 10.7, 0.31, "calibrated")
     other = with_entries(motor_A={"gain": -1.0})
-    assert status.in_effect(database, WIRING).calibrations == ()
-    status.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), (cell,)), "Ada")
-    status.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
-    found = status.in_effect(database, WIRING)
+    assert status.load_brought_up(database, WIRING).calibrations == ()
+    status.store_result(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), (cell,)), "Ada")
+    status.store_result(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
+    found = status.load_brought_up(database, WIRING)
     assert found.directions_proven
     in_force = apply_calibration(WIRING, found.calibrations)
     assert (in_force.load_cell_A.slope, in_force.load_cell_A.offset) == (10.7, 0.31)
     assert in_force.sources["load_cell_A.slope"] == "calibrated by Ada"
     assert in_force.load_cell_B == WIRING.load_cell_B
-    assert status.in_effect(database, other) == BroughtUp(wired=wiring_fingerprint(other))
-    status.keep(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
-    assert not status.in_effect(database, WIRING).directions_proven
+    assert status.load_brought_up(database, other) == BroughtUp(wired=wiring_fingerprint(other))
+    status.store_result(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
+    assert not status.load_brought_up(database, WIRING).directions_proven
     # What was changed for it to pass again may have exchanged the motors.
-    status.keep(database, StepId.WIRING_TEST, WIRING, PASSED, "Ada")
-    assert not status.in_effect(database, WIRING).directions_proven
-    states = status.states(status.kept(database), WIRING, datetime.now(UTC))
+    status.store_result(database, StepId.WIRING_TEST, WIRING, PASSED, "Ada")
+    assert not status.load_brought_up(database, WIRING).directions_proven
+    states = status.determine_statuses(status.load_results(database), WIRING, datetime.now(UTC))
     assert states[StepId.DIRECTION][:2] == (StepState.OUT_OF_DATE, "a wiring test has failed since")
-    status.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
-    assert status.in_effect(database, WIRING).directions_proven
+    status.store_result(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
+    assert status.load_brought_up(database, WIRING).directions_proven
     database.close()
 
 
 def test_what_another_step_disproves_stands_as_a_failure_of_the_directions(tmp_path: Path) -> None:
     database = open_database(tmp_path)
-    status.keep(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
-    status.keep(database, StepId.HOME, WIRING, FAILED, "Bo")
-    assert status.in_effect(database, WIRING).directions_proven
-    status.keep(database, StepId.HOME, WIRING, replace(FAILED, disproves_directions=True), "Bo")
-    assert not status.in_effect(database, WIRING).directions_proven
-    told = status.newest(database)[StepId.DIRECTION]
+    status.store_result(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
+    status.store_result(database, StepId.HOME, WIRING, FAILED, "Bo")
+    assert status.load_brought_up(database, WIRING).directions_proven
+    status.store_result(database, StepId.HOME, WIRING, replace(FAILED, disproves_directions=True), "Bo")
+    assert not status.load_brought_up(database, WIRING).directions_proven
+    told = status.load_newest_results(database)[StepId.DIRECTION]
     assert (told.passed, told.text, told.who) == (False, "Homing: not well", "Bo")
     database.close()
 
@@ -75,14 +75,14 @@ def test_a_step_is_out_of_date_by_age_by_wiring_and_by_a_new_start(tmp_path: Pat
     database = open_database(tmp_path)
     begun = datetime.now(UTC) - timedelta(seconds=1)
     wired, other = wiring_fingerprint(WIRING), wiring_fingerprint(with_entries(encoder_q={"direction": -1.0}))
-    zero = status.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
+    zero = status.store_result(database, StepId.ZERO, WIRING, PASSED, "Ada")
     step = STEP[StepId.ZERO]
-    assert status.newest(database)[StepId.ZERO] == zero
+    assert status.load_newest_results(database)[StepId.ZERO] == zero
     assert zero.figures[1] == {"words": "nothing", "value": None, "unit": "N"}
     database.close()
 
     def state(stored: StoredStepResult | None = zero, wiring: str = wired, started: datetime = begun) -> StepState:
-        return status.standing(step, stored, wiring, started).state
+        return status.determine_step_status(step, stored, wiring, started).state
 
     assert state() is StepState.CURRENT
     assert state(None) is StepState.NEVER
@@ -98,23 +98,23 @@ def test_homing_and_the_zero_by_hand_do_for_each_other(tmp_path: Path) -> None:
     homed = with_entries(end_switch={"position": 0.4})
     before = [StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION]
     for step in before:
-        status.keep(database, step, homed, PASSED, "Ada")
+        status.store_result(database, step, homed, PASSED, "Ada")
     begun = datetime.now(UTC)
 
     def states() -> dict[StepId, status.StepStatus]:
-        return status.states(status.kept(database), homed, begun)
+        return status.determine_statuses(status.load_results(database), homed, begun)
 
     # The loop has been started since: homing needs no zero, pretension does.
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.OUT_OF_DATE, StepState.NEVER)
     assert find_blocking_steps(STEP[StepId.HOME], states()) == ""
     assert "Zero or Homing" in find_blocking_steps(STEP[StepId.PRETENSION], states())
-    status.keep(database, StepId.HOME, homed, FAILED, "Ada")
+    status.store_result(database, StepId.HOME, homed, FAILED, "Ada")
     assert states()[StepId.HOME].state is StepState.FAILED
     assert "Zero or Homing" in find_blocking_steps(STEP[StepId.PRETENSION], states())
-    status.keep(database, StepId.HOME, homed, PASSED, "Ada")
+    status.store_result(database, StepId.HOME, homed, PASSED, "Ada")
     assert (states()[StepId.ZERO].state, states()[StepId.HOME].state) == (StepState.CURRENT, StepState.CURRENT)
     assert find_blocking_steps(STEP[StepId.PRETENSION], states()) == ""
-    without = status.states(status.kept(database), WIRING, begun)
+    without = status.determine_statuses(status.load_results(database), WIRING, begun)
     assert StepId.HOME not in without
     assert "end_switch.position" in find_blocking_steps(STEP[StepId.HOME], without)
     database.close()
@@ -126,9 +126,9 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     begun, wired, step = datetime.now(UTC), wiring_fingerprint(WIRING), STEP[StepId.CALIBRATE]
 
     def calibrated_one(tendon: str) -> tuple[StoredStepResult, StepState, str]:
-        kept = status.keep(database, step.id, WIRING, StepFinding(True, "well", (), (cells[tendon],)), "Ada")
-        newest = status.newest(database)[step.id]
-        return kept, *status.standing(step, newest, wired, begun)[:2]
+        kept = status.store_result(database, step.id, WIRING, StepFinding(True, "well", (), (cells[tendon],)), "Ada")
+        newest = status.load_newest_results(database)[step.id]
+        return kept, *status.determine_step_status(step, newest, wired, begun)[:2]
 
     first, state, why = calibrated_one("A")
     assert state is StepState.NEVER
@@ -136,7 +136,7 @@ def test_calibration_is_done_once_both_load_cells_are(tmp_path: Path) -> None:
     assert calibrated_one("A")[1] is StepState.NEVER
     second, state, _ = calibrated_one("B")
     assert state is StepState.CURRENT
-    newest = status.newest(database)[step.id]
+    newest = status.load_newest_results(database)[step.id]
     assert {found["tendon"] for found in newest.calibrations} == {"A", "B"}
     assert first.at < newest.at < second.at  # of the older of the two
     database.close()
@@ -162,26 +162,26 @@ def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -
     begun = datetime.now(UTC)
 
     def standings() -> dict[StepId, status.StepStatus]:
-        return status.states(status.kept(database), WIRING, begun)
+        return status.determine_statuses(status.load_results(database), WIRING, begun)
 
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
-        status.keep(database, step, WIRING, PASSED, "Ada")
+        status.store_result(database, step, WIRING, PASSED, "Ada")
     assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Tare, Calibration"
-    status.keep(database, StepId.TARE, WIRING, MEASURED, "Ada")
-    status.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[:1]), "Ada")
+    status.store_result(database, StepId.TARE, WIRING, MEASURED, "Ada")
+    status.store_result(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[:1]), "Ada")
     assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Calibration"
-    assert not status.in_effect(database, WIRING).load_cells_measured
-    status.keep(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[1:]), "Ada")
+    assert not status.load_brought_up(database, WIRING).load_cells_measured
+    status.store_result(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[1:]), "Ada")
     assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == ""
-    assert status.in_effect(database, WIRING).load_cells_measured
-    assert not status.in_effect(database, with_entries(motor_A={"gain": -1.0})).load_cells_measured
+    assert status.load_brought_up(database, WIRING).load_cells_measured
+    assert not status.load_brought_up(database, with_entries(motor_A={"gain": -1.0})).load_cells_measured
     # Older than it should be: the values in force are still those that were measured.
-    old = dict(status.kept(database).results)
+    old = dict(status.load_results(database).results)
     old[StepId.TARE] = replace(old[StepId.TARE], at=begun - timedelta(days=3))
-    aged = status.states(status.Kept(old, 0), WIRING, begun)
+    aged = status.determine_statuses(status.StoredResults(old, 0), WIRING, begun)
     assert aged[StepId.TARE].state is StepState.OUT_OF_DATE
     assert find_blocking_steps(STEP[StepId.PRETENSION], aged) == ""
-    status.keep(database, StepId.TARE, WIRING, FAILED, "Ada")
+    status.store_result(database, StepId.TARE, WIRING, FAILED, "Ada")
     assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Tare"
     database.close()
 
@@ -191,18 +191,18 @@ def test_tables_of_the_wiring_file_are_a_calibration_and_a_tare(tmp_path: Path) 
     table = {"slope": math.nan, "offset": math.nan, "table": TABLE}
     wiring = with_entries(load_cell_A=table, load_cell_B=table)
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
-        status.keep(database, step, wiring, PASSED, "Ada")
-    states = status.states(status.kept(database), wiring, datetime.now(UTC) - timedelta(seconds=1))
+        status.store_result(database, step, wiring, PASSED, "Ada")
+    states = status.determine_statuses(status.load_results(database), wiring, datetime.now(UTC) - timedelta(seconds=1))
     assert find_blocking_steps(STEP[StepId.PRETENSION], states) == ""
-    assert status.in_effect(database, wiring).load_cells_measured
+    assert status.load_brought_up(database, wiring).load_cells_measured
     of_one = with_entries(load_cell_A=table)
-    assert not status.in_effect(database, of_one).load_cells_measured
+    assert not status.load_brought_up(database, of_one).load_cells_measured
     database.close()
 
 
 @pytest.mark.parametrize("measured", [False, True])
 def test_a_rig_is_not_wound_up_before_its_load_cells_are_measured(measured: bool) -> None:
-    """The shipped slopes are placeholders. A virtual card that is wired as it says may be driven as it is."""
+    """The shipped slopes are placeholders. A virtual card with matching wiring may be driven without calibration."""
     other = with_entries(motor_A={"gain": -1.0})
     simulator = Simulator(PARAMETERS, 0)
     rig = VirtualRig(WIRING, simulator, None, other, directions_proven=True, load_cells_measured=measured)
@@ -216,7 +216,7 @@ def test_a_rig_is_not_wound_up_before_its_load_cells_are_measured(measured: bool
 
 
 def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: Path) -> None:
-    """An edit between the look at what is proven and the start of the loop."""
+    """The wiring file changes between the check of the directions and the start of the loop."""
     file, choice = tmp_path / "rig.toml", PlantChoice(PlantKind.RIG, str(tmp_path / "rig.toml"))
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
@@ -237,9 +237,9 @@ def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: P
 
 def test_a_zero_holds_good_for_one_day_and_not_for_one_days(tmp_path: Path) -> None:
     database, begun = open_database(tmp_path), datetime.now(UTC)
-    zero = status.keep(database, StepId.ZERO, WIRING, PASSED, "Ada")
+    zero = status.store_result(database, StepId.ZERO, WIRING, PASSED, "Ada")
     wired = wiring_fingerprint(WIRING)
-    assert status.standing(STEP[StepId.ZERO], zero, wired, begun).why == (
+    assert status.determine_step_status(STEP[StepId.ZERO], zero, wired, begun).why == (
         "it holds good for 1 day from when it was done"
     )
     database.close()
@@ -250,11 +250,11 @@ def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
     tuning = build_tuning_command(PARAMETERS, default_tuning_choice(PARAMETERS).choice, None)
-    known = status.in_effect(database, load_wiring(str(file)))
+    known = status.load_brought_up(database, load_wiring(str(file)))
     supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning, known))
-    person = Prompt("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)
+    person = OperatorDialog("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)
     hands = DriveLockout(database, supervisor.setup.plant)
-    at_rig = Session(database, supervisor, PARAMETERS, person, load_wiring(str(file)), hands)
+    at_rig = CommissioningSession(database, supervisor, PARAMETERS, person, load_wiring(str(file)), hands)
     at_rig.require_startable(StepId.WIRING_TEST)
     file.write_text(said.replace("gain = { value = 1.0", "gain = { value = -1.0", 1), encoding="utf-8")
     with pytest.raises(BlockedError, match="the wiring file has changed since the loop was started"):

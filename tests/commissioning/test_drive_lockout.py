@@ -1,4 +1,4 @@
-"""That hands may be at the rig is kept for the next start of the service, for each rig by itself."""
+"""The drive lockout is stored for the next start of the service, separately for each rig."""
 
 import asyncio
 from contextlib import closing, suppress
@@ -28,14 +28,17 @@ def tuning() -> SetTuning:
 def test_who_was_at_it_is_known_after_a_new_start_until_somebody_says_that_nobody_is(tmp_path: Path) -> None:
     def left(plant: PlantChoice) -> str:
         with closing(open_database(tmp_path)) as database:
-            kept = DriveLockout(database, plant).left
-            return "" if kept is None else kept.who
+            lockout = DriveLockout(database, plant).previous_lock
+            return "" if lockout is None else lockout.who
 
-    def said(plant: PlantChoice, there: bool, who: str) -> None:
+    def said(plant: PlantChoice, is_locked: bool, who: str) -> None:
         with closing(open_database(tmp_path)) as database:
-            kept = DriveLockout(database, plant)
-            asyncio.run(kept.put(there, who))
-            assert (kept.left, kept.problem) == (None, "")  # it was in this run of the service, and the page shows it
+            lockout = DriveLockout(database, plant)
+            asyncio.run(lockout.store(is_locked, who))
+            assert (lockout.previous_lock, lockout.problem) == (
+                None,
+                "",
+            )  # it was in this run of the service, and the page shows it
 
     assert left(RIG) == ""
     said(RIG, True, "Ada")
@@ -50,17 +53,17 @@ def test_who_was_at_it_is_known_after_a_new_start_until_somebody_says_that_nobod
 
 def test_what_cannot_be_kept_is_told(tmp_path: Path) -> None:
     database = open_database(tmp_path)
-    kept = DriveLockout(database, RIG)
+    lockout = DriveLockout(database, RIG)
     for file in tmp_path.iterdir():
         file.unlink()
     tmp_path.rmdir()
     database.close()
-    asyncio.run(kept.put(True, "Ada"))
-    assert "could not be kept for the next start" in kept.problem
+    asyncio.run(lockout.store(True, "Ada"))
+    assert "could not be kept for the next start" in lockout.problem
 
 
 class NeverAnswers(Supervisor):
-    """A loop that is sent a command and says nothing: whoever waits for it may be gone before it does."""
+    """A loop that never replies to a command."""
 
     async def send(self, command: Command) -> Accepted | Refused:
         return await asyncio.Future()
@@ -74,20 +77,20 @@ def test_hands_are_kept_also_where_nobody_waits_for_the_loops_answer(tmp_path: P
     with closing(open_database(tmp_path)) as database:
         supervisor = NeverAnswers(Setup(RIG, "ideal", 0, tuning))
         asyncio.run(given_up(False))
-        assert DriveLockout(database, RIG).left is not None
-        asyncio.run(given_up(True))  # not known whether they came on: hands may be there
-        assert DriveLockout(database, RIG).left is not None
+        assert DriveLockout(database, RIG).previous_lock is not None
+        asyncio.run(given_up(True))  # not known whether they came on: hands may be is_locked
+        assert DriveLockout(database, RIG).previous_lock is not None
         supervisor.ring.close()
 
 
 def test_without_a_loop_the_drives_can_be_switched_off_and_not_on(tmp_path: Path, tuning: SetTuning) -> None:
-    """They are off already; what starts next starts so."""
+    """They are off already, and the next loop starts with locked drives."""
     with closing(open_database(tmp_path)) as database:
-        supervisor, kept = Supervisor(Setup(RIG, "ideal", 0, tuning)), DriveLockout(database, RIG)
-        asyncio.run(switch_drives(supervisor, kept, False, "Ada"))
+        supervisor, lockout = Supervisor(Setup(RIG, "ideal", 0, tuning)), DriveLockout(database, RIG)
+        asyncio.run(switch_drives(supervisor, lockout, False, "Ada"))
         assert supervisor.setup.drives_off
-        assert DriveLockout(database, RIG).left is not None
+        assert DriveLockout(database, RIG).previous_lock is not None
         with pytest.raises(LoopExitedError):
-            asyncio.run(switch_drives(supervisor, kept, True, "Ada"))
-        assert DriveLockout(database, RIG).left is not None
+            asyncio.run(switch_drives(supervisor, lockout, True, "Ada"))
+        assert DriveLockout(database, RIG).previous_lock is not None
         supervisor.ring.close()
