@@ -1,4 +1,4 @@
-"""The thing being controlled: physics, wires and safety module; knows nothing of controllers, web or database."""
+"""Physics, wiring and safety module; imports nothing of the back end."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What bringing a rig up has found, and what takes effect of it at the start of the loop."""
+"""Commissioning results that apply from the start of the control loop."""
 
 import hashlib
 import math
@@ -9,7 +9,10 @@ from plant.wiring import Wiring
 
 @dataclass(frozen=True)
 class CellCalibration:
-    """Slope [N/V] and offset [V] of the load cell of one tendon, in place of the wiring's; ``source`` says whose."""
+    """Calibration of one tendon's load cell, in place of the wiring file's.
+
+    Slope [N/V] and offset [V]; ``source`` says who measured it.
+    """
 
     tendon: str
     slope: float
@@ -19,9 +22,10 @@ class CellCalibration:
 
 @dataclass(frozen=True)
 class BroughtUp:
-    """Calibrations of load cells, and whether directions were proven and both load cells measured with this wiring.
+    """Results of commissioning: load cell calibrations and completed checks.
 
-    ``wired`` is the fingerprint of the wiring that all of it was found with; empty where nothing was looked up.
+    The directions of the motors were proven and both load cells were measured with the wiring whose fingerprint is
+    ``wired``; it is empty where no results were looked up.
     """
 
     calibrations: tuple[CellCalibration, ...] = ()
@@ -34,19 +38,19 @@ NOT_BROUGHT_UP = BroughtUp()
 
 
 def wiring_fingerprint(wiring: Wiring) -> str:
-    """Return what tells a wiring from any other: all of its entries, whatever it is called and its sources say."""
+    """Return a digest of all entries of a wiring, without its title and its sources."""
     entries = asdict(wiring)
     del entries["sources"], entries["title"]
     return hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
 
 
 def select_calibration(wired: str, brought_up: BroughtUp) -> BroughtUp:
-    """Return what is known with the wiring of this fingerprint: nothing, where it was found with another."""
+    """Return the results found with the wiring of this fingerprint, else none."""
     return brought_up if brought_up.wired == wired else BroughtUp(wired=wired)
 
 
 def apply_calibration(wiring: Wiring, calibrations: tuple[CellCalibration, ...]) -> Wiring:
-    """Return the wiring with calibrations in the place of its own, and where they come from."""
+    """Return the wiring with these calibrations and their sources in place of its own."""
     for found in calibrations:
         section = f"load_cell_{found.tendon}"
         cell = replace(getattr(wiring, section), slope=found.slope, offset=found.offset, table=())
@@ -56,6 +60,6 @@ def apply_calibration(wiring: Wiring, calibrations: tuple[CellCalibration, ...])
 
 
 def load_cell_line(wiring: Wiring, tendon: str) -> tuple[float, float] | None:
-    """Return slope [N/V] and offset [V] of a load cell; None where a table stands for them."""
+    """Return slope [N/V] and offset [V] of a load cell, or None if it has a table."""
     cell = wiring.load_cell_A if tendon == "A" else wiring.load_cell_B
     return None if math.isnan(cell.slope) else (cell.slope, cell.offset)

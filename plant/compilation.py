@@ -1,7 +1,7 @@
-"""One decorator for everything that runs in the tick: compiled once, cached, the same live and offline.
+"""Compilation of every function of the control step with numba, cached on disk.
 
-numba looks at the modification time of the one file a function stands in, not at the functions it calls in other
-files. The cache folder is therefore named after the content of all compiled sources: a change anywhere makes a new one.
+numba checks only the modification time of the file that defines a function, not that of the functions it calls in other
+files. The cache folder is therefore named after the content of all compiled sources: any change selects a new folder.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from plant.errors import ErrorCode, SinewError
 
 
 class InterpretedError(SinewError, RuntimeError):
-    """numba is told to compile nothing; the message says what to do."""
+    """Numba's compiler is disabled; the message says what to do."""
 
     category = ErrorCode.BAD_VALUE
 
@@ -59,17 +59,20 @@ _COMPILED_SOURCES = (
 
 
 FALLBACK = "SINEW_CACHE_FALLBACK"
-"""Variable that names a folder for machine code where no usual one can be written; a command puts its data folder."""
+"""Variable that names a folder for compiled code if no usual one is writable; commands set it to the data folder."""
 PREPARED = "SINEW_CACHE_PREPARED"
-"""Variable that names a folder with what was compiled when an image was built: copied where nothing is compiled yet."""
+"""Variable that names a folder of code compiled with an image; it is copied into an empty cache folder."""
 _IN_MEMORY = "SINEW_CACHE_IN_MEMORY"
-"""Variable that tells further processes that no folder can be written: only the first says so."""
+"""Variable that is set once no folder is writable, so that only the first process logs it."""
 
 _log = logging.getLogger(__name__)
 
 
 def _cache_folder() -> Path | None:
-    """Return the folder that machine code is kept in, None where it has to stay in memory; say where it is unusual."""
+    """Return the folder for compiled code, or None to compile in memory.
+
+    Logs a warning if it is not the preferred folder.
+    """
     name = f"compiled-{_digest_of_sources()}"
     preferred, fallback = list(_list_preferred_folders()), list(_list_fallback_folders())
     names = ", ".join(map(str, preferred)) or "a cache folder of an account without a home"
@@ -78,7 +81,7 @@ def _cache_folder() -> Path | None:
         if _prepare_folder(folder):
             _copy_prepared_cache(folder)
             if parent != next(iter(preferred), None):
-                os.environ["NUMBA_CACHE_DIR"] = str(parent)  # further processes look there first, and say nothing
+                os.environ["NUMBA_CACHE_DIR"] = str(parent)  # further processes use it without a warning
                 _log.warning("%s cannot be used. Compiled code goes to %s.", names, folder)
             return folder
     if _IN_MEMORY not in os.environ:
@@ -90,9 +93,9 @@ def _cache_folder() -> Path | None:
 
 
 def _copy_prepared_cache(folder: Path) -> None:
-    """Copy what an image has compiled into a folder without machine code, and the figures that go with it.
+    """Copy an image's compiled code and timings into an empty cache folder.
 
-    What cannot be read is compiled anew, as is what was compiled for another processor.
+    Files that cannot be read, and code for another processor, are compiled again.
     """
     prepared = os.environ.get(PREPARED)
     if not prepared or any(folder.iterdir()):
@@ -116,14 +119,17 @@ def _list_preferred_folders() -> Iterator[Path]:
 
 def _list_fallback_folders() -> Iterator[Path]:
     """Yield the fallback cache folders: in the data folder, then the account's temporary folder."""
-    if (data := os.environ.get(FALLBACK)) and Path(data).is_dir():  # to make a data folder is not for us
+    if (data := os.environ.get(FALLBACK)) and Path(data).is_dir():  # the data folder is not created here
         yield Path(data) / "cache"
     with suppress(OSError):
         yield Path(tempfile.gettempdir()) / f"sinew-{os.geteuid()}"
 
 
 def _prepare_folder(folder: Path) -> bool:
-    """Make a folder; return whether files can be made in it, and by no other account: what it holds is executed."""
+    """Create a folder; return whether it is writable, and by this account alone.
+
+    Other accounts must not write to it because its files are executed.
+    """
     parent = folder.parent
     try:
         for created in (parent, folder):
@@ -136,7 +142,7 @@ def _prepare_folder(folder: Path) -> bool:
 
 
 def _is_safe(folder: Path) -> bool:
-    """Return whether a folder is this account's own, where everybody could have made it."""
+    """Return whether no other account can have created or can write a folder."""
     if not folder.parent.stat().st_mode & stat.S_IWOTH:
         return True
     status = folder.stat()
@@ -157,19 +163,19 @@ if numba.config.DISABLE_JIT:
     raise InterpretedError("NUMBA_DISABLE_JIT is set, but the control laws run as machine code only: unset it")
 
 
-# A dictionary, because numba's own types leave out "_nrt": its runtime that allocates arrays and counts references.
+# A dictionary, because numba's own types lack "_nrt": the runtime that allocates arrays and counts references.
 STRICT: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 
 
 class _LockedCache(FunctionCache):
-    """Machine code on disk, written by one process at a time.
+    """Compiled code on disk, written by one process at a time.
 
-    Two that compile a function for different arguments at the same time would be given one and the same file by numba,
-    and whoever starts next would run for its arguments what was compiled for others.
+    numba gives the same file name to two processes that compile a function for different arguments at the same time.
+    The next process would then run code that was compiled for other argument types.
     """
 
     def save_overload(self, sig: object, data: object) -> None:
-        """Keep machine code under its signature."""
+        """Store compiled code under its signature."""
         folder = Path(self.cache_path)
         folder.mkdir(parents=True, exist_ok=True)
         with (folder / "turn.lock").open("w") as lock:
@@ -178,7 +184,7 @@ class _LockedCache(FunctionCache):
 
 
 def cache_compiled(function: _F) -> _F:
-    """Return what numba has decorated so that its machine code is kept on disk, by many processes at a time."""
+    """Let a numba dispatcher cache its code on disk, safely with many processes."""
     dispatcher: Any = function
     if CACHE is not None:
         dispatcher._cache = cast(Any, _LockedCache)(dispatcher.py_func)
@@ -186,15 +192,15 @@ def cache_compiled(function: _F) -> _F:
 
 
 class _Compiled(cast(Any, CPUDispatcher)):  # type: ignore[misc]  # of numba
-    """What the interpreter calls; compiled code that calls it has ``inner`` instead.
+    """Dispatcher for calls from Python; compiled callers are given ``inner`` instead.
 
-    The way in from the interpreter takes each number out of each tuple, one by one: compiling it for a function that
-    only compiled code calls, and writing that function to disk on its own, cost more than a third of all compiling.
+    The Python wrapper unpacks each number of each tuple. Compiling it for functions that only compiled code calls, and
+    storing those functions on their own, took more than a third of the compile time.
     """
 
     @cached_property
     def inner(self) -> Any:
-        """The function without a way in from the interpreter; kept on disk as a part of those that call it."""
+        """The function without Python wrapper; cached as a part of its callers."""
         return cast(Any, numba.njit)(no_cpython_wrapper=True, no_cfunc_wrapper=True, **STRICT)(self.py_func)
 
     @property
@@ -203,23 +209,24 @@ class _Compiled(cast(Any, CPUDispatcher)):  # type: ignore[misc]  # of numba
 
 
 def compiled(function: _F) -> _F:
-    """Compile with numba in strict IEEE arithmetic (division by zero gives inf, as in numpy), cached on disk.
+    """Compile with numba in strict IEEE arithmetic, cached on disk.
 
-    Without numba's reference counting: a function that allocates an array is refused when it is compiled, and passing
-    a spring's table down to the innermost sum costs nothing (counting made the offline closed loop four times slower).
+    Division by zero gives inf, as in numpy. Reference counting is off: a function that allocates an array fails to
+    compile, and passing a spring's table to the innermost sum costs nothing (with counting the offline closed loop took
+    four times as long).
     """
     dispatcher = _Compiled(function, targetoptions={"nopython": True, "no_cfunc_wrapper": True, **STRICT})
     return cache_compiled(cast(_F, dispatcher))
 
 
 class PrecompiledCall(Generic[_R, *_Arguments]):
-    """The machine code of a compiled function for arguments like these, to be called in the tick.
+    """Compiled code for arguments of given types, called in the control step.
 
-    numba looks at the type of each argument of each call, tuple by tuple: for the constants of the plant that takes ten
-    times as long as the physics. Here it is done once, and nothing is ever compiled in the tick. So ``like`` has to say
-    what will come in every call: where it has None or an array, None or an array of the same sort of numbers. A float
-    stands for whole numbers too, as does a whole number where the function says float; where it says int, a float is
-    refused with TypeError. So is what has not as many numbers as ``like``; whether they are the right ones, mypy sees.
+    numba examines the type of each argument at each call, tuple by tuple: for the constants of the plant this takes ten
+    times as long as the physics. Here it is done once, so nothing is compiled during a control step. Each call must
+    pass what ``like`` has: None or an array of the same dtype, dimensions and layout at the same place. An int is
+    accepted for a float, in ``like`` too where the function declares float; a float for an int raises TypeError, as
+    does a different count of numbers. That they are the right numbers is left to mypy.
     """
 
     def __init__(self, function: Callable[[*_Arguments], _R], *like: *_Arguments) -> None:
@@ -236,7 +243,7 @@ class PrecompiledCall(Generic[_R, *_Arguments]):
 
     def __call__(self, *arguments: *_Arguments) -> _R:
         """Call it."""
-        for path in self._integer_paths:  # machine code would cut off the rest
+        for path in self._integer_paths:  # machine code would truncate
             value: Any = arguments
             for at in path:
                 value = value[at]
@@ -244,16 +251,19 @@ class PrecompiledCall(Generic[_R, *_Arguments]):
         return self._code(*arguments)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what it was made from: machine code stays in its process."""
+        """Pickle function and argument types; compiled code stays in its process."""
         return PrecompiledCall, (self._origin[0], *self._origin[1])
 
 
 _OVERLOADS: dict[object, Callable[..., Any]] = {}
-"""Machine code by function and kind of arguments: asking numba for the types takes half a tick."""
+"""Compiled code by function and kind of arguments: asking numba for the types takes half a period."""
 
 
 def _as_declared(value: Any, hint: Any) -> Any:
-    """Return a value of ``like`` with a float wherever one is declared, that being a tuple of hints or a type."""
+    """Return a value of ``like`` with floats where floats are declared.
+
+    ``hint`` is a type or a tuple of types.
+    """
     if type(value) is int and hint is float:
         return float(value)
     if not isinstance(value, tuple):
@@ -268,7 +278,7 @@ def _as_declared(value: Any, hint: Any) -> Any:
 
 
 def _find_integers(value: object) -> Iterator[tuple[int, ...]]:
-    """Yield the way to each whole number of nested tuples."""
+    """Yield the index path of each integer in nested tuples."""
     if isinstance(value, tuple):
         for at, part in enumerate(value):
             yield from ((at, *path) for path in _find_integers(part))
@@ -277,31 +287,32 @@ def _find_integers(value: object) -> Iterator[tuple[int, ...]]:
 
 
 def get_compiled_kind(value: object) -> object:
-    """Return what is equal for values that are the same to the compiler: types, and of arrays how they lie."""
+    """Return a key that is equal for values of the same compiled type.
+
+    It consists of the types and, of arrays, dtype, dimensions and layout.
+    """
     if isinstance(value, tuple):
         return type(value), *map(get_compiled_kind, value)
     if isinstance(value, np.ndarray):
         return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.writeable
-    return getattr(value, "numba_type", type(value))  # cells are alike where what they hold is
+    return getattr(value, "numba_type", type(value))  # state blocks are alike if their contents are
 
 
 def compiled_run(function: _F) -> _F:
-    """Compile likewise a function that takes long, a whole offline run: other Python threads go on meanwhile.
+    """Compile a long function, such as an offline run, so that it releases the GIL.
 
-    Not for what the tick calls: giving up and taking back Python's lock would let another thread delay the tick.
+    Not for functions of the control step: releasing and reacquiring the GIL would let another thread delay it.
     """
     return cache_compiled(cast(_F, numba.njit(nogil=True, **STRICT)(function)))
 
 
 # Cell ----------------------------------------------------------------------------------------------
 #
-# Memory that compiled functions read and write in place: a nested named tuple that stays where it
-# is.
+# Memory that compiled functions read and write in place: a nested named tuple at a fixed address.
 #
-# A call hands over the address of a cell where it would hand over hundreds of numbers, one by one.
-# Compiled functions say ``cell.value`` for all that a cell holds, ``cell.field`` for the cell of a
-# field, and ``keep(cell, value)``; a function may be compiled for cells before any is there. From
-# the interpreter a cell is read by ``get`` and filled by ``set``.
+# A call passes the address of a block instead of hundreds of numbers one by one. In compiled functions ``block.value``
+# is the whole content, ``block.field`` the block of a field, and ``store_compiled(block, value)`` writes; a function
+# can be compiled for blocks before one exists. Python code reads with ``get`` and writes with ``set``.
 
 
 _T = TypeVar("_T")
@@ -309,7 +320,7 @@ _Arrays = dict[int, NDArray[Any]]
 
 
 class CellType(types.Type):
-    """numba's type of a cell that holds ``content``."""
+    """numba's type of a block that holds ``content``."""
 
     def __init__(self, content: Any) -> None:
         self.content = content
@@ -317,14 +328,14 @@ class CellType(types.Type):
 
 
 class StateBlock(Generic[_T]):
-    """Memory for values like ``first``, a named tuple of numbers, of arrays and of such tuples; holds it at once.
+    """Memory for named tuples of numbers, arrays and such tuples, typed by ``first``.
 
-    Arrays are not copied: the cell sees what they hold, and keeps them alive.
+    It holds ``first`` at once. Arrays are not copied: the block refers to them and keeps them alive.
     """
 
     def __init__(self, first: _T) -> None:
         layout = _layout_for(first)
-        self._memory = np.zeros(layout.size // 8 + 1)  # of doubles: numbers stand at multiples of their size
+        self._memory = np.zeros(layout.size // 8 + 1)  # float64, so that numbers are aligned
         self._arrays: _Arrays = {}
         self._parent: tuple[StateBlock[Any], str] | None = None
         self._bind(layout, self._memory.ctypes.data)
@@ -338,7 +349,7 @@ class StateBlock(Generic[_T]):
         self._layout = layout
 
     def field(self, name: str) -> StateBlock[Any]:
-        """Return the cell of a field."""
+        """Return the block of a field."""
         offset, layout = self._layout.field(name)
         block: StateBlock[Any] = object.__new__(StateBlock)
         block._memory, block._arrays, block._parent = self._memory, self._arrays, (self, name)
@@ -346,24 +357,24 @@ class StateBlock(Generic[_T]):
         return block
 
     def set(self, value: _T) -> None:
-        """Fill it. Raises struct.error for what is not like the first."""
+        """Store a value. Raises struct.error if its structure differs from the first."""
         arrays: _Arrays = {}
         packed = self._layout.packed.pack(*self._layout.flatten(value, arrays, self._offset))
-        self._bytes[self._offset : self._offset + len(packed)] = packed  # whole or not at all
+        self._bytes[self._offset : self._offset + len(packed)] = packed  # all or nothing
         self._arrays.update(arrays)
 
     def get(self) -> _T:
-        """Return what it holds now; arrays are those that were put."""
+        """Return the content; its arrays are the stored ones."""
         numbers = iter(self._layout.packed.unpack_from(self._bytes, self._offset))
         return cast(_T, self._layout.build(numbers, self._arrays, self._offset))
 
-    if TYPE_CHECKING:  # what compiled functions say
+    if TYPE_CHECKING:  # attributes in compiled functions
         value: _T
 
         def __getattr__(self, name: str) -> StateBlock[Any]: ...
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what it holds, the cell of a field as that of the whole."""
+        """Pickle the content; the block of a field is pickled as part of the whole."""
         return (StateBlock, (self.get(),)) if self._parent is None else (StateBlock.field, self._parent)
 
 
@@ -372,7 +383,7 @@ _Build = Callable[[Iterator[Any], _Arrays, int], Any]
 
 
 class _Layout:
-    """Where the numbers of a type stand in memory, and how they come from a value and become one."""
+    """Memory layout of a type, with conversion from values to numbers and back."""
 
     def __init__(self, kind: Any) -> None:
         self.numba_type = CellType(kind)
@@ -387,7 +398,7 @@ class _Layout:
         self.packed = struct.Struct("=" + "".join(formats))
 
     def field(self, name: str) -> tuple[int, _Layout]:
-        """Return where a field begins, and how it lies there."""
+        """Return offset and layout of a field."""
         if name not in self._fields:
             kind = self.numba_type.content
             index = kind.fields.index(name)
@@ -395,7 +406,7 @@ class _Layout:
         return self._fields[name]
 
     def flatten(self, value: object, arrays: _Arrays, offset: int) -> list[object]:
-        """Return the numbers of a value in their order in memory; its arrays go to ``arrays``."""
+        """Return the numbers of a value in memory order; add its arrays to ``arrays``."""
         numbers: list[object] = []
         self._flatten(value, numbers, arrays, offset)
         return numbers
@@ -403,7 +414,7 @@ class _Layout:
 
 _SCALARS = {types.float64: "d", types.int64: "q", types.boolean: "?"}
 _LAYOUTS: dict[object, _Layout] = {}
-"""By kind of value: asking numba takes a millisecond, and a motion's cell is made between two ticks."""
+"""Layouts by kind of value: asking numba takes a millisecond, and blocks of motions are made between two ticks."""
 
 
 def _layout_for(value: object) -> _Layout:
@@ -414,7 +425,7 @@ def _layout_for(value: object) -> _Layout:
 
 
 def _describe_type(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat, _Build]:
-    """Add the leaves of a type that begins at ``at``; return the functions that flatten and build its values."""
+    """Add the leaves of a type at offset ``at``; return flatten and build functions."""
     if kind in _SCALARS:
         leaves.append((at, _SCALARS[kind]))
         return lambda value, found, _arrays, _offset: found.append(value), lambda numbers, _arrays, _offset: next(
@@ -430,7 +441,7 @@ def _describe_type(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_
 
 
 def _describe_array(kind: Any, at: int, leaves: list[tuple[int, str]]) -> tuple[_Flat, _Build]:
-    count = 5 + 2 * kind.ndim  # owner, parent, items, size of one, address, shape, strides
+    count = 5 + 2 * kind.ndim  # parent, owner, items, item size, address, shape, strides
     leaves.append((at, f"{count}q"))
 
     def flatten(value: Any, found: list[object], arrays: _Arrays, offset: int) -> None:
@@ -472,14 +483,14 @@ def _size(kind: Any) -> int:
 
 
 def _offset(kind: Any, index: int) -> int:
-    if isinstance(kind, types.UniTuple | types.NamedUniTuple):  # numba keeps what is all alike as an array
+    if isinstance(kind, types.UniTuple | types.NamedUniTuple):  # numba stores equal types as an array
         return index * _size(kind.dtype)
     return int(_data_type(kind).get_element_offset(cpu_target.target_context.target_data, index))
 
 
 @register_model(CellType)
 class _CellModel(models.PrimitiveModel):
-    """A cell is its address."""
+    """Representation of a block in compiled code: its address."""
 
     def __init__(self, manager: Any, kind: CellType) -> None:
         super().__init__(manager, kind, cgutils.intp_t)
@@ -503,7 +514,7 @@ class _Attributes(AttributeTemplate):
     key = CellType
 
     def generic_resolve(self, cell: CellType, name: str) -> Any:
-        """Return the type of what a cell holds, or of the cell of a field."""
+        """Return the type of a block's content or of the block of a field."""
         if name == "value":
             return cell.content
         content = cell.content

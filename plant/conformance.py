@@ -1,6 +1,6 @@
-"""What a Plant promises, as checks that run against any: ``sinew rig conformance``, and the tests of this house.
+"""Conformance checks for any Plant: ``sinew rig conformance``, and the tests.
 
-Nothing is moved but by the voltage that a ``Subject`` allows: at 0 V only what a plant at rest shows is checked.
+The plant moves only by the voltage that a ``Subject`` allows: at 0 V only the checks at rest are made.
 """
 
 import gc
@@ -32,19 +32,18 @@ from plant.parameters import PlantParameters
 
 # Promises ------------------------------------------------------------------------------------------
 #
-# Words that the contract of a Plant is written in: what is checked, what came of it, and how a
-# check looks at it.
+# Types and building blocks of the checks.
 
 
 RESTING_RAD = 0.02
-"""How far joint and motors may creep at zero volts in a second [rad]: a slack tendon settling."""
+"""Largest motion of joint and motors at zero volts within a second [rad]: a slack tendon settling."""
 
 PERIODS = round(1.0 / T_s)
 """Ticks of a second."""
 
 
 class CheckOutcome(StrEnum):
-    """What became of a check."""
+    """Result of a check."""
 
     HOLDS = "holds"
     BROKEN = "broken"
@@ -53,10 +52,10 @@ class CheckOutcome(StrEnum):
 
 @dataclass(frozen=True)
 class Subject:
-    """What is checked: ``make`` gives the plant, not yet open, as often as it is asked.
+    """Plant to check; each call of ``make`` returns a new one, not yet open.
 
-    ``voltage`` [V] is what a check may put on the outputs, 0 where nothing may move. A recording played back ``lasts``
-    for so many ticks only, and what is written to it has no effect: it does not answer.
+    ``voltage`` [V] is what a check may apply, 0 if nothing may move. ``answers`` is False for a recording, on which
+    writes have no effect; ``lasts`` is its number of ticks.
     """
 
     make: Callable[[], Plant]
@@ -66,13 +65,13 @@ class Subject:
     lasts: int = 1_000_000
 
     def ticks(self, wanted: int) -> int:
-        """Return ``wanted``, or as many ticks as there are."""
+        """Return ``wanted``, limited to the ticks that the plant lasts."""
         return min(wanted, self.lasts - 1)
 
 
 @dataclass(frozen=True)
 class CheckFinding:
-    """A sentence of the contract, what became of it, and what was seen."""
+    """Result of a check, with the observed values in ``seen``."""
 
     name: str
     sentence: str
@@ -81,16 +80,19 @@ class CheckFinding:
 
 
 class BrokenPromiseError(SinewError):
-    """A plant does not keep the contract; the message says what was seen."""
+    """A plant violates the contract; the message says what was observed."""
 
 
 class NotTriedError(SinewError):
-    """A check cannot be made here; the message says why."""
+    """A check is not possible here; the message says why."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A promise: its name, the sentence that a person reads, and what raises where it is not kept."""
+    """Check of the contract: its name, the sentence for people, and its function.
+
+    The function raises BrokenPromiseError if the plant violates the sentence.
+    """
 
     name: str
     sentence: str
@@ -98,19 +100,22 @@ class Check:
 
 
 def promise(sentence: str) -> Callable[[Callable[[Subject], str | None]], Check]:
-    """Make a check of a function that returns what was seen."""
+    """Return a decorator that makes a check of a function.
+
+    The function returns what it observed.
+    """
     return lambda function: Check(function.__name__.strip("_"), sentence, function)
 
 
 def require(holds: bool, message: str) -> None:
-    """Raise BrokenPromiseError with what was ``seen`` unless the promise is ``holds``."""
+    """Raise BrokenPromiseError with ``message`` unless ``holds``."""
     if not holds:
         raise BrokenPromiseError(message)
 
 
 @contextmanager
 def open_subject(subject: Subject) -> Iterator[Plant]:
-    """Open a plant for the block and close it at the end."""
+    """Open a plant for the block and close it afterwards."""
     plant = subject.make()
     plant.open()
     try:
@@ -121,10 +126,10 @@ def open_subject(subject: Subject) -> Iterator[Plant]:
 
 @contextmanager
 def freeze_garbage() -> Iterator[None]:
-    """Exclude existing objects from garbage collection for the block, so that memory can be counted.
+    """Exclude existing objects from garbage collection for the block, to count memory.
 
-    Garbage in cycles that others have left would be freed between two counts and hide what is kept. To collect it
-    at a count would keep the plant waiting for longer than a watchdog does, and empty lists that fill again.
+    Cycles of earlier code freed between two counts would hide growth. A collection at each count would leave the plant
+    unattended for longer than its watchdog allows, and empty free lists that fill again.
     """
     gc.freeze()
     try:
@@ -134,7 +139,7 @@ def freeze_garbage() -> Iterator[None]:
 
 
 def require_driving_voltage(subject: Subject) -> float:
-    """Return the voltage that may be used [V]. Raises NotTriedError where there is none."""
+    """Return the permitted voltage [V]. Raises NotTriedError if there is none."""
     if not subject.answers:
         raise NotTriedError("what is written to it has no effect, as it says")
     if subject.voltage <= 0.0:
@@ -143,7 +148,7 @@ def require_driving_voltage(subject: Subject) -> float:
 
 
 def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> None:
-    """Raise BrokenPromiseError for a reading that no rig of these parameters gives."""
+    """Raise BrokenPromiseError for a reading that is impossible with these parameters."""
     require(isinstance(m, Measurement), f"read gave a {type(m).__name__}, it has to be a Measurement")
     wrong = [name for name, value in zip(m._fields, m, strict=True) if not isinstance(value, float)]
     require(not wrong, f"no floats: {', '.join(wrong)}")
@@ -161,7 +166,10 @@ def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> 
 
 
 def drive(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:
-    """Write for so many ticks, each after a reading, at the plant's pace; return what is read then."""
+    """Write a command for some ticks at the plant's pace; return the last reading.
+
+    Each write follows a reading.
+    """
     for _ in range(ticks):
         begun_s = time.monotonic()
         plant.read()
@@ -172,7 +180,7 @@ def drive(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:
 
 
 def require_at_rest(first: Measurement, m: Measurement) -> None:
-    """Raise BrokenPromiseError where joint or motors have moved by more than a slack tendon settles."""
+    """Raise BrokenPromiseError if joint or motors moved further than RESTING_RAD."""
     for name in ("q", "theta_A", "theta_B"):
         travel = abs(getattr(m, name) - getattr(first, name))
         if not travel <= RESTING_RAD:
@@ -184,11 +192,11 @@ def require_at_rest(first: Measurement, m: Measurement) -> None:
 
 LONG_TICKS = 10_000
 WARM_UP_TICKS = 3_000
-"""What fills once has filled by then: on the virtual card, where nothing else ran before, 1000 blocks in the second
-thousand ticks and none after that."""
+"""Ticks until caches are filled: on the virtual card, as first use in a process, 1000 blocks are allocated in the
+second thousand ticks and none later."""
 
 GROWTH_BLOCKS = 200
-"""Blocks of memory more after ``LONG_TICKS``: some caches fill once, nothing may be kept of each tick."""
+"""Permitted growth after ``LONG_TICKS`` [memory blocks]: some caches fill once, but no tick may leave memory behind."""
 
 DRIVE_TICKS = 300
 MOVED_RAD = 1e-3
@@ -433,11 +441,11 @@ CHECKS: tuple[Check, ...] = (
     _keeps_nothing_of_a_tick,
     _repeats,
 )
-"""In the order in which they are made: nothing is driven before it is known to stand still at zero volts."""
+"""Checks in order of execution: nothing is driven before the plant is known to rest at zero volts."""
 
 
 def run_contract(subject: Subject, checks: tuple[Check, ...] = CHECKS) -> Iterator[CheckFinding]:
-    """Make each check on a plant of its own and yield what came of it."""
+    """Run each check on a new plant and yield its result."""
     for check in checks:
         try:
             outcome, seen = CheckOutcome.HOLDS, check.make(subject) or ""

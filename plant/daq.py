@@ -1,7 +1,7 @@
-"""The DAQ card through NI-DAQmx: tasks, raw volts and counts, the drive-enable line and the card's watchdog.
+"""DAQ card through NI-DAQmx: tasks, volts and counts, drive enable, watchdog.
 
-The only file that drives a card; others imitate one. It knows nothing of springs or radians: ``plant/rig.py`` does. On
-an X Series card the watchdog covers digital lines, not analog outputs: what it takes away is the drive-enable line.
+Only this module accesses a card; other modules imitate one. Conversion to SI units is in ``plant/rig.py``. On an X
+Series card the watchdog covers digital lines but no analog outputs, so it disables the drive-enable line.
 """
 
 from contextlib import ExitStack, suppress
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 _Stream = TypeVar("_Stream", bound=Any)
 
 _TIMEOUT_S: Final = 0.01
-"""How long one call may wait for the card [s]: more than a few periods would be a fault anyway."""
+"""Timeout of one call to the card [s]: more than a few periods would be a fault anyway."""
 
 _NOT_OPEN: Final = "the card is not open"
 _RATE_Hz: Final = 1.0 / T_s
@@ -45,7 +45,7 @@ _EXPIRED: Final = (DAQmxErrors.CANT_RESET_EXPIRED_WATCHDOG, DAQmxErrors.WRITE_FA
 
 
 def read_driver_version() -> str:
-    """Return name and version of NI's driver on this machine, and the cards it knows. Raises PlantError."""
+    """Return name and version of NI's driver and its cards. Raises PlantError."""
     try:
         system = System.local()
         version = system.driver_version
@@ -56,7 +56,7 @@ def read_driver_version() -> str:
 
 
 class Raw(NamedTuple):
-    """One reading of the card as it is: volts of the load cells, counts of the encoders, levels of the lines."""
+    """One reading of the card: load cell volts, encoder counts, levels of the lines."""
 
     V_A: float
     V_B: float
@@ -68,7 +68,10 @@ class Raw(NamedTuple):
 
 
 class Daq:
-    """The card, opened at zero volts with the drives off. Raises PlantError with what NI-DAQmx says."""
+    """DAQ card; opens at zero volts with the drives off.
+
+    Methods raise PlantError with the message of NI-DAQmx.
+    """
 
     def __init__(self, wiring: Wiring, options: "Callable[[], GrpcSessionOptions] | None" = None) -> None:
         self._wiring = wiring
@@ -88,7 +91,7 @@ class Daq:
 
     @property
     def timing(self) -> str:
-        """How the card is timed, in words."""
+        """How the card is timed, as a phrase."""
         if self.is_timed_by_card:
             return "timed by the card's clock"
         if self._wiring.card.timing == "hardware":
@@ -96,7 +99,7 @@ class Daq:
         return "timed by this machine, on demand"
 
     def open(self) -> None:
-        """Reserve the card: outputs at zero volts first, drives off, watchdog armed but not started."""
+        """Reserve the card: zero volts, drives off, watchdog configured but not started."""
         w, device = self._wiring, self._wiring.card.device
         try:
             out = self._task("outputs")
@@ -169,7 +172,7 @@ class Daq:
         )
 
     def write(self, V_A: float, V_B: float) -> None:
-        """Put volts on the terminals."""
+        """Set the voltages of the analog outputs [V]."""
         if self._outputs is None:
             raise PlantError(_NOT_OPEN)
         self._out[0], self._out[1] = V_A, V_B
@@ -179,7 +182,7 @@ class Daq:
             _raise_plant_error(error)
 
     def feed_watchdog(self) -> None:
-        """Tell the watchdog that somebody is there. Raises WatchdogExpiredError when that comes too late."""
+        """Reset the watchdog's timer. Raises WatchdogExpiredError if it has expired."""
         if self._watchdog is None:
             raise PlantError(_NOT_OPEN)
         try:
@@ -196,7 +199,7 @@ class Daq:
             _raise_plant_error(error)
 
     def enable(self, *, on: bool) -> None:
-        """Switch the drive-enable line."""
+        """Set the drive-enable line."""
         if self._enable is None:
             raise PlantError(_NOT_OPEN)
         try:
@@ -207,7 +210,7 @@ class Daq:
 
     @property
     def is_enabled(self) -> bool:
-        """The drive-enable line as the card reads it back, whatever was written to it."""
+        """State of the drive-enable line as the card reads it back."""
         try:
             level = bool(self._enabled.read_one_sample_one_line(_TIMEOUT_S))
             return level == (self._wiring.drive_enable.active == "high")
@@ -215,11 +218,11 @@ class Daq:
             _raise_plant_error(error)
 
     def start_watchdog(self) -> None:
-        """Let the watchdog count from now on, not expired any more; the drives stay off until they are enabled."""
+        """Start the watchdog, cleared if expired; the drives stay off until enabled."""
         if self._watchdog is None:
             raise PlantError(_NOT_OPEN)
         try:
-            if self.is_watchdog_started:  # NI-DAQmx refuses to start what runs, and to look at what does not
+            if self.is_watchdog_started:  # NI-DAQmx cannot start a running task, nor query one that does not run
                 self.clear_expiration()
                 self._watchdog.stop()
             self._watchdog.start()
@@ -228,7 +231,7 @@ class Daq:
             _raise_plant_error(error)
 
     def clear_expiration(self) -> None:
-        """Unlock the drive-enable line, which stays off until it is written again."""
+        """Clear the watchdog's expiration; the drives stay off until enabled."""
         if self._watchdog is None:
             raise PlantError(_NOT_OPEN)
         try:
@@ -248,11 +251,14 @@ class Daq:
             _raise_plant_error(error)
 
     def close(self) -> None:
-        """Zero volts, drives off, and let go of the card; each as far as it can be done. Safe to call twice."""
+        """Set zero volts and drives off, then release the card, ignoring errors.
+
+        Safe to call twice.
+        """
         with suppress(PlantError):
             self.write(0.0, 0.0)
         with suppress(PlantError):
-            if self.is_expired:  # the line is off, and takes nothing more
+            if self.is_expired:  # the line is off and locked
                 self.has_expired, self.drives_on = True, False
             else:
                 self.enable(on=False)
@@ -280,7 +286,10 @@ class Daq:
 
 
 def _disable_checks(stream: _Stream) -> _Stream:
-    """Spare a call to the card in each tick: the arrays are ours, and always of one shape."""
+    """Disable the driver's shape checks, which cost a call per tick.
+
+    The arrays are this module's own and keep their shape.
+    """
     stream.verify_array_shape = False
     return stream
 

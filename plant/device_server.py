@@ -1,4 +1,4 @@
-"""A card at another machine: the channel to NI's gRPC device server, by its address."""
+"""Connection to a card of another computer through NI's gRPC device server."""
 
 import re
 
@@ -8,22 +8,22 @@ from nidaqmx import GrpcSessionOptions, SessionInitializationBehavior
 from plant.interface import PlantError
 
 CONNECTED_S = 3.0
-"""How long a device server may take to answer at first [s]."""
+"""Timeout of the first connection [s]."""
 
 _ADDRESS = re.compile(r"(?:[\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
 
 
 class DeviceServer:
-    """NI's device server at ``HOST:PORT``. It speaks without TLS: for a line that nobody else is on."""
+    """NI's device server at ``HOST:PORT``, without TLS: only for a private connection."""
 
     def __init__(self, address: str) -> None:
         self.address = address
         self._channel: grpc.Channel | None = None
 
     def options(self) -> GrpcSessionOptions:
-        """Return what makes a nidaqmx task one of that machine's card; connects at first. Raises PlantError.
+        """Return the options of nidaqmx tasks on the server; connects at the first call.
 
-        A task that somebody else made there under the same name is refused, not shared.
+        Raises PlantError. A task of the same name that another client has created is rejected, not shared.
         """
         if self._channel is None:
             self._channel = self._connect()

@@ -1,4 +1,4 @@
-"""The whole plant as one ordinary differential equation, and its integration (classical Runge-Kutta)."""
+"""Ordinary differential equation of the plant and its Runge-Kutta integration."""
 
 import math
 from collections.abc import Callable
@@ -12,27 +12,27 @@ from plant.interface import NO_LOAD, PlantError, ShaftLoad
 
 # Friction ------------------------------------------------------------------------------------------
 #
-# Dry friction at the gearbox outlet, growing with the tendon load: smoothed Coulomb friction, or
-# LuGre's, that sticks.
+# Friction at the gearbox outlet, growing with the tendon load: smoothed Coulomb friction, or the LuGre model with
+# static friction.
 #
-# LuGre: Canudas de Wit, Olsson, Åström, Lischinsky, "A new model for control of systems with
-# friction" (IEEE TAC 1995). Surfaces meet as bristles of mean deflection z that bend before they
-# slip:
+# LuGre: Canudas de Wit, Olsson, Åström, Lischinsky, "A new model for control of systems with friction" (IEEE TAC 1995).
+# The surfaces touch through bristles of mean deflection z that bend before they slip:
 #
 #     z' = ω − σ_0 |ω| z / g(ω),   τ = σ_0 z + σ_1 z',   g(ω) = F_c + (F_s − F_c) e^(−(ω/ω_s)²),   F_c = c0 + c1 r_m F
 #
-# What is viscous is in the motor's B_m. Whether ``lugre`` is None is known to the compiler, so that
-# the smoothed law runs without the bristles.
+# Viscous friction is in the motor's B_m. The compiler knows whether ``lugre`` is None, so smoothed friction runs
+# without bristles.
 
 
 _NO_TURN = 1e-200
-"""Turns [rad] below leave bristles as they are; the quotient of two such turns would not be a number."""
+"""Rotation [rad] below which bristles do not change; the quotient of two such rotations would be NaN."""
 
 
 class LuGre(NamedTuple):
-    """Bristles: ``sigma_0`` [N·m/rad] stiff, ``sigma_1`` [N·m·s/rad] damped; F_s/F_c [1]; Stribeck speed [rad/s].
+    """Bristles: ``sigma_0`` [N·m/rad], ``sigma_1`` [N·m·s/rad], F_s/F_c, ``omega_s``.
 
-    They turn with the outlet: z is in rad, σ_0 z in N·m.
+    ``stiction_ratio`` is F_s/F_c [1], ``omega_s`` the Stribeck speed [rad/s]. The bristles turn with the outlet: z is
+    in rad, σ_0 z in N·m.
     """
 
     sigma_0: float
@@ -42,9 +42,9 @@ class LuGre(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """``c0`` [N·m] without load, ``c1`` [1] times the load torque r_m F, smoothed over ``omega_smooth`` [rad/s].
+    """Coulomb friction c0 + c1 r_m F: ``c0`` [N·m], ``c1`` [1] times the load torque.
 
-    With ``lugre`` it is not smoothed but sticks.
+    Without ``lugre`` it is smoothed over ``omega_smooth`` [rad/s], with it the LuGre model applies.
     """
 
     c0: float
@@ -55,19 +55,22 @@ class Friction(NamedTuple):
 
 @compiled
 def coulomb_torque(friction: Friction, load: float) -> float:
-    """F_c [N·m] under load torque r_m F [N·m]."""
+    """Return F_c [N·m] at load torque r_m F [N·m]."""
     return friction.c0 + friction.c1 * load
 
 
 @compiled
 def friction_torque(friction: Friction, omega: float, load: float, z: float) -> float:
-    """Torque [N·m] against the motion at outlet speed omega [rad/s], load torque r_m F [N·m], bristles at z [rad]."""
+    """Return the friction torque [N·m] at outlet speed omega [rad/s].
+
+    At load torque r_m F [N·m] and bristle deflection z [rad].
+    """
     return _torque(friction.lugre, friction.omega_smooth, omega, coulomb_torque(friction, load), z)
 
 
 @compiled
 def bristle_rate(friction: Friction, omega: float, load: float, z: float) -> float:
-    """Z' [rad/s], 0 without bristles."""
+    """Return z' [rad/s], 0 without bristles."""
     return _rate(friction.lugre, omega, coulomb_torque(friction, load), z)
 
 
@@ -75,10 +78,11 @@ def bristle_rate(friction: Friction, omega: float, load: float, z: float) -> flo
 def bristle_after(
     friction: Friction, z: float, turned: float, duration_s: float, load: float, load_after: float
 ) -> float:
-    """Deflection [rad] after a turn [rad] in ``duration_s`` [s], under a load [N·m] that grows to ``load_after``.
+    """Return the deflection [rad] after the outlet has turned by ``turned`` [rad].
 
-    Exact at constant speed and load. It is the turn that counts: where bristles only bend, they bend by it. They hold
-    no more than F_s of the load at the end.
+    The rotation takes ``duration_s`` [s], under a load that changes from ``load`` to ``load_after`` [N·m]. Exact at
+    constant speed and load. It is computed from the rotation, not from speed and time: bristles that do not slip bend
+    by exactly the rotation. They hold at most F_s of the load at the end.
     """
     F_c = coulomb_torque(friction, load)
     return _advance_bristles(
@@ -93,7 +97,7 @@ def bristle_after(
 
 @compiled
 def _level(lugre: LuGre, omega: float, F_c: float) -> float:
-    """g(ω) [N·m]: friction at constant speed, Stribeck's curve."""
+    """Return g(ω) [N·m]: friction at constant speed, the Stribeck curve."""
     return F_c * (1.0 + (lugre.stiction_ratio - 1.0) * math.exp(-((omega / lugre.omega_s) ** 2)))
 
 
@@ -123,9 +127,9 @@ def _advance_bristles(
         level, level_after = _level(lugre, speed, F_c), _level(lugre, speed, F_c_after)
         slip = lugre.sigma_0 * abs(travel) / (0.5 * (level + level_after))
         decay = math.expm1(-slip)
-        # The second part: slipping bristles follow a level that changes; without it friction is off by per cents.
+        # The second term: slipping bristles follow a changing level; without it friction is off by some percent.
         z_next = z + (z - deflection * level) * decay + deflection * (level_after - level) * (slip + decay) / slip
-    # A tendon that lets go relieves bristles faster than they slip; left bent they would drive the motor by σ_1 z'.
+    # A tendon that goes slack unloads bristles faster than they slip; left bent they would drive the motor by σ_1 z'.
     z_max = lugre.stiction_ratio * F_c_after / lugre.sigma_0
     return min(max(z_next, -z_max), z_max)
 
@@ -136,10 +140,10 @@ def _advance_bristles(
 
 
 class Motor(NamedTuple):
-    """Constants at the gearbox outlet.
+    """Constants of a motor at the gearbox outlet.
 
-    ``J_m`` [kg·m²], ``B_m`` [N·m·s/rad] with the back-EMF in it, ``K_t`` [N·m/V] = μ N K_mu / R,
-    ``tau_e`` [s] = L/R, and the friction.
+    ``J_m`` [kg·m²], ``B_m`` [N·m·s/rad] including the back-EMF, ``K_t`` [N·m/V] = μ N K_mu / R, ``tau_e`` [s] = L/R,
+    and the friction.
     """
 
     J_m: float
@@ -151,24 +155,30 @@ class Motor(NamedTuple):
 
 @compiled
 def motor_torque_rate(motor: Motor, tau: float, u: float) -> float:
-    """D tau_m/dt [N·m/s]: tau_m = K_t/(L/R s + 1) u (equations 8, 9)."""
+    """Return d(tau_m)/dt [N·m/s]: tau_m = K_t/(L/R s + 1) u (equations 8, 9)."""
     return (motor.K_t * u - tau) / motor.tau_e
 
 
 @compiled
 def motor_acceleration(motor: Motor, omega: float, tau: float, load: float, z: float) -> float:
-    """Theta'' [rad/s²]: J_m theta'' + B_m theta' + r_m F + friction = tau_m (equations 6, 7), bristles at z [rad]."""
+    """Return theta'' [rad/s²]: J_m theta'' + B_m theta' + r_m F + friction = tau_m.
+
+    Equations 6 and 7, with the bristles at z [rad].
+    """
     return (tau - motor.B_m * omega - load - friction_torque(motor.friction, omega, load, z)) / motor.J_m
 
 
 # Root ----------------------------------------------------------------------------------------------
 #
-# Roots of rising functions, without SciPy: the tick may not need it, and loading it takes longer
-# than most runs.
+# Roots of rising functions without SciPy: the control step must not import it, and importing it takes longer than most
+# runs.
 
 
 def find_root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Root of a function that rises between low and high, by bisection to the last bit."""
+    """Return the root of a function that rises between low and high, by bisection.
+
+    Exact to the last bit.
+    """
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if function(middle) < 0.0 else (low, middle)
     return high
@@ -176,19 +186,19 @@ def find_root(function: Callable[[float], float], low: float, high: float) -> fl
 
 # Spring --------------------------------------------------------------------------------------------
 #
-# The non-linear tendon spring: tension over elongation (equations 3-4), slack below, solid above.
+# The non-linear tendon spring: tension over elongation (equations 3-4), zero when slack, steep when solid.
 #
-# A spring is a polynomial or, where ``pieces`` is given, a table joined by cubics. Whether
-# ``pieces`` is None is known to the compiler, so that the polynomial runs without the table's
-# search.
+# A spring is a polynomial or, if ``pieces`` is given, a table joined by cubics. The compiler knows whether ``pieces``
+# is None, so the polynomial runs without the search in the table.
 
 
 class Spring(NamedTuple):
-    """A spring ready for the compiled functions; ``polynomial_spring`` and ``tabulated_spring`` make it.
+    """Spring for the compiled functions.
 
-    ``k`` [N/m^i], lowest power first. ``pieces`` (n, 5): where a piece starts [m], then its polynomial of the
-    elongation counted from there. ``x_slack`` [m] is the root of zero force, ``x_solid`` [m] where the coils touch,
-    ``F_solid`` [N] the force there and ``k_solid`` [N/m] the slope beyond.
+    ``polynomial_spring`` and ``tabulated_spring`` make it. ``k`` [N/m^i]: coefficients, lowest power first. ``pieces``
+    (n, 5): start of each piece [m], then its polynomial in the elongation from there. ``x_slack`` [m]: root of zero
+    force. ``x_solid`` [m]: elongation at which the coils touch, with force ``F_solid`` [N]; ``k_solid`` [N/m] is the
+    slope beyond.
     """
 
     k: tuple[float, ...]
@@ -201,7 +211,7 @@ class Spring(NamedTuple):
 
 @compiled
 def _derivative(k: tuple[float, ...], s: float, order: int) -> float:
-    """Differentiate a polynomial ``order`` times, 0 to 2; Horner's rule."""
+    """Return the derivative of order 0 to 2 of a polynomial at s, by Horner's rule."""
     total = 0.0
     for power in range(len(k) - 1, order - 1, -1):
         factor = 1.0
@@ -228,25 +238,25 @@ def _curve(k: tuple[float, ...], pieces: NDArray[np.float64] | None, x: float, o
 
 @compiled
 def spring_polynomial(spring: Spring, x: float) -> float:
-    """Force [N] of the fitted curve at elongation x [m], whether or not the tendon is taut there."""
+    """Return the force [N] of the fitted curve at elongation x [m], taut or not."""
     return _curve(spring.k, spring.pieces, x, 0)
 
 
 @compiled
 def spring_slope(spring: Spring, x: float) -> float:
-    """F'(x) [N/m] of the fitted curve at elongation x [m], whether or not the tendon is taut there."""
+    """Return F'(x) [N/m] of the fitted curve at elongation x [m], taut or not."""
     return _curve(spring.k, spring.pieces, x, 1)
 
 
 @compiled
 def spring_curvature(spring: Spring, x: float) -> float:
-    """F''(x) [N/m²] of the fitted curve at elongation x [m], whether or not the tendon is taut there."""
+    """Return F''(x) [N/m²] of the fitted curve at elongation x [m], taut or not."""
     return _curve(spring.k, spring.pieces, x, 2)
 
 
 @compiled
 def tendon_tension(spring: Spring, x: float) -> float:
-    """Force in the tendon [N] at elongation x [m]: never pushes, steep once the spring is solid."""
+    """Return the tension [N] at elongation x [m]: zero when slack, steep when solid."""
     if x <= spring.x_slack:
         return 0.0
     if x > spring.x_solid:
@@ -256,7 +266,7 @@ def tendon_tension(spring: Spring, x: float) -> float:
 
 @compiled
 def tendon_tension_slope(spring: Spring, x: float) -> float:
-    """dF/dx [N/m] of ``tension``: zero while slack, ``k_solid`` when solid."""
+    """Return dF/dx [N/m] of ``tendon_tension``: 0 when slack, ``k_solid`` when solid."""
     if x <= spring.x_slack:
         return 0.0
     if x > spring.x_solid:
@@ -265,9 +275,9 @@ def tendon_tension_slope(spring: Spring, x: float) -> float:
 
 
 def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: float) -> Spring:
-    """Spring F(x) = k0 + k1 x + k2 x² + ... (coefficients lowest power first).
+    """Return the spring F(x) = k0 + k1 x + k2 x² + … (lowest power first).
 
-    Raises ValueError where the curve has no zero-force root below ``x_solid`` or does not rise from there on.
+    Raises ValueError if the curve has no zero-force root below ``x_solid`` or does not rise from there to ``x_solid``.
     """
     curve = np.polynomial.Polynomial(coefficients)
     x = np.linspace(-x_solid, x_solid, 4001)
@@ -285,7 +295,10 @@ def polynomial_spring(coefficients: tuple[float, ...], x_solid: float, k_solid: 
 
 
 def require_stiffening(spring: Spring) -> None:
-    """Raise ValueError unless F' rises all the way from slack to solid: else stiffness could not be set by tension."""
+    """Raise ValueError unless F' rises from slack to solid.
+
+    Otherwise tension could not set the stiffness.
+    """
     x = np.linspace(spring.x_slack, spring.x_solid, 2001)[1:-1]
     slopes = np.array([spring_slope(spring, value) for value in x])
     flat = np.flatnonzero(np.diff(slopes) <= 1e-9 * slopes[-1])
@@ -297,7 +310,10 @@ def require_stiffening(spring: Spring) -> None:
 
 
 def spring_elongation(spring: Spring, F: float) -> float:
-    """Elongation [m] at which the taut spring carries F [N], 0 < F <= force at ``x_solid``; else ValueError."""
+    """Return the elongation [m] of the taut spring at F [N].
+
+    Raises ValueError unless 0 < F <= force at ``x_solid``.
+    """
     if not 0.0 < F <= spring.F_solid:
         raise ValueError(
             f"tension {F:g} N is outside 0-{spring.F_solid:.1f} N, where the spring is neither slack nor solid"
@@ -311,7 +327,7 @@ def spring_elongation(spring: Spring, F: float) -> float:
 
 
 class Joint(NamedTuple):
-    """``r_m``, ``r_j`` [m], ``J_j`` [kg·m²], ``B_j`` [N·m·s/rad]."""
+    """Joint: ``r_m``, ``r_j`` [m], ``J_j`` [kg·m²], ``B_j`` [N·m·s/rad]."""
 
     r_m: float
     r_j: float
@@ -321,43 +337,48 @@ class Joint(NamedTuple):
 
 @compiled
 def elongation_A(joint: Joint, theta_A: float, q: float) -> float:
-    """Elongation of spring A [m] (equation 1)."""
+    """Return the elongation of spring A [m] (equation 1)."""
     return joint.r_m * theta_A - joint.r_j * q
 
 
 @compiled
 def elongation_B(joint: Joint, theta_B: float, q: float) -> float:
-    """Elongation of spring B [m] (equation 2)."""
+    """Return the elongation of spring B [m] (equation 2)."""
     return joint.r_m * theta_B + joint.r_j * q
 
 
 @compiled
 def joint_acceleration(joint: Joint, q_dot: float, F_A: float, F_B: float, tau_ext: float) -> float:
-    """Q'' [rad/s²]: J_j q'' + B_j q' = r_j (F_A − F_B) + tau_ext (equations 5, 13)."""
+    """Return q'' [rad/s²]: J_j q'' + B_j q' = r_j (F_A − F_B) + tau_ext.
+
+    Equations 5 and 13.
+    """
     return (joint.r_j * (F_A - F_B) + tau_ext - joint.B_j * q_dot) / joint.J_j
 
 
 @compiled
 def joint_stiffness(joint: Joint, spring_A: Spring, spring_B: Spring, x_A: float, x_B: float) -> float:
-    """S = −∂φ/∂q = r_j² (F_A'(x_A) + F_B'(x_B)) [N·m/rad] (equation 14; exact off equilibrium too, erratum E4)."""
+    """Return S = −∂φ/∂q = r_j² (F_A'(x_A) + F_B'(x_B)) [N·m/rad] (equation 14).
+
+    Exact off equilibrium too (erratum E4).
+    """
     return joint.r_j**2 * (tendon_tension_slope(spring_A, x_A) + tendon_tension_slope(spring_B, x_B))
 
 
 # Obstacle ------------------------------------------------------------------------------------------
 #
-# An obstacle in the joint's way: a wall that gives way like a spring with damping, and never pulls.
-# Pure.
+# An obstacle for the joint: a wall that deforms like a spring with damping and never pulls.
 #
-# The contact law is that of Hunt and Crossley (1975), linear in the depth: F = k δ (1 + c δ') while
-# δ > 0 and never below 0. Its force begins and ends at 0, where a spring with a damper beside it
-# jumps at the touch and sticks at the end. On a rate of approach v it gives back the speed -w with
-# c v − ln(1 + c v) = −c w − ln(1 − c w), whatever stiffness and mass.
+# The contact law is that of Hunt and Crossley (1975), linear in the depth: F = k δ (1 + c δ') while δ > 0, and never
+# below 0. Its force starts and ends at 0, whereas a spring with a parallel damper jumps at first contact and pulls at
+# the end. The rebound speed w after an approach at speed v follows from c v − ln(1 + c v) = −c w − ln(1 − c w),
+# independent of stiffness and mass.
 
 
 class Obstacle(NamedTuple):
-    """A wall at ``q_wall`` [rad]. ``side``: 1 stands above it and lets the joint be below, -1 below, 0 is no wall.
+    """Wall at ``q_wall`` [rad]; it blocks the joint above (``side`` 1) or below (-1).
 
-    ``k_wall`` [N/m] is its stiffness and ``c_wall`` [s/m] its damping, both where the tendon runs, tangential at r_j.
+    ``side`` 0 is no wall. ``k_wall`` [N/m] is its stiffness and ``c_wall`` [s/m] its damping, both tangential at r_j.
     """
 
     side: float
@@ -371,23 +392,29 @@ NO_OBSTACLE = Obstacle(0.0, 0.0, 0.0, 0.0)
 
 @runtime_checkable
 class Obstructed(Protocol):
-    """A plant in whose way a wall can be put (what is simulated)."""
+    """Plant with an obstacle that can be set (simulated plants)."""
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
-        """Put a wall in the joint's way from the next period on, None takes it away. PlantError for what cannot be."""
+        """Set the wall from the next period on, None removes it.
+
+        Raises PlantError for an impossible wall.
+        """
         ...
 
 
 K_LEAST = 100.0
-"""Least stiffness of a wall [N/m]; a softer one would let the whole joint's range through."""
+"""Least stiffness of a wall [N/m]; a softer one would not stop the joint within its range."""
 
 STEP_ANGLE = 0.15
-"""Largest angle [rad] by which the undamped joint at the wall oscillates in an integration step: 21 in each contact."""
+"""Largest phase angle [rad] per integration step of the undamped joint at the wall: 21 steps in each contact."""
 
 
 @compiled
 def contact_force(obstacle: Obstacle, joint: Joint, q: float, q_dot: float) -> float:
-    """Force [N] of the wall on the joint at r_j, positive towards +q; 0 without contact and without a wall."""
+    """Return the force [N] of the wall on the joint at r_j, positive towards +q.
+
+    0 without contact and without a wall.
+    """
     depth = joint.r_j * obstacle.side * (q - obstacle.q_wall)
     if depth <= 0.0 or obstacle.side == 0.0:
         return 0.0
@@ -397,28 +424,37 @@ def contact_force(obstacle: Obstacle, joint: Joint, q: float, q_dot: float) -> f
 
 @compiled
 def add_wall_torque(obstacle: Obstacle, joint: Joint, q: float, q_dot: float, tau_ext: float) -> float:
-    """Return the external joint torque [N·m] with the wall's; to the last bit what it was where there is none."""
+    """Return the external joint torque [N·m] plus the wall's.
+
+    Without a wall the value is unchanged to the last bit.
+    """
     if obstacle.side == 0.0:
         return tau_ext
     return tau_ext + joint.r_j * contact_force(obstacle, joint, q, q_dot)
 
 
 def largest_wall_stiffness(joint: Joint, step_s: float) -> float:
-    """Stiffness [N/m] of the wall at which the joint alone turns its phase by STEP_ANGLE in a step of the integration.
+    """Return the wall stiffness [N/m] with a phase of STEP_ANGLE per integration step.
 
-    With m = J_j/r_j² it oscillates at √(k/m); the Runge-Kutta steps are stable up to an angle of 2.8 and off by less
-    than a thousandth of the peak up to this one.
+    The joint with m = J_j/r_j² oscillates at √(k/m). The Runge-Kutta steps are stable up to an angle of 2.8, and their
+    error is below a thousandth of the peak up to STEP_ANGLE.
     """
     return joint.J_j / joint.r_j**2 * (STEP_ANGLE / step_s) ** 2
 
 
 def largest_wall_damping(joint: Joint, F_max: float, step_s: float) -> float:
-    """Damping [s/m] that brakes the joint, pressed by F_max [N], with a time constant of one step: c F = m/h."""
+    """Return the largest useful wall damping [s/m]: c F = m/h with F = F_max.
+
+    It brakes the joint, pressed by F_max [N], with a time constant of one step.
+    """
     return joint.J_j / (joint.r_j**2 * step_s * F_max)
 
 
 def require_possible_wall(obstacle: Obstacle, joint: Joint, F_max: float, q_max: float, step_s: float) -> None:
-    """Raise PlantError for a wall that cannot be, or that steps of ``step_s`` [s] do not resolve on this joint."""
+    """Raise PlantError for a wall out of range or too stiff to be integrated.
+
+    The integration has steps of ``step_s`` [s].
+    """
     if obstacle.side not in (-1.0, 1.0):
         raise PlantError(f"side of the wall: {obstacle.side:g} is neither 1 (above q_wall) nor -1 (below it)")
     k_max, c_max = largest_wall_stiffness(joint, step_s), largest_wall_damping(joint, F_max, step_s)
@@ -439,7 +475,10 @@ def require_possible_wall(obstacle: Obstacle, joint: Joint, F_max: float, q_max:
 
 
 def require_free(obstacle: Obstacle, q: float) -> None:
-    """Raise PlantError for a wall that would stand where the joint is [rad]: it would be thrown out."""
+    """Raise PlantError if the joint, at q [rad], is inside the wall.
+
+    The wall would eject it.
+    """
     if not obstacle.side * (q - obstacle.q_wall) <= 0.0:
         where = "above" if obstacle.side < 0.0 else "below"
         raise PlantError(
@@ -468,9 +507,10 @@ class Dynamics(NamedTuple):
 
 
 class PlantState(NamedTuple):
-    """q [rad], q_dot [rad/s]; per motor angle [rad], speed [rad/s] and torque [N·m] at the gearbox outlet.
+    """q [rad], q_dot [rad/s]; of each motor angle, speed and torque at the outlet.
 
-    ``z_A``, ``z_B`` [rad]: deflection of the friction's bristles, 0 and unused where friction is smoothed.
+    In rad, rad/s and N·m. ``z_A``, ``z_B`` [rad]: deflection of the friction's bristles, 0 and unused if friction is
+    smoothed.
     """
 
     q: float
@@ -486,7 +526,7 @@ class PlantState(NamedTuple):
 
 
 def smooth_friction(plant: Dynamics) -> Dynamics:
-    """Return the plant with Coulomb friction that is smoothed where its own sticks."""
+    """Return the plant with smoothed Coulomb friction in place of static friction."""
     A, B = (motor._replace(friction=motor.friction._replace(lugre=None)) for motor in (plant.motor_A, plant.motor_B))
     return plant._replace(motor_A=A, motor_B=B)
 
@@ -504,7 +544,10 @@ def state_derivative(
     load: ShaftLoad,
     obstacle: Obstacle = NO_OBSTACLE,
 ) -> PlantState:
-    """dx/dt under motor voltages [V], external joint torque [N·m], shaft loads [N·m] and a wall (equations 1-13)."""
+    """Return dx/dt (equations 1-13).
+
+    Inputs are motor voltages [V], external joint torque [N·m], shaft loads [N·m] and a wall.
+    """
     r_m = plant.joint.r_m
     F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
     F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
@@ -543,7 +586,7 @@ def _axpy(h: float, d: PlantState, x: PlantState) -> PlantState:
 
 @compiled
 def _loads(plant: Dynamics, x: PlantState, load: ShaftLoad) -> tuple[float, float]:
-    """Load torques [N·m] at both outlets."""
+    """Return the load torques [N·m] at both outlets."""
     F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
     F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
     return plant.joint.r_m * F_A + load.load_A, plant.joint.r_m * F_B + load.load_B
@@ -551,9 +594,9 @@ def _loads(plant: Dynamics, x: PlantState, load: ShaftLoad) -> tuple[float, floa
 
 @compiled
 def _bent(plant: Dynamics, x: PlantState, y: PlantState, h: float, load: ShaftLoad) -> PlantState:
-    """State y, reached from x in h [s], with its bristles.
+    """Return state y, reached from x in h [s], with its bristles advanced.
 
-    Where a motor turns fast they slip within less than a Runge-Kutta step: the exact solution takes them there.
+    On a fast motor bristles slip within less than a Runge-Kutta step; the exact solution is used for them.
     """
     A, B = plant.motor_A.friction, plant.motor_B.friction
     if A.lugre is None and B.lugre is None:
@@ -596,7 +639,10 @@ def advance_state(
     load: ShaftLoad = NO_LOAD,
     obstacle: Obstacle = NO_OBSTACLE,
 ) -> PlantState:
-    """State after ``duration_s`` under held inputs, by ``substeps`` classical Runge-Kutta steps."""
+    """Return the state after ``duration_s`` [s] under constant inputs.
+
+    Integrates with ``substeps`` classical Runge-Kutta steps.
+    """
     h = duration_s / substeps
     for _ in range(substeps):
         d1 = state_derivative(plant=plant, x=x, u_A=u_A, u_B=u_B, tau_ext=tau_ext, load=load, obstacle=obstacle)
@@ -631,10 +677,10 @@ Array = NDArray[np.float64]
 
 
 def tabulated_spring(x: Array, F: Array, x_solid: float, k_solid: float) -> Spring:
-    """Spring through measured points (elongation [m], force [N]) by monotone cubic interpolation (Fritsch-Carlson).
+    """Return a spring through measured points (elongation [m], force [N]).
 
-    The first point is at zero force; ``x_solid``, where the coils touch, lies inside the table. Raises ValueError for
-    points that do not rise.
+    Interpolates by monotone cubics (Fritsch-Carlson). The first point is at zero force; ``x_solid``, at which the coils
+    touch, lies inside the table. Raises ValueError for points that do not rise.
     """
     if x.ndim != 1 or x.shape != F.shape or x.size < 3:
         raise ValueError(
@@ -664,7 +710,10 @@ def tabulated_spring(x: Array, F: Array, x_solid: float, k_solid: float) -> Spri
 
 
 def _monotone_slopes(h: Array, secant: Array) -> Array:
-    """Slopes at the nodes of a table: weighted harmonic means inside, limited three-point formula at the ends."""
+    """Return the slopes at the nodes of a table.
+
+    Weighted harmonic means inside, the limited three-point formula at the ends.
+    """
     w_left, w_right = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
     inner = (w_left + w_right) / (w_left / secant[:-1] + w_right / secant[1:])
 

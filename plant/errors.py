@@ -1,11 +1,11 @@
-"""The root of all errors of Sinew, and the categories by which interface and command line answer them."""
+"""Base class of Sinew's errors, and categories for interface and command line."""
 
 from enum import StrEnum
 from typing import Any
 
 
 class ErrorCode(StrEnum):
-    """Category of an error; the value is the code that programs see where nothing narrower is said."""
+    """Category of an error; the value is the code in responses without a narrower one."""
 
     MALFORMED = "bad_request"
     NOT_SIGNED_IN = "not_signed_in"
@@ -19,19 +19,22 @@ class ErrorCode(StrEnum):
 
 
 class SinewError(Exception):
-    """An error whose message is for the person who asked.
+    """Error whose message is meant for the person who made the request.
 
-    ``category`` decides the status of an answer. An error without one is a mistake of the program: the interface
-    answers 500 and the command line shows where it happened.
+    ``category`` selects the status of the response. An error without one is a programming error: the interface responds
+    with 500 and the command line prints the traceback.
     """
 
     category: ErrorCode | None = None
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Fields of the answer beside the message: code, and what is known of the refused value."""
+        """Fields of the response besides the message.
+
+        The code, and facts about the rejected value.
+        """
         return {"code": str(self.category or "internal_error")}
 
 
 class InvariantError(SinewError):
-    """A state that must not be: a mistake of the program, whoever asked for what."""
+    """Violated invariant: a programming error, whatever was requested."""

@@ -1,4 +1,4 @@
-"""Make the plant that was chosen."""
+"""Construction of the plant that a PlantChoice names."""
 
 from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
@@ -15,24 +15,24 @@ from plant.wiring import Wiring, WiringError, load_wiring
 
 # Packages ------------------------------------------------------------------------------------------
 #
-# Plants that installed packages bring along: entry points of the group ``sinew.plants``.
+# Plants of installed packages: entry points of the group ``sinew.plants``.
 
 
 GROUP = "sinew.plants"
 
 Maker = Callable[[PlantParameters, int], Plant]
-"""What an entry point names: (parameters, seed) -> a plant that is not yet open."""
+"""Object of an entry point: (parameters, seed) -> a plant that is not yet open."""
 
 ATTRIBUTES: tuple[str, ...] = (
     *Plant.__annotations__,
     *(name for name, member in vars(Plant).items() if isinstance(member, property)),
 )
 METHODS: tuple[str, ...] = tuple(name for name, member in vars(Plant).items() if callable(member) and name[0] != "_")
-"""Parts of a Plant, as its protocol has them."""
+"""Attributes and methods that the Plant protocol requires."""
 
 
 def find_installed_plants() -> dict[str, list[EntryPoint]]:
-    """Return the plants of installed packages by their name; a name that two packages use has two."""
+    """Return the entry points of plants by name; a duplicate name has several."""
     plants: dict[str, list[EntryPoint]] = {}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
         plants.setdefault(entry.name, []).append(entry)
@@ -40,7 +40,10 @@ def find_installed_plants() -> dict[str, list[EntryPoint]]:
 
 
 def load_maker(name: str) -> Maker:
-    """Import what makes the plant called ``name``. Raises PlantError with what there is, or why it cannot be had."""
+    """Import the maker of the plant ``name``.
+
+    Raises PlantError with the known plants, or the reason why it is not available.
+    """
     known_plants = find_installed_plants()
     entries = known_plants.get(name, [])
     if not entries or name in {str(kind) for kind in PlantKind}:
@@ -68,7 +71,7 @@ def load_maker(name: str) -> Maker:
 
 
 def make_package_plant(name: str, parameters: PlantParameters, seed: int) -> Plant:
-    """Make the plant called ``name``. Raises PlantError, also for what is made but is no Plant."""
+    """Make the plant ``name``. Raises PlantError, also if the result is not a Plant."""
     maker = load_maker(name)
     (entry,) = find_installed_plants()[name]
     try:
@@ -87,7 +90,7 @@ def make_package_plant(name: str, parameters: PlantParameters, seed: int) -> Pla
 
 
 def find_missing_parts(plant: object) -> str:
-    """Return which parts of a Plant ``plant`` does not have, empty for a Plant."""
+    """Return the parts of the Plant protocol that ``plant`` lacks, empty for a Plant."""
     missing = [name for name in ATTRIBUTES if not hasattr(plant, name)]
     missing += [f"{name}()" for name in METHODS if not callable(getattr(plant, name, None))]
     return ", ".join(missing)
@@ -120,7 +123,7 @@ _NEEDS_EXTRA = (
 
 
 def require_available(choice: PlantChoice) -> None:
-    """Raise PlantError, in one line, where what the choice needs is not installed or cannot be read."""
+    """Raise a one-line PlantError if anything the choice needs is not available."""
     if choice.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD) and find_spec("nidaqmx") is None:
         raise PlantError(_NEEDS_EXTRA)
     if choice.kind is PlantKind.REPLAY:
@@ -140,15 +143,15 @@ def make_plant(
 ) -> Plant:
     """Make a plant, not yet open. Raises PlantError.
 
-    ``card`` holds the registers that outlive this process; None for a plant that is stepped as fast as it goes.
-    ``brought_up`` is what is known of a rig with this wiring; with ``drives_off`` its drives stay off as it is opened.
+    ``card`` holds the registers that outlive this process, None for a plant that is stepped as fast as possible.
+    ``brought_up`` are the results of commissioning a rig; with ``drives_off`` its drives stay off when it opens.
     """
-    if choice.kind not in (PlantKind.REPLAY, PlantKind.PACKAGE):  # these are looked at as they are made
+    if choice.kind not in (PlantKind.REPLAY, PlantKind.PACKAGE):  # these are checked when they are made
         require_available(choice)
     match choice.kind:
         case PlantKind.SIMULATOR:
             if card is not None:
-                card.start_watchdog()  # its process comes up while the rehearsal computes
+                card.start_watchdog()  # its process starts during the rehearsal
             return Simulator(parameters, seed, card=card)
         case PlantKind.RIG:
             return _rig(choice, card, brought_up, drives_off)
@@ -162,7 +165,7 @@ def make_plant(
             return make_package_plant(choice.package, parameters, seed)
 
 
-# What follows imports NI's package, which is not there in every installation.
+# The functions below import NI's package, which is an optional dependency.
 
 
 def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp, drives_off: bool) -> Plant:
@@ -172,7 +175,7 @@ def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp, drives_o
     calibration = load_wiring_choice(choice)
     known = select_calibration(
         wiring_fingerprint(calibration), brought_up
-    )  # the file may have been edited since that was looked up
+    )  # the file may have changed since the results were looked up
     wiring = apply_calibration(calibration, known.calibrations)
     daq = Daq(wiring)
     if choice.address:
@@ -217,7 +220,7 @@ def _virtual_rig(
 
 
 def load_wiring_choice(choice: PlantChoice) -> Wiring:
-    """Return the wiring of a rig as its file says it. Raises PlantError."""
+    """Return the wiring of a rig from its file. Raises PlantError."""
     try:
         return load_wiring(choice.wiring)
     except WiringError as error:

@@ -1,4 +1,4 @@
-"""What the loop may ask of a plant, be it the rig, the simulator or a recording played back."""
+"""Interface between the control loop and a plant: rig, simulator or recording."""
 
 import math
 from dataclasses import dataclass
@@ -9,12 +9,11 @@ from plant.errors import ErrorCode, SinewError
 
 # Breakage ------------------------------------------------------------------------------------------
 #
-# Faults to order, by name: what a plant may be asked to break, so that every reaction of the loop
-# can be tried.
+# Faults that can be injected by name, to test every reaction of the control loop.
 
 
 class Sensor(StrEnum):
-    """A reading of the plant, by its name in ``Measurement``."""
+    """Sensor of the plant, by its name in ``Measurement``."""
 
     Q = "q"
     THETA_A = "theta_A"
@@ -24,9 +23,10 @@ class Sensor(StrEnum):
 
 
 class Breakage(StrEnum):
-    """What breaks. The first five are about one sensor; those from LATE to WATCHDOG_DEATH and LOST_SAMPLE happen once.
+    """Kind of an injected fault. The first five concern one sensor.
 
-    All others last until they are mended. From DEVICE_GONE on only a card has them: they are tried on the virtual card.
+    LATE to WATCHDOG_DEATH and LOST_SAMPLE happen once, all others last until they are cleared. DEVICE_GONE and the
+    kinds after it exist on a card only; the virtual card injects them.
     """
 
     NO_NUMBER = "no_number"
@@ -52,24 +52,24 @@ class Breakage(StrEnum):
 
 @dataclass(frozen=True)
 class Broken:
-    """One thing to break; ``sensor`` counts where ``kind`` is about a sensor."""
+    """Fault to inject; ``sensor`` is used if ``kind`` concerns a sensor."""
 
     kind: Breakage
     sensor: Sensor = Sensor.Q
 
     @property
     def words(self) -> str:
-        """What is broken, as a person reads it: "drift up of θ_A"."""
+        """Text for people, such as "drift up of θ_A"."""
         kind = str(self.kind).replace("_", " ")
         named = self.kind in (*ON_SENSORS, *_AT_TERMINALS)
         return f"{kind} of {str(self.sensor).replace('theta', 'θ')}" if named else kind
 
 
 ONLY_OF_A_CARD = tuple(Breakage)[tuple(Breakage).index(Breakage.DEVICE_GONE) :]
-"""What a simulator without a card does not have."""
+"""Faults that a simulator without a card does not have."""
 
 ON_SENSORS = (Breakage.NO_NUMBER, Breakage.STUCK, Breakage.JUMP, Breakage.DRIFT_UP, Breakage.DRIFT_DOWN)
-"""What is done to one reading on its way to the loop."""
+"""Faults that change one reading."""
 
 _AT_TERMINALS = (Breakage.SATURATION, Breakage.LOST_COUNTS)
 
@@ -85,8 +85,8 @@ class Measurement(NamedTuple):
     """One reading of the plant. SI units: rad, N, N·m/rad.
 
     ``S_true``, ``F_push`` and ``F_wall``, the force of an obstacle on the joint at r_j, are known to the simulator
-    only; the rig reports nan, 0 and nan. ``safety_trip`` is 1.0 once the independent safety module has cut the motors,
-    else 0.0.
+    only; the rig reports NaN, 0 and NaN. ``safety_trip`` is 1.0 once the independent safety module has disabled the
+    motors, else 0.0.
     """
 
     q: float
@@ -104,7 +104,7 @@ NOT_MEASURED = Measurement(*(9 * [math.nan]))
 
 
 class RawReading(NamedTuple):
-    """What a card said: volts of the load cells, counts of the encoders; nan where there is no card."""
+    """Raw values of a card: load cell volts, encoder counts; NaN without a card."""
 
     V_A: float
     V_B: float
@@ -117,7 +117,7 @@ NO_RAW = RawReading(*(5 * [math.nan]))
 
 
 class ShaftLoad(NamedTuple):
-    """Torques [N·m] that load the gearbox outlets besides the tendons, the way a tendon pulls; never below 0."""
+    """Torques [N·m] on the gearbox outlets, in the direction of the tendons; >= 0."""
 
     load_A: float
     load_B: float
@@ -143,23 +143,24 @@ class PlantError(SinewError):
 
 
 def require_numbers(command: MotorCommand) -> None:
-    """Raise PlantError for a voltage that is no number: no output has a place for it."""
+    """Raise PlantError for a voltage that is not finite: no output can represent it."""
     if not math.isfinite(command.u_A + command.u_B):
         raise PlantError(f"voltages of {command.u_A:g} and {command.u_B:g} V: both have to be numbers")
 
 
 class Plant(Protocol):
-    """The one road between the loop and what it controls.
+    """Interface between the control loop and what it controls.
 
-    A tick reads once and writes once. A simulator advances its physics by one period at each ``write``, so its
-    motion never depends on the wall clock; ``paces_loop`` is True for a plant whose ``read`` blocks until the next
-    sample is due (a hardware clock), False where the loop keeps the time. ``stepped`` is True where time passes with
-    the writes alone: it may be driven as fast as one likes. ``pushes`` and ``loads_shafts`` tell whether ``push``
-    and ``load`` are there.
-    ``unattended_max_s`` [s] is how long it may be left without a write while it is under control: the simulator
-    waits, a rig moves on. ``description`` says what is driven and how it is timed, for people; it is complete once the
-    plant is open. ``raw`` is what the newest measurement was made from. ``unready`` says why the plant may not be
-    controlled yet and what to do; empty when it may. ``plant/conformance.py`` checks all of it.
+    The loop reads and writes once per tick; ``plant/conformance.py`` checks the requirements.
+
+    - ``paces_loop``: ``read`` blocks until the next sample is due (hardware clock); otherwise the loop keeps the time.
+    - ``stepped``: time advances with the writes alone, so it can be stepped at any speed. A simulator advances by one
+      period at each ``write``, so its motion never depends on the wall clock.
+    - ``pushes``, ``loads_shafts``: whether ``push`` and ``load`` are supported.
+    - ``unattended_max_s`` [s]: longest time without a write under control; a simulator waits, a rig moves on.
+    - ``description``: what is driven and how it is timed, for people; complete once the plant is open.
+    - ``raw``: raw values of the newest measurement.
+    - ``unready``: why the plant may not be controlled yet and what to do; empty if it may.
     """
 
     paces_loop: bool
@@ -172,11 +173,11 @@ class Plant(Protocol):
 
     @property
     def unready(self) -> str:
-        """Why it may not be controlled yet."""
+        """Why the plant may not be controlled yet; empty if it may."""
         ...
 
     def open(self) -> None:
-        """Connect, outputs at zero volts. Raises PlantError."""
+        """Connect and set zero volts. Raises PlantError."""
         ...
 
     def read(self) -> Measurement:
@@ -184,68 +185,76 @@ class Plant(Protocol):
         ...
 
     def write(self, command: MotorCommand) -> None:
-        """Put the voltages on the outputs until the next write. Raises PlantError."""
+        """Set the output voltages until the next write. Raises PlantError."""
         ...
 
     def push(self, F_push: float) -> None:
-        """Apply an external force [N], tangential at r_j, positive towards +q. PlantError where nothing can push."""
+        """Apply an external force [N], tangential at r_j, positive towards +q.
+
+        Raises PlantError if the plant cannot be pushed.
+        """
         ...
 
     def load(self, load: ShaftLoad) -> None:
-        """Load the motors' shafts. PlantError where nothing can load them to order (a rig)."""
+        """Load the motor shafts. Raises PlantError if the plant cannot (a rig)."""
         ...
 
     def inject(self, broken: Broken | None) -> None:
-        """Break something, None to mend it. PlantError where nothing can be broken to order (a rig)."""
+        """Inject a fault, None clears all. Raises PlantError if the plant cannot (a rig)."""
         ...
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
-        """Say where joint and motors stand now [rad], from the next reading on; at zero volts only.
+        """Set the current positions of joint and motors [rad]; at zero volts only.
 
-        ``at_switch``: only while the joint holds its end switch. Raises PlantError, also where positions are known.
+        They apply from the next reading on. ``at_switch``: only while the joint holds its end switch. Raises
+        PlantError, also if the positions are known already.
         """
         ...
 
     def acknowledge(self) -> None:
-        """Re-arm safety module and watchdog after the cause is gone. Raises PlantError while it is not."""
+        """Re-arm safety module and watchdog. Raises PlantError while the cause persists."""
         ...
 
     def close(self) -> None:
-        """Zero volts, then let go of the hardware. Safe to call twice."""
+        """Set zero volts, then release the hardware. Safe to call twice."""
         ...
 
 
 @runtime_checkable
 class SupportsDriveEnable(Protocol):
-    """A plant whose drives can be taken away while people have their hands in it."""
+    """Plant whose drives can be disabled while people work at it."""
 
     def switch_drives(self, *, on: bool) -> None:
-        """Set the drive-enable line; off, it stays off until it is switched on, also over a reset. PlantError.
+        """Set the drive-enable line. Raises PlantError.
 
-        Off at any time, also where a watchdog has taken it away already; on at zero volts only.
+        Switched off, it stays off until it is switched on, also across a reset. Switching off is possible at any time,
+        also after a watchdog has disabled it; switching on at zero volts only.
         """
         ...
 
 
 @runtime_checkable
 class HasWiring(Protocol):
-    """A plant behind a card; ``wired`` is the fingerprint of the wiring file as it was read for it."""
+    """Plant behind a card; ``wired`` is the fingerprint of its wiring file as loaded."""
 
     wired: str
 
 
 @runtime_checkable
 class SupportsDirectionCheck(Protocol):
-    """A plant whose motors' directions have to be proven before it may be controlled."""
+    """Plant whose motor directions must be proven before it may be controlled."""
 
     def prove_directions(self, *, proven: bool) -> None:
-        """Take note whether the motors are known to turn as the wiring says."""
+        """Set whether the motors are known to turn as the wiring file says."""
         ...
 
 
 @runtime_checkable
 class HasLimitSwitch(Protocol):
-    """A plant whose joint can be driven to an end switch; ``zeroed`` tells that its encoder counts from its middle."""
+    """Plant with an end switch of the joint.
+
+    ``zeroed``: the joint encoder counts from the middle of the range.
+    """
 
     zeroed: bool
 
@@ -256,26 +265,26 @@ class HasLimitSwitch(Protocol):
 
     @property
     def unproven(self) -> str:
-        """Why its motors may not be driven yet, even where no position is known; empty where they may."""
+        """Why its motors may not be driven even slowly; empty if they may."""
         ...
 
 
 # Choice --------------------------------------------------------------------------------------------
 #
-# Which plant is to be driven, as one says it at the start and as every run remembers it.
+# Selection of the plant, as given at the start and stored with every run.
 
 
 DEFAULT_WIRING = "pcie-6323"
 
 NAME_MAX = 100
-"""Longest name of a plant [characters]: every run remembers it whole."""
+"""Longest name of a plant [characters]: every run stores it whole."""
 
 FILE_NAME_MAX = 200
-"""Longest name of a file with parameters or a wiring [characters], without its ending: runs remember it whole."""
+"""Longest name of a parameter or wiring file [characters], without its suffix: runs store it whole."""
 
 
 class PlantKind(StrEnum):
-    """What is behind the Plant interface."""
+    """Kind of a plant."""
 
     SIMULATOR = "simulator"
     RIG = "rig"
@@ -286,9 +295,10 @@ class PlantKind(StrEnum):
 
 @dataclass(frozen=True)
 class PlantChoice:
-    """One plant: ``wiring`` and ``address`` (of a device server) count for a card, the others for their kind.
+    """Selection of one plant.
 
-    ``recording`` is a file, ``package`` the name of an entry point of the group ``sinew.plants``.
+    ``wiring`` and ``address`` (of a device server) apply to a card, ``recording``, a file, to a replay, and
+    ``package``, the name of an entry point of the group ``sinew.plants``, to a package.
     """
 
     kind: PlantKind = PlantKind.SIMULATOR
@@ -299,16 +309,16 @@ class PlantChoice:
 
     @property
     def name(self) -> str:
-        """What a run remembers, and what stands on badge, report and export."""
+        """Name that runs store, and that badges, reports and exports show."""
         return self.package if self.kind is PlantKind.PACKAGE else str(self.kind).replace("_", " ")
 
     @property
     def simulated(self) -> bool:
-        """Whether what moves is computed: it can be pushed, and broken to order."""
+        """Whether the motion is computed: pushes and faults can be injected."""
         return self.kind in (PlantKind.SIMULATOR, PlantKind.VIRTUAL_CARD)
 
 
 SIMULATOR = PlantChoice()
 
 SIMULATED = frozenset(choice.name for kind in PlantKind if (choice := PlantChoice(kind)).simulated)
-"""Names of the plants of which every run has a seed."""
+"""Names of the plants whose runs have a seed."""

@@ -1,4 +1,4 @@
-"""Newtons from the volts of one load cell, as the wiring says it was calibrated."""
+"""Conversion of one load cell's volts to newtons by its calibration."""
 
 import math
 from bisect import bisect_right
@@ -9,7 +9,7 @@ from plant.wiring import BEYOND_TABLE, LoadCellWiring
 
 
 class LoadCell:
-    """Newtons from volts, by slope and offset or along the pieces of a table."""
+    """Conversion from volts to newtons, by slope and offset or by a table."""
 
     def __init__(self, wired: LoadCellWiring) -> None:
         self._slope, self._offset = wired.slope, wired.offset
@@ -22,7 +22,7 @@ class LoadCell:
             self._low, self._high = first - beyond, last + beyond
 
     def force(self, V: float) -> float:
-        """Return the tension [N] behind V volts; nan beyond what was calibrated."""
+        """Return the tension [N] at V volts; NaN outside the calibrated range."""
         if not abs(V) < SATURATED_V:
             return math.nan
         if not self._pieces:

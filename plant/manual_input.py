@@ -1,4 +1,4 @@
-"""A person's hand at a rig that is computed: it turns joint and motors, pulls at load cells, sets a limit."""
+"""Simulated hand at a simulated rig."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -12,10 +12,11 @@ _MOTOR_V_PER_RAD, _MOTOR_V_S_PER_RAD, _MOTOR_MAX_V = 3.0, 0.3, 4.0
 
 @dataclass(frozen=True)
 class ManualInput:
-    """What hands do from now on: joint and motors brought to where they are named [rad], None: let alone.
+    """Positions and forces of the hand; None leaves a part alone.
 
-    ``pull_A``, ``pull_B`` [N] pull at the load cells, as a weight does that hangs there. ``F_limit`` [N] is the tension
-    at which the safety module trips, None: its own.
+    ``q``, ``theta_A``, ``theta_B`` [rad]: where joint and motors are moved. ``pull_A``, ``pull_B`` [N]: pull at the
+    load cells, as by a hanging weight. ``F_limit`` [N]: tension at which the safety module trips, None for its own
+    limit.
     """
 
     q: float | None = None
@@ -26,13 +27,13 @@ class ManualInput:
     F_limit: float | None = None
 
     def compute_push(self, x: PlantState) -> float:
-        """Return the force at the joint [N]."""
+        """Return the force on the joint [N]."""
         if self.q is None:
             return 0.0
         return _limit(_JOINT_N_PER_RAD * (self.q - x.q) - _JOINT_N_S_PER_RAD * x.q_dot, _JOINT_MAX_N)
 
     def compute_torques(self, x: PlantState) -> MotorCommand:
-        """Return the torques at both motors, as the voltages that would give them [V]."""
+        """Return the torques on both motors, as the voltages that would produce them [V]."""
         return MotorCommand(
             _compute_motor_voltage(self.theta_A, x.theta_A, x.omega_A),
             _compute_motor_voltage(self.theta_B, x.theta_B, x.omega_B),
@@ -44,10 +45,10 @@ NO_HAND = ManualInput()
 
 @runtime_checkable
 class Handled(Protocol):
-    """A plant that hands of this program can reach: what moves is computed."""
+    """Plant that a simulated hand can act on: its motion is computed."""
 
     def by_hand(self, hand: ManualInput) -> None:
-        """Let ``hand`` act from the next period on."""
+        """Apply ``hand`` from the next period on."""
         ...
 
 

@@ -1,6 +1,6 @@
-"""Parameter sets of the plant: frozen dataclasses loaded from TOML, each number with its unit and its source.
+"""Parameter sets of the plant, loaded from TOML with units and sources.
 
-``motor`` and ``spring`` are the true plant, ``identified`` is what the controller knows of it. A section such as
+``motor`` and ``spring`` are the true plant, ``identified`` is the controller's knowledge of it. A section such as
 ``motor_B`` gives entries of ``motor`` that differ on side B.
 """
 
@@ -29,37 +29,39 @@ from plant.interface import FILE_NAME_MAX, T_s
 
 # Parameter entries ---------------------------------------------------------------------------------
 #
-# Reading one section of a parameter file: each number with unit and source, refused by name when
-# out of bounds.
+# Parsing of one section of a parameter file: each number has a unit and a source, and errors name the entry.
 
 
 Value = float | tuple[float, ...] | tuple[tuple[float, ...], ...]
 
 
 class ParameterError(SinewError, ValueError):
-    """A parameter file is missing, incomplete or out of bounds; the message names the entry and the remedy."""
+    """Parameter file that is missing, incomplete or out of bounds.
+
+    The message names the entry and the remedy.
+    """
 
     category = ErrorCode.BAD_VALUE
 
 
 def quantity(unit: str, minimum: float = -math.inf, maximum: float = math.inf) -> Any:
-    """Field of a section: a number, or a list of numbers, with its unit and bounds."""
+    """Return a field for a number or a list of numbers, with unit and bounds."""
     return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, "optional": False, "width": None})
 
 
 def optional_quantity(unit: str, minimum: float, maximum: float) -> Any:
-    """Field of a section: a number with its unit and bounds, or left out."""
+    """Return an optional field for a number, with unit and bounds."""
     metadata = {"unit": unit, "minimum": minimum, "maximum": maximum, "optional": True, "width": None}
     return field(default=0.0, metadata=metadata)
 
 
 def alternative(unit: str, width: int | None = None) -> Any:
-    """Field of a section that may be left out: a list of numbers, or of rows of ``width`` numbers."""
+    """Return an optional field for a list of numbers, or of rows of ``width`` numbers."""
     return field(metadata={"unit": unit, "minimum": -math.inf, "maximum": math.inf, "optional": True, "width": width})
 
 
 def read_section(file: str, section: str, kind: type, table: Any) -> tuple[dict[str, Value], dict[str, str]]:
-    """Return what the table of a section gives: values and sources by entry. Raises ParameterError."""
+    """Return values and sources of a section by entry. Raises ParameterError."""
     known = {entry.name: entry for entry in fields(kind)}
     if not isinstance(table, dict):
         raise ParameterError(f"{file}: {section} = {table!r} must be a section: [{section}]")
@@ -79,7 +81,10 @@ def read_section(file: str, section: str, kind: type, table: Any) -> tuple[dict[
 
 
 def fill_defaults(file: str, section: str, kind: type, values: dict[str, Value]) -> dict[str, Value]:
-    """Return all entries of a section, those left out that may be as () or their default. Raises ParameterError."""
+    """Return all entries of a section with defaults, or (), for the optional ones.
+
+    Raises ParameterError for a missing entry.
+    """
     for entry in fields(kind):
         if entry.name not in values and not entry.metadata["optional"]:
             raise ParameterError(_describe_entry(f"{file}: {section}.{entry.name}", entry))
@@ -116,7 +121,7 @@ def _number(label: str, value: Any, entry: "Field[Any]") -> float:
 
 # Parameter sections --------------------------------------------------------------------------------
 #
-# The sections of a parameter file: frozen dataclasses, each entry with its unit and its bounds.
+# Sections of a parameter file, each entry with its unit and bounds.
 
 
 Side = Literal["A", "B"]
@@ -136,7 +141,10 @@ class Geometry:
 
 @dataclass(frozen=True)
 class SpringParameters:
-    """Force over elongation, as a polynomial (lowest power first) or as measured points, and where it turns solid."""
+    """Force over elongation, as a polynomial (lowest power first) or measured points.
+
+    ``x_solid`` is the elongation at which the spring turns solid.
+    """
 
     k: tuple[float, ...] = alternative("N/m^i")
     points: tuple[tuple[float, ...], ...] = alternative("m, N", width=2)
@@ -144,7 +152,7 @@ class SpringParameters:
     k_solid: float = quantity("N/m", 1.0, 1e6)
 
     def make_spring(self, factor: float = 1.0) -> Spring:
-        """Spring with its force multiplied by ``factor``. Raises ValueError."""
+        """Return the spring with its force multiplied by ``factor``. Raises ValueError."""
         if self.points:
             x, F = np.array(self.points).T
             return tabulated_spring(x, factor * F, self.x_solid, self.k_solid)
@@ -153,9 +161,9 @@ class SpringParameters:
 
 @dataclass(frozen=True)
 class MotorParameters:
-    """Geared motor seen at the gearbox outlet (equations 8, 9, 17), Coulomb friction, output range (±).
+    """Geared motor at its outlet (equations 8, 9, 17), friction, output range (±).
 
-    The last four make friction stick (LuGre); without ``sigma_0``, or where it is 0, it is smoothed.
+    The last four enable static friction (LuGre); if ``sigma_0`` is missing or 0, friction is smoothed.
     """
 
     K_m: float = quantity("rad/(V·s)", 1e-3, 1e3)
@@ -172,7 +180,7 @@ class MotorParameters:
     omega_s: float = optional_quantity("rad/s", 1e-4, 10.0)
 
     def make_motor(self, factor: float = 1.0) -> Motor:
-        """Motor with its torque constant multiplied by ``factor``."""
+        """Return the motor with its torque constant multiplied by ``factor``."""
         B_m = self.K_t / self.K_m
         lugre = LuGre(self.sigma_0, self.sigma_1, self.stiction_ratio, self.omega_s) if self.sigma_0 > 0.0 else None
         friction = Friction(self.c0, self.c1, self.omega_smooth, lugre)
@@ -180,13 +188,13 @@ class MotorParameters:
 
     @property
     def stiction(self) -> float:
-        """Torque that breaks it away, per Coulomb friction [1]; 1 where friction is smoothed."""
+        """Ratio of break-away torque to Coulomb friction [1]; 1 if friction is smoothed."""
         return self.stiction_ratio if self.sigma_0 > 0.0 else 1.0
 
 
 @dataclass(frozen=True)
 class Identified:
-    """What the controller knows of the motor (equation 17) and of the spring: results of their identification."""
+    """Identified motor (equation 17) and spring, as the controller uses them."""
 
     K_m: float = quantity("rad/(V·s)", 1e-3, 1e3)
     T_m: float = quantity("s", 1e-3, 10.0)
@@ -206,7 +214,10 @@ class Asymmetry:
 
 @dataclass(frozen=True)
 class Sensors:
-    """Encoder counts per revolution (0: exact), load cell delay and noise, converter resolution (0: exact)."""
+    """Encoder counts per revolution, load cell delay and noise, converter resolution.
+
+    Counts and resolution of 0 mean exact.
+    """
 
     joint_counts: float = quantity("1/rev", 0.0, 1e7)
     motor_counts: float = quantity("1/rev", 0.0, 1e7)
@@ -216,18 +227,21 @@ class Sensors:
 
     @property
     def joint_step(self) -> float:
-        """One count of the joint encoder [rad], 0 where it is exact."""
+        """One count of the joint encoder [rad], 0 if it is exact."""
         return 2.0 * math.pi / self.joint_counts if self.joint_counts else 0.0
 
     @property
     def motor_step(self) -> float:
-        """One count of a motor encoder [rad], 0 where it is exact."""
+        """One count of a motor encoder [rad], 0 if it is exact."""
         return 2.0 * math.pi / self.motor_counts if self.motor_counts else 0.0
 
 
 @dataclass(frozen=True)
 class Safety:
-    """Bound of the independent safety module on tendon force; the joint's is ``Geometry.q_max``."""
+    """Limit of the independent safety module on tendon force.
+
+    Its limit of the joint angle is ``Geometry.q_max``.
+    """
 
     F_max: float = quantity("N", 1.0, 1e4)
 
@@ -248,14 +262,17 @@ SIDED: dict[str, type] = {
 
 # Stiction checks -----------------------------------------------------------------------------------
 #
-# What a motor's numbers must have in common for its friction to stick.
+# Consistency of a motor's parameters for static friction.
 
 
 _COMPANIONS = ("sigma_1", "stiction_ratio", "omega_s")
 
 
 def require_stiction(label: str, motor: MotorParameters, *, is_given: bool) -> None:
-    """Raise ParameterError for friction that can neither stick nor be smoothed; ``given``: sigma_0 was, maybe as 0."""
+    """Raise ParameterError for inconsistent friction parameters.
+
+    ``is_given``: ``sigma_0`` is in the file, possibly as 0.
+    """
     if motor.sigma_0 == 0.0:
         others = [name for name in _COMPANIONS if getattr(motor, name) != 0.0]
         if others and not is_given:
@@ -275,7 +292,7 @@ def require_stiction(label: str, motor: MotorParameters, *, is_given: bool) -> N
 
 
 def _require_resolved_stiction(label: str, motor: MotorParameters) -> None:
-    """Refuse bristles on which the motor swings faster than a Runge-Kutta step can follow."""
+    """Raise ParameterError for bristles too stiff for the Runge-Kutta steps."""
     rate_max, J_m = SUBSTEPS / T_s, motor.make_motor().J_m
     for name, rate in (("sigma_0", math.sqrt(motor.sigma_0 / J_m)), ("sigma_1", motor.sigma_1 / J_m)):
         if rate > rate_max:
@@ -297,7 +314,7 @@ _FOLDER = Path(__file__).parent / "parameters"
 class PlantParameters:
     """One named parameter set.
 
-    ``sources`` maps "section.entry" to where the number comes from; ``sided`` maps a section such as "motor_B" to the
+    ``sources`` maps "section.entry" to the source of the number; ``sided`` maps a section such as "motor_B" to the
     entries in which that side differs.
     """
 
@@ -313,30 +330,30 @@ class PlantParameters:
     sided: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def select_spring(self, side: Side) -> SpringParameters:
-        """Spring of one side, without its asymmetry factor."""
+        """Return the spring of one side, without its asymmetry factor."""
         return replace(self.spring, **self.sided.get(f"spring_{side}", {}))
 
     def select_motor(self, side: Side) -> MotorParameters:
-        """Motor of one side, without its asymmetry factor."""
+        """Return the motor of one side, without its asymmetry factor."""
         return replace(self.motor, **self.sided.get(f"motor_{side}", {}))
 
     def select_identified(self, side: Side) -> Identified:
-        """Motor and spring of one side as the controller knows them."""
+        """Return the identified motor and spring of one side."""
         return replace(self.identified, **self.sided.get(f"identified_{side}", {}))
 
     def select_identified_spring(self, side: Side) -> SpringParameters:
-        """Spring of one side as the controller knows it; that it turns solid is the plant's own."""
+        """Return the identified spring of one side; where it turns solid is the plant's."""
         known = self.select_identified(side)
         return replace(self.select_spring(side), k=known.k, points=known.points)
 
     def make_identified_spring(self, side: Side) -> Spring:
-        """Return ``select_identified_spring`` ready for the compiled functions."""
+        """Return the identified spring of one side for the compiled functions."""
         return self.select_identified_spring(side).make_spring()
 
     def with_identified(self, sections: dict[str, dict[str, dict[str, Any]]]) -> "PlantParameters":
-        """Return the same plant of which the controller knows this, as ``document`` says it; as it is for nothing.
+        """Return the parameters with these identified sections, as in ``to_document``.
 
-        Raises ParameterError.
+        Returns itself for an empty mapping. Raises ParameterError.
         """
         if not sections:
             return self
@@ -346,7 +363,10 @@ class PlantParameters:
         return parse_parameters(self.name, sections_kept | sections)
 
     def make_dynamics(self) -> Dynamics:
-        """Constants of the simulated plant, asymmetry included. Source: method section 1."""
+        """Return the constants of the simulated plant (method section 1).
+
+        Factors of asymmetry included.
+        """
         factor = self.asymmetry
         return Dynamics(
             joint=self._make_joint(),
@@ -357,7 +377,7 @@ class PlantParameters:
         )
 
     def make_identified_dynamics(self) -> Dynamics:
-        """Constants of the plant as the controller knows it: identified motors and springs, no friction."""
+        """Return the constants as the controller knows them: identified, without friction."""
 
         def motor(side: Side) -> Motor:
             known = self.select_identified(side)
@@ -373,7 +393,7 @@ class PlantParameters:
         return Joint(g.r_m, g.r_j, g.J_j, g.B_j)
 
     def to_document(self) -> dict[str, dict[str, dict[str, Any]]]:
-        """Return all numbers by section and entry, each {value, unit, source}, as JSON can hold them."""
+        """Return all numbers by section and entry as {value, unit, source}, for JSON."""
         entries = {name: vars(getattr(self, name)) for name in SECTIONS} | self.sided
         return {
             section: {
@@ -390,16 +410,19 @@ class PlantParameters:
         }
 
     def _is_given(self, section: str, entry: "Field[Any]", entries: dict[str, Any]) -> bool:
-        """Whether a section gives an entry; the document omits what the file omits."""
+        """Return whether a section gives an entry; the document omits what the file omits."""
         value = entries.get(entry.name, ())
         return value != () and (value != entry.default or f"{section}.{entry.name}" in self.sources)
 
 
 def load_parameters(name_or_path: str | Path) -> PlantParameters:
-    """Load a set of ``SHIPPED`` or a TOML file. Raises ParameterError naming the entry, its bound and unit."""
+    """Load a set of ``SHIPPED`` or a TOML file.
+
+    Raises ParameterError naming the entry, its bound and unit.
+    """
     path = _FOLDER / f"{name_or_path}.toml" if name_or_path in SHIPPED else Path(name_or_path)
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin a file with a BOM
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors write a BOM
     except OSError as error:
         shipped = ", ".join(SHIPPED)
         raise ParameterError(
@@ -416,7 +439,7 @@ def load_parameters(name_or_path: str | Path) -> PlantParameters:
 
 
 def parse_parameters(name: str, document: dict[str, Any], file: str = "") -> PlantParameters:
-    """Build the set called ``name`` from a document as ``PlantParameters.document`` gives it and TOML files hold it.
+    """Return the set ``name`` from a document of ``to_document`` or a TOML file.
 
     Raises ParameterError naming the entry, its bound and unit, and the ``file``.
     """
@@ -441,7 +464,10 @@ def parse_parameters(name: str, document: dict[str, Any], file: str = "") -> Pla
 
 
 def _only_one_curve(entries: dict[str, Value]) -> dict[str, Value]:
-    """Let a polynomial given for one side take the place of the points for both, and the other way round."""
+    """Let a curve of one side replace a curve of the other kind for both sides.
+
+    A polynomial replaces points, and points replace a polynomial.
+    """
     if "k" in entries:
         return {"points": (), **entries}
     return {"k": (), **entries} if "points" in entries else entries

@@ -1,4 +1,4 @@
-"""A recording played back as a Plant: what was measured comes again, whatever is written."""
+"""Replay of a recording as a Plant: measurements do not depend on what is written."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -29,20 +29,23 @@ from plant.interface import (
 Signal = NDArray[np.float64]
 
 UNITS = {"t": "s", "q": "rad", "theta_A": "rad", "theta_B": "rad", "F_A": "N", "F_B": "N", "u_A": "V", "u_B": "V"}
-"""Columns that a recording has to have, with their units."""
+"""Columns that a recording must have, with their units."""
 
 FURTHER = ("S_true", "F_push", "F_wall", "V_A", "V_B", "n_q", "n_A", "n_B", "fault")
-"""Columns that are used where they are there; else nan, and 0 for ``F_push`` and ``fault``."""
+"""Optional columns; if missing they are NaN, ``F_push`` and ``fault`` 0."""
 
 _MEASURED = ("q", "theta_A", "theta_B", "F_A", "F_B")
 _LARGEST = {"q": np.pi, "u_A": 10.0, "u_B": 10.0}
 _JITTER = 0.1
-"""Part of a period that two times may be off."""
+"""Permitted deviation of a time step [periods]."""
 
 
 @dataclass(frozen=True)
 class RecordedSamples:
-    """Samples by column name, shape (N,) each, one every millisecond; further columns of the file as they are."""
+    """Samples by column name, shape (N,) each, one every millisecond.
+
+    Includes further columns of the file that hold numbers.
+    """
 
     path: Path
     columns: dict[str, Signal]
@@ -52,22 +55,25 @@ class RecordedSamples:
 
     @property
     def duration_s(self) -> float:
-        """How long it is [s]."""
+        """Duration [s]."""
         return len(self) * T_s
 
 
 _preloaded: dict[Path, tuple[tuple[int, int], RecordedSamples]] = {}
-"""What was read before it is asked for, with time of change [ns] and size [bytes] of the file."""
+"""Recordings read in advance, with modification time [ns] and size [bytes] of the file."""
 
 
 def preload_replay(path: str | Path) -> None:
-    """Read a recording ahead of the next ``load_recording`` of this process. Raises PlantError as that does."""
+    """Read a recording in advance of ``load_replay``. Raises PlantError as that does."""
     path = Path(path)
     _preloaded[path] = _get_file_stamp(path), _read_recording(path)
 
 
 def load_replay(path: str | Path) -> RecordedSamples:
-    """Read a recording. Raises PlantError that says what is wrong with the file, where, and what it has to hold."""
+    """Read a recording.
+
+    Raises PlantError with the error in the file, its position, and what the file must contain.
+    """
     path = Path(path)
     stamp, recording = _preloaded.pop(path, (None, None))
     return recording if recording is not None and stamp == _get_file_stamp(path) else _read_recording(path)
@@ -77,7 +83,7 @@ def _get_file_stamp(path: Path) -> tuple[int, int]:
     try:
         status = path.stat()
     except OSError:
-        return 0, 0  # reading it says what is wrong
+        return 0, 0  # reading the file reports the error
     return status.st_mtime_ns, status.st_size
 
 
@@ -101,7 +107,7 @@ def _make_replay_error(path: Path, problem: str) -> PlantError:
 
 
 def _read_table(path: Path) -> Any:
-    # Read by a library that is large to import: only who plays a recording waits for it.
+    # pyarrow is large, so only a replay imports it.
     import pyarrow as pa
     import pyarrow.csv
     import pyarrow.parquet
@@ -119,11 +125,11 @@ def _read_table(path: Path) -> Any:
 
 
 def _count_comment_lines(path: Path) -> int:
-    """Return the number of comment lines before the heading; they begin with #."""
+    """Return the number of lines with # before the header."""
     with path.open("rb") as lines:
         stripped = (
             line.removeprefix(b"\xef\xbb\xbf") for line in lines
-        )  # editors put a byte order mark before the first
+        )  # some editors write a BOM before the first line
         return next((number for number, line in enumerate(stripped) if not line.startswith(b"#")), 0)
 
 
@@ -146,7 +152,7 @@ def _read_column(path: Path, table: Any, name: str, unit: str = "") -> Signal:
 
 
 def _read_optional_columns(table: Any, names: set[str]) -> dict[str, Signal]:
-    """Return columns that nothing is asked of: those that hold numbers, once each."""
+    """Return the optional columns: those that hold numbers and occur once."""
     import pyarrow as pa
 
     found = {}
@@ -175,7 +181,10 @@ def _check_times(path: Path, t: Signal) -> None:
 
 
 def _check_values(path: Path, columns: dict[str, Signal]) -> None:
-    """Raise PlantError for what was not measured; a sensor without a number may be, where the loop latched a fault."""
+    """Raise PlantError for missing or implausible values.
+
+    A sensor value may be missing while a fault is latched.
+    """
     t, fault = columns["t"], columns["fault"]
     for name, unit in UNITS.items():
         values = columns[name]
@@ -198,13 +207,16 @@ def _check_values(path: Path, columns: dict[str, Signal]) -> None:
 
 
 SAFETY_MODULE = 12.0
-"""Number of the safety module's trip in the list of faults, as the column ``fault`` has it."""
+"""Code of the safety module's trip in the column ``fault``."""
 
 _REFUSED = "a recording is what it is: nothing can {} in it; choose the simulator for that"
 
 
 class ReplayDifference(NamedTuple):
-    """Largest difference between what was written and what the recording has [V]; at which output, at which t [s]."""
+    """Largest difference [V] between written and recorded voltage, with its place.
+
+    ``output`` is the name of the output, ``t`` the time [s].
+    """
 
     volts: float
     output: str
@@ -212,11 +224,11 @@ class ReplayDifference(NamedTuple):
 
 
 class Replay:
-    """A plant that moves on by one sample at each write and reads as it did then.
+    """A plant that advances by one recorded sample at each write.
 
-    It begins with its first sample when it is opened. At its end one reading fails and says so, with how far the
-    voltages written were from those recorded; from then on it stands at its first sample until it is acknowledged,
-    which plays it again. The encoders' zeros are those of the recording, which stays at hand as ``recording``.
+    It starts at its first sample when it is opened. At the end one reading raises PlantError, with the largest
+    difference between written and recorded voltages; after that it stays at its first sample until it is acknowledged,
+    which replays it. The encoders' zeros are those of the recording.
     """
 
     paces_loop = False
@@ -243,7 +255,7 @@ class Replay:
         self.raw = NO_RAW
 
     def open(self) -> None:
-        """Begin with the first sample."""
+        """Start at the first sample."""
         self._rewind()
 
     def _rewind(self) -> None:
@@ -252,7 +264,7 @@ class Replay:
         self._ended = False
 
     def read(self) -> Measurement:
-        """Return what was measured. Raises PlantError once, at the end."""
+        """Return the recorded measurement. Raises PlantError once, at the end."""
         if self.sample == self.samples:
             self.sample, self._ended = 0, True
             raise PlantError(self._describe_end())
@@ -265,7 +277,10 @@ class Replay:
         return f"the recording has ended after {self.samples} samples; {difference}"
 
     def write(self, command: MotorCommand) -> None:
-        """Move on by one sample, comparing with what was written then. Raises PlantError for what is no number."""
+        """Advance by one sample and compare the voltages with the recorded ones.
+
+        Raises PlantError for a voltage that is not finite.
+        """
         require_numbers(command)
         if self._ended or self.sample == self.samples:
             return
@@ -276,24 +291,24 @@ class Replay:
         self.sample += 1
 
     def push(self, F_push: float) -> None:
-        """Refuse."""
+        """Raise PlantError: a recording cannot be pushed."""
         raise PlantError(_REFUSED.format("be pushed"))
 
     def load(self, load: ShaftLoad) -> None:
-        """Refuse."""
+        """Raise PlantError: a recording cannot be loaded."""
         raise PlantError(_REFUSED.format("be loaded"))
 
     def inject(self, broken: Broken | None) -> None:
-        """Refuse."""
+        """Raise PlantError: faults cannot be injected into a recording."""
         raise PlantError(_REFUSED.format("be broken"))
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
-        """Refuse."""
+        """Raise PlantError: a recording has its zeros."""
         raise PlantError("a recording has its zeros: there is nothing to set in it")
 
     def acknowledge(self) -> None:
-        """Play from the first sample again."""
+        """Replay from the first sample."""
         self._rewind()
 
     def close(self) -> None:
-        """Nothing is driven, nothing to let go of."""
+        """Do nothing: no hardware is open."""

@@ -1,4 +1,4 @@
-"""The rig behind a DAQ card as a Plant: volts and counts on one side, radians and newtons on the other."""
+"""Rig behind a DAQ card as a Plant: converts between volts, counts and SI units."""
 
 import math
 import statistics
@@ -22,30 +22,30 @@ from plant.safety_card import Card, CardState, Stillness
 from plant.wiring import Wiring
 
 UNATTENDED = 0.8
-"""Part of the watchdog's time that the loop may be late, before it stops by itself."""
+"""Fraction of the watchdog's time that the loop may be late before it stops."""
 
 CYCLE_MAX_S = 0.7e-3
-"""Longest time that reading and writing once may take [s]: the rest of the period is for the control law."""
+"""Longest time of one read and write [s]: the rest of the period is for the control law."""
 
 TRIED_CYCLES = 50
-"""Over how many cycles that is measured when the card is opened."""
+"""Number of cycles in the timing test when the card is opened."""
 
 _PROOF_S = 0.3
-"""How much longer than its time the watchdog may take to show that it cuts the drives [s]."""
+"""Time that the proof test of the watchdog may take beyond the watchdog's time [s]."""
 
 _BEGINNINGS = 3
-"""How often the watchdog is started before a machine that pauses for longer than its time each time is refused."""
+"""Attempts to start the watchdog on a machine whose pauses are longer than the watchdog's time."""
 
 _SETTLING_S = 0.01
-"""How long a safety module may take to answer the drive-enable line [s]."""
+"""Response time of the safety module to the drive-enable line [s]."""
 
 
 class Rig:
-    """Two motors, two load cells and three encoders at one card; outputs are at zero volts but between two writes.
+    """Two motors, two load cells and three encoders at one card.
 
-    ``server`` is the address of the device server that it is reached through, if any. ``registers`` show other
-    processes what is known of the card. An encoder counts from where it stands at the start:
-    ``zero`` says where that is. With ``drives_off`` hands may be at it when it is opened.
+    Outputs are at zero volts until the first write. ``server`` is the address of its device server, if any.
+    ``registers`` show the state of the card to other processes. An encoder counts from its position at the start;
+    ``zero`` sets that position. With ``drives_off`` people may be working at the rig when it is opened.
     """
 
     stepped = False
@@ -88,8 +88,11 @@ class Rig:
 
     @property
     def unproven(self) -> str:
-        """Why its motors may not be driven by a loop yet, not even slowly to an end switch."""
-        if not self._cells_measured:  # first: a new calibration starts the loop anew, which costs the zero
+        """Why its motors may not be driven, even slowly to an end switch.
+
+        Empty if they may.
+        """
+        if not self._cells_measured:  # first, because a new calibration restarts the loop, which loses the zero
             return "the load cells have not been measured with this wiring: do tare and calibration of the bring-up"
         if not self._directions_proven:
             return "the motors' directions are not proven with this wiring: do the direction step of the bring-up"
@@ -97,7 +100,7 @@ class Rig:
 
     @property
     def unready(self) -> str:
-        """Why the loop may not be closed on it yet."""
+        """Why the loop may not be closed yet; empty if it may."""
         if self._cells_measured and not self.zeroed:
             return "the encoders count from where the rig stood when the loop started: set the zero in the bring-up"
         return self.unproven
@@ -108,16 +111,17 @@ class Rig:
         return self._last_reading is not None and self._last_reading.at_end
 
     def prove_directions(self, *, proven: bool) -> None:
-        """Take note whether the motors are known to turn as the wiring says."""
+        """Set whether the motors are known to turn as the wiring file says."""
         self._directions_proven = proven
 
     def switch_drives(self, *, on: bool) -> None:
-        """Set the drive-enable line, read it back; off, it stays off over a reset too, and the watchdog is fed on.
+        """Set the drive-enable line and check it by reading it back.
 
-        What was opened with the drives off has its watchdog tried before they come on, at zero volts, which takes the
-        watchdog's time. An expired watchdog has taken the line away already.
+        Off, it stays off across a reset too, and the watchdog is still fed. If the watchdog has not been tested since
+        the card was opened, it is tested at zero volts before the drives are switched on, which takes the watchdog's
+        time. A watchdog that has expired has disabled the line already. Raises PlantError.
         """
-        self._drives_requested = False  # also where the card does not obey: nothing is to bring them back by itself
+        self._drives_requested = False  # also if the card does not obey: nothing may switch the drives on automatically
         try:
             if on and not self._watchdog_proven:
                 self._prove_watchdog()
@@ -126,10 +130,10 @@ class Rig:
                 self._daq.enable(on=on)
             self._require_drive_enable(on=on)
         except PlantError:
-            with suppress(PlantError):  # what could not be read back is not to be left on
+            with suppress(PlantError):  # a line in an unknown state must not be left on
                 self._daq.enable(on=False)
             if not self._watchdog_proven:
-                with suppress(PlantError):  # it is fed on
+                with suppress(PlantError):  # the watchdog needs feeding
                     self._start_outputs(drives=False)
             raise
         self._drives_requested = on
@@ -140,9 +144,10 @@ class Rig:
             raise PlantError(f"the drive-enable line {failure}: look at what else is wired to it, hands away")
 
     def open(self) -> None:
-        """Reserve the card at zero volts, see that its watchdog cuts the drives, and enable them. Raises PlantError.
+        """Reserve the card, test its watchdog and enable the drives. Raises PlantError.
 
-        Where they are to be off, that is seen, and the watchdog is tried when somebody switches them on.
+        If the drives are to stay off, the line is checked instead, and the watchdog is tested when they are switched
+        on.
         """
         try:
             self._daq.open()
@@ -165,7 +170,7 @@ class Rig:
         return f"{self.wiring.title} as {self.wiring.card.device}{server}, {self._daq.timing}"
 
     def _prove_watchdog(self) -> None:
-        """See the drive-enable line itself fall: a watchdog that only says so cuts nothing."""
+        """Test that the watchdog disables the drive-enable line, not only reports it."""
         self._start_outputs(drives=True)
         line = self.wiring.drive_enable.line
         if not (self._daq.is_enabled or self._daq.is_expired):
@@ -203,7 +208,10 @@ class Rig:
         self.description += f", {cycle_ms:.2f} ms to read and write"
 
     def _start_outputs(self, *, drives: bool) -> None:
-        """Zero volts, a watchdog that counts from now, then the line, which one that has expired holds off."""
+        """Write zero volts, start the watchdog, then set the drive-enable line.
+
+        The order matters: an expired watchdog locks the line.
+        """
         self._write_outputs(ZERO_VOLTS)
         for attempts_left in reversed(range(_BEGINNINGS)):
             self._daq.start_watchdog()
@@ -211,12 +219,16 @@ class Rig:
                 self._daq.enable(on=drives)
                 break
             except PlantError:
-                if not (attempts_left and self._daq.is_expired):  # only a pause of this machine is tried again
+                # only a pause of this machine justifies another attempt
+                if not (attempts_left and self._daq.is_expired):
                     raise
         self._update_registers()
 
     def read(self) -> Measurement:
-        """Return what the sensors say now; a load cell at its end reads nan. Raises PlantError."""
+        """Return the current measurement; a saturated load cell reads NaN.
+
+        Raises PlantError.
+        """
         V_A, V_B, n_q, n_A, n_B, self._tripped, _ = self._last_reading = self._daq.read()
         self.raw = RawReading(V_A, V_B, n_q, n_A, n_B)
         (to_q, to_A, to_B), (q, theta_A, theta_B) = self._scales, self._zeros
@@ -233,9 +245,9 @@ class Rig:
         )
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
-        """Say where joint and motors stand now [rad]; from the next reading on.
+        """Set the current positions of joint and motors [rad], from the next reading on.
 
-        Raises PlantError before the first reading, and ``at_switch`` where the end switch is not held.
+        Raises PlantError before the first reading, and with ``at_switch`` if the end switch is not held.
         """
         if self._last_reading is None:
             raise PlantError("nothing has been read yet: read once, then say where joint and motors stand")
@@ -250,7 +262,10 @@ class Rig:
         self.zeroed = True
 
     def write(self, command: MotorCommand) -> None:
-        """Put out the voltages and feed the watchdog. PlantError; WatchdogExpiredError once it has cut the drives."""
+        """Write the voltages and feed the watchdog.
+
+        Raises PlantError, or WatchdogExpiredError once the watchdog has disabled the drives.
+        """
         require_numbers(command)
         try:
             self._write_outputs(command)
@@ -260,22 +275,25 @@ class Rig:
 
     def _write_outputs(self, command: MotorCommand) -> None:
         self._daq.write(self._gains[0] * command.u_A, self._gains[1] * command.u_B)
-        self._last_command = command  # a card that refuses a write keeps the volts of the one before
+        self._last_command = command  # if a write fails, the card keeps the previous voltages
 
     def push(self, F_push: float) -> None:
-        """Refuse: a rig is pushed by hand."""
+        """Raise PlantError: a rig is pushed by hand."""
         raise PlantError("a rig is pushed by hand, not by command")
 
     def load(self, load: ShaftLoad) -> None:
-        """Refuse: nothing here can load the shafts to order."""
+        """Raise PlantError: the rig cannot load its shafts."""
         raise PlantError("this rig cannot load its motors' shafts by itself: play it as a dry run")
 
     def inject(self, broken: Broken | None) -> None:
-        """Refuse: nothing of a rig is broken on purpose."""
+        """Raise PlantError: faults are not injected into a rig."""
         raise PlantError("nothing of a rig is broken to order: try it on the simulator or on the virtual card")
 
     def acknowledge(self) -> None:
-        """Start the watchdog anew; enable the drives, unless switched off. PlantError while the module is tripped."""
+        """Restart the watchdog; enable the drives unless they are switched off.
+
+        Raises PlantError while the safety module is tripped.
+        """
         self._daq.clear_expiration()
         self._daq.enable(on=False)
         time.sleep(_SETTLING_S)
@@ -287,7 +305,7 @@ class Rig:
         self._start_outputs(drives=self._drives_requested)
 
     def close(self) -> None:
-        """Zero volts, drives off, and let go of the card. Safe to call twice."""
+        """Write zero volts, disable the drives and release the card. Safe to call twice."""
         with suppress(PlantError):
             self._write_outputs(ZERO_VOLTS)
         self._daq.close()

@@ -1,11 +1,11 @@
-"""The output side of the simulated card: registers that outlive the loop process, and the watchdog that clears them.
+"""Output side of the simulated card: its registers and its watchdog.
 
-A card keeps its last voltages when the program that wrote them dies; what takes the drives away then is its watchdog,
-by the drive-enable line. So the imitation keeps its registers in shared memory and its watchdog in a process of its own
-(``python -m plant.safety_card FD``): a kill -9 of the loop leaves both as it would leave the card.
+A card keeps its last voltages when the program that wrote them dies; its watchdog then disables the drives through the
+drive-enable line. The simulated card therefore keeps its registers in shared memory and runs its watchdog in a separate
+process (``python -m plant.safety_card FD``): kill -9 of the loop has the same effect as with a real card.
 
-Each watches the other. The watchdog counts its looks, and a loop that sees the count stand still takes the drives away
-itself. Before the drives come on, the watchdog has to show that it cuts them.
+Loop and watchdog monitor each other. The watchdog counts its polls, and a loop that sees the count stop disables the
+drives itself. Before the drives are enabled, a proof test shows that the watchdog disables them.
 """
 
 import mmap
@@ -26,9 +26,9 @@ from plant.interface import MotorCommand, PlantError
 
 
 class Stillness:
-    """For how long something has not changed, to one who looks every ``period_s`` [s].
+    """Time since a value last changed, for a caller that polls every ``period_s`` [s].
 
-    A longer time between two looks counts as two periods: the machine stood still then, and nobody could have moved.
+    A longer time between two polls counts as two periods: the machine was paused, and the monitored process with it.
     """
 
     def __init__(self, period_s: float) -> None:
@@ -38,7 +38,10 @@ class Stillness:
         self.still_s = 0.0
 
     def update(self, value: Hashable, now_s: float | None = None) -> float:
-        """Return how long ``value`` has been the same [s]; ``now_s`` is the monotonic clock."""
+        """Return how long ``value`` has been the same [s].
+
+        ``now_s`` is the monotonic clock.
+        """
         now_s = time.monotonic() if now_s is None else now_s
         self.still_s = (
             self.still_s + min(now_s - self._checked_s, self._max_step_s) if value == self._last_value else 0.0
@@ -51,41 +54,42 @@ class Stillness:
 
 
 WATCHDOG_S = 0.5
-"""Without a write for so long [s] the watchdog clears the outputs. Virtual machines pause for up to 0.3 s."""
+"""Time without a write after which the watchdog clears the outputs [s]. Virtual machines pause for up to 0.3 s."""
 
 TRIAL_S = 0.1
-"""The watchdog's time while it is tried [s]: shorter, so that no start is the slower for it by more."""
+"""Watchdog time during the proof test [s], shorter so that it delays the start by no more."""
 
 POLL_S = 0.01
-"""How often the watchdog looks [s]."""
+"""Polling period of the watchdog [s]."""
 
 _WRITE_S = 1e-3
-"""How often the loop writes [s]."""
+"""Period of the loop's writes [s]."""
 
 _START_TIMEOUT_S = 20.0
-"""How long the watchdog's process may take to start [s], on a machine that is busy."""
+"""Time that the watchdog's process may take to start on a busy machine [s]."""
 
 _PRIORITY = 70
-"""Of SCHED_FIFO, above the loop's: a loop that runs wild must not keep its watchdog from looking."""
+"""SCHED_FIFO priority above the loop's: a runaway loop must not block its watchdog."""
 
 _WRITES, _U_A, _U_B, _ARMED, _ENABLED, _EXPIRED, _TRIPPED, _POLLS, _LIMIT_S, _DEAD, _MIRROR = range(11)
 _BYTES = 11 * 8
 
 
 class WatchdogExpiredError(PlantError):
-    """The card's watchdog has taken the drives away; only acknowledging brings them back."""
+    """The card's watchdog has disabled the drives; acknowledging enables them again."""
 
 
 class WatchdogDeadError(PlantError):
-    """Nobody would take the drives away if the loop died: they are off until a new watchdog has been started."""
+    """The watchdog is dead; the drives stay off until a new one has been started."""
 
 
 class CardState(NamedTuple):
-    """The registers as anybody may read them.
+    """Values of the registers, readable by every process.
 
-    ``writes`` and ``polls`` count the loop's writes and the watchdog's looks; ``watchdog_dead`` tells that the loop saw
-    these stand still. ``u_A``, ``u_B`` [V] are what reaches the motors: zero without drive-enable. The watchdog waits
-    ``watchdog_s`` for a write. A ``mirror`` tells what the loop last knew of a card that nobody else can look into.
+    ``writes`` and ``polls`` count the loop's writes and the watchdog's polls; ``watchdog_dead``: the loop saw the polls
+    stop. ``u_A``, ``u_B`` [V] are the voltages at the motors: zero without drive-enable. The watchdog expires after
+    ``watchdog_s`` [s] without a write. ``mirror``: the values are the loop's last knowledge of a card that no other
+    process can read.
     """
 
     writes: int
@@ -102,7 +106,7 @@ class CardState(NamedTuple):
 
 
 class Card:
-    """The registers behind a file descriptor of shared memory."""
+    """Registers in shared memory, identified by a file descriptor."""
 
     def __init__(self, fd: int) -> None:
         self.fd = fd
@@ -113,13 +117,13 @@ class Card:
 
     @classmethod
     def create(cls) -> "Card":
-        """Make registers, all zero: outputs at zero volts, drives off."""
+        """Create registers, all zero: outputs at zero volts, drives off."""
         fd = os.memfd_create("sinew-card")
         os.ftruncate(fd, _BYTES)
         return cls(fd)
 
     def state(self) -> CardState:
-        """Read the registers."""
+        """Return the values of the registers."""
         words = self._words
         enabled = bool(words[_ENABLED])
         u_A, u_B = (words[_U_A], words[_U_B]) if enabled else (0.0, 0.0)
@@ -131,23 +135,23 @@ class Card:
 
     @property
     def watchdog_pid(self) -> int | None:
-        """Process number of the watchdog that this object has started."""
+        """Process id of the watchdog that this object has started."""
         return None if self._watchdog is None else self._watchdog.pid
 
     def start_watchdog(self) -> None:
-        """Start the watchdog's process, which takes a moment to come up; the drives stay off."""
+        """Start the watchdog's process, without waiting for it; the drives stay off."""
         self._words[_LIMIT_S] = WATCHDOG_S
         self._watchdog = subprocess.Popen(
             [sys.executable, "-P", "-m", "plant.safety_card", str(self.fd)],  # -P: nothing from the working directory
-            stdin=subprocess.PIPE,  # its end tells the watchdog that nobody can write any more
+            stdin=subprocess.PIPE,  # EOF means that no writer is left
             pass_fds=(self.fd,),
         )
 
     def arm(self) -> None:
-        """Try the watchdog, then enable the drives. Raises PlantError where it does not do its work.
+        """Run the proof test of the watchdog, then enable the drives.
 
-        The trial enables the drives at zero volts and writes nothing, with the watchdog's time cut to TRIAL_S: within
-        WATCHDOG_S the line has to be gone.
+        The test enables the drives at zero volts and writes nothing, with the watchdog's time reduced to TRIAL_S: the
+        line must be off within WATCHDOG_S. Raises PlantError if it is not.
         """
         if self._watchdog is None:
             self.start_watchdog()
@@ -166,7 +170,10 @@ class Card:
         self.rearm()
 
     def rearm(self) -> None:
-        """Enable the drives again after the watchdog has expired. Raises PlantError when it is dead."""
+        """Enable the drives after the watchdog has expired.
+
+        Raises PlantError if the watchdog is dead.
+        """
         if self._words[_DEAD]:
             raise PlantError("the card's watchdog is dead: the loop process has to be started anew, with a new one")
         self._words[_U_A] = self._words[_U_B] = 0.0
@@ -193,16 +200,16 @@ class Card:
         return bool(self._words[_ENABLED])
 
     def write(self, command: MotorCommand, safety_tripped: bool) -> None:
-        """Write the outputs, feed the watchdog and see that it is at work.
+        """Write the outputs, feed the watchdog and check that it runs.
 
-        Raises WatchdogExpiredError, WatchdogDeadError; the drives are off then and the write is ignored.
+        Raises WatchdogExpiredError or WatchdogDeadError; the drives are then off and the write is ignored.
         """
         self.set_trip(safety_tripped)
         self.feed()
         self.set_outputs(command)
 
     def feed(self) -> None:
-        """Tell the watchdog that somebody is there. Raises as ``write`` does."""
+        """Feed the watchdog. Raises as ``write`` does."""
         words = self._words
         words[_WRITES] += 1.0
         if self._watchdog is not None and self._watchdog_polls.update(words[_POLLS]) > WATCHDOG_S:
@@ -216,7 +223,10 @@ class Card:
             )
 
     def set_outputs(self, command: MotorCommand) -> None:
-        """Put voltages on the analog outputs; they reach the motors with the drives on."""
+        """Set the voltages of the analog outputs [V].
+
+        With the drives on they reach the motors.
+        """
         self._words[_U_A], self._words[_U_B] = command
 
     def set_trip(self, safety_tripped: bool) -> None:
@@ -224,15 +234,18 @@ class Card:
         self._words[_TRIPPED] = float(safety_tripped)
 
     def set_drives(self, *, on: bool) -> None:
-        """Set the drive-enable line, which an expired watchdog holds off."""
+        """Set the drive-enable line; an expired watchdog keeps it off."""
         self._words[_ENABLED] = float(on and not self._words[_EXPIRED])
 
     def clear_expiration(self) -> None:
-        """Let the drives be enabled again after the watchdog has expired."""
+        """Clear the expiration, so that the drives can be enabled again."""
         self._words[_EXPIRED] = 0.0
 
     def start_watching(self, limit_s: float) -> None:
-        """Let the watchdog count with this limit, expired no longer. Raises PlantError when it did not start."""
+        """Start the watchdog with this limit, expiration cleared.
+
+        Raises PlantError if it did not start.
+        """
         words = self._words
         self._await_watchdog()
         words[_LIMIT_S], words[_EXPIRED] = limit_s, 0.0
@@ -240,7 +253,7 @@ class Card:
         words[_ARMED] = 1.0
 
     def mirror(self, state: CardState) -> None:
-        """Show what the loop knows of a card that nobody else can look into."""
+        """Publish the loop's knowledge of a card that no other process can read."""
         words = self._words
         words[_MIRROR] = 1.0
         words[_WRITES] += 1.0
@@ -251,7 +264,7 @@ class Card:
         words[_U_A], words[_U_B] = state.u_A, state.u_B
 
     def disarm(self) -> None:
-        """Zero volts, drives off, and no watchdog any more. Safe to call twice."""
+        """Zero volts, drives off, watchdog ended. Safe to call twice."""
         words = self._words
         words[_U_A] = words[_U_B] = words[_ENABLED] = words[_ARMED] = 0.0
         if self._watchdog is not None:
@@ -263,12 +276,12 @@ class Card:
             self._watchdog = None
 
     def kill_watchdog(self) -> None:
-        """Let the watchdog die, to try what follows."""
+        """Kill the watchdog, to test the reaction."""
         if self._watchdog is not None:
             self._watchdog.kill()
 
     def expire(self) -> None:
-        """Clear the outputs and take the drives away: what the watchdog does when its time is over."""
+        """Clear the outputs and disable the drives, as the watchdog does when it expires."""
         words = self._words
         words[_ENABLED] = words[_U_A] = words[_U_B] = 0.0
         words[_EXPIRED] = 1.0
@@ -278,7 +291,7 @@ class Card:
         self._words[_POLLS] += 1.0
 
     def close(self) -> None:
-        """Unmap and close the descriptor. Safe to call twice."""
+        """Unmap the memory and close the descriptor. Safe to call twice."""
         if self.fd >= 0:
             self._words.release()
             self._memory.close()
@@ -286,13 +299,19 @@ class Card:
             self.fd = -1
 
     def __del__(self) -> None:
-        """Let go with the last reader: a loop process that is started anew gets a card of its own."""
+        """Release the registers with the last reader.
+
+        A restarted loop process has its own card.
+        """
         if hasattr(self, "_words"):
             self.close()
 
 
 def run_watchdog(card: Card, writers: int) -> None:
-    """Be the watchdog until the drives are off and ``writers``, a descriptor, has come to its end."""
+    """Run the watchdog until the drives are off and ``writers`` is at EOF.
+
+    ``writers`` is a file descriptor that the writing process holds open.
+    """
     silence = Stillness(POLL_S)
     while True:
         is_orphaned = bool(select.select([writers], [], [], POLL_S)[0])

@@ -1,4 +1,4 @@
-"""The simulated rig: dynamics, sensors and safety module behind the Plant interface."""
+"""Simulated rig: dynamics, sensors and safety module behind the Plant interface."""
 
 import math
 import time
@@ -46,11 +46,11 @@ from plant.safety_card import Card
 
 # Broken part ---------------------------------------------------------------------------------------
 #
-# One breakage at work: what a sensor pretends to read, how late a write comes.
+# Effect of one injected fault on readings and writes.
 
 
 JUMPS = {Sensor.Q: 0.3, Sensor.THETA_A: 1.0, Sensor.THETA_B: 1.0, Sensor.F_A: 15.0, Sensor.F_B: 15.0}
-"""How far a reading jumps [rad, N]: further than the plant can move in a tick, and not beyond a bound by itself."""
+"""Size of a jump [rad, N]: more than the plant can move in a tick, but not beyond a limit by its size alone."""
 
 DRIFTS = {
     Sensor.Q: (20.0, 3.0),
@@ -59,18 +59,18 @@ DRIFTS = {
     Sensor.F_A: (400.0, 100.0),
     Sensor.F_B: (400.0, 100.0),
 }
-"""How fast a reading drifts, and how far at most [rad/s, rad; N/s, N]; at a motor encoder, a tendon slips."""
+"""Rate and limit of a drift [rad/s, rad; N/s, N]; at a motor encoder it represents a slipping tendon."""
 
 LATE_S = 0.41
-"""How long LATE keeps the loop from its next tick [s]: more than the simulator may be left alone. By no more than it
-takes: on a busy machine too the loop is to be back before the card's watchdog expires."""
+"""Delay of the next tick by LATE [s]: just more than ``unattended_max_s``, so that the loop is back before the card's
+watchdog expires on a busy machine too."""
 
 HANG_S = 0.65
-"""How long HANG does [s]: more than the card's watchdog waits, less than the service does before it kills the loop."""
+"""Delay by HANG [s]: more than the card's watchdog waits, less than the service waits before it kills the loop."""
 
 
 class BrokenPart:
-    """One breakage at work, from construction on."""
+    """Active fault; its effect starts at construction."""
 
     def __init__(self, broken: Broken) -> None:
         self._broken = broken
@@ -79,16 +79,16 @@ class BrokenPart:
 
     @property
     def description(self) -> str:
-        """What is broken, in words."""
+        """Description of the fault."""
         return self._broken.words
 
     @property
     def blocks_access(self) -> bool:
-        """Whether the plant cannot be read or written while this lasts."""
+        """Whether the plant cannot be read or written while the fault lasts."""
         return self._broken.kind in (Breakage.READ_ERROR, Breakage.WRITE_ERROR)
 
     def distort(self, m: Measurement) -> Measurement:
-        """Return what the loop is shown of a measurement. Raises PlantError."""
+        """Return a measurement with the fault applied. Raises PlantError."""
         kind, sensor = self._broken.kind, self._broken.sensor
         if kind is Breakage.READ_ERROR:
             raise PlantError("the readings do not arrive (injected)")
@@ -112,13 +112,13 @@ class BrokenPart:
             case Breakage.DRIFT_UP:
                 return value + drift
             case Breakage.DRIFT_DOWN:
-                # A load cell does not read less than nothing.
+                # A load cell never reads below zero.
                 return max(value - drift, 0.0) if sensor in (Sensor.F_A, Sensor.F_B) else value - drift
             case _:
                 return value
 
     def delay_write(self) -> None:
-        """Hold up the write. Raises PlantError."""
+        """Delay the write. Raises PlantError for a write error."""
         if self._broken.kind is Breakage.WRITE_ERROR:
             raise PlantError("the outputs cannot be written (injected)")
         pause_s = {Breakage.LATE: LATE_S, Breakage.HANG: HANG_S}.get(self._broken.kind, 0.0)
@@ -129,11 +129,11 @@ class BrokenPart:
 
 # Safety --------------------------------------------------------------------------------------------
 #
-# The independent safety module: watches the springs and the joint, cuts the motors, stays tripped.
+# The independent safety module: monitors springs and joint, disables the motors, and latches.
 
 
 class SafetyBounds(NamedTuple):
-    """``F_max`` [N] on each tendon, ``q_max`` [rad] to either side."""
+    """Limits: ``F_max`` [N] on each tendon, ``q_max`` [rad] to either side."""
 
     F_max: float
     q_max: float
@@ -141,7 +141,10 @@ class SafetyBounds(NamedTuple):
 
 @compiled
 def is_limit_exceeded(plant: Dynamics, bounds: SafetyBounds, x: PlantState) -> bool:
-    """Tell whether a tendon force or the joint position is beyond its bound, by the module's own sensors."""
+    """Return whether tendon force or joint position exceeds its limit.
+
+    The module has its own, exact sensors.
+    """
     F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))
     F_B = tendon_tension(plant.spring_B, elongation_B(plant.joint, x.theta_B, x.q))
     return bounds.F_max < F_A or bounds.F_max < F_B or abs(x.q) > bounds.q_max
@@ -149,7 +152,7 @@ def is_limit_exceeded(plant: Dynamics, bounds: SafetyBounds, x: PlantState) -> b
 
 # Sensors -------------------------------------------------------------------------------------------
 #
-# What the encoders, load cells and converters make of the true state.
+# Encoders, load cells and converters: measurement of the true state.
 
 
 DELAY_SLOTS = 64
@@ -172,7 +175,7 @@ class SensorModel(NamedTuple):
 
 @compiled
 def quantise(value: float, step: float) -> float:
-    """Round to the nearest multiple of ``step``; exact where step is 0."""
+    """Round to the nearest multiple of ``step``; unchanged if ``step`` is 0."""
     if step == 0.0:
         return value
     return math.floor(value / step + 0.5) * step
@@ -180,7 +183,10 @@ def quantise(value: float, step: float) -> float:
 
 @compiled
 def delay_forces(line: NDArray[np.float64], tick: int, delay_ticks: int, F_A: float, F_B: float) -> tuple[float, float]:
-    """Put this tick's forces [N] into the delay line (2, DELAY_SLOTS), return those of ``delay_ticks`` ago."""
+    """Store this tick's forces [N] in ``line``; return those of ``delay_ticks`` ago.
+
+    ``line`` is the delay line, shape (2, DELAY_SLOTS).
+    """
     slots = line.shape[1]
     line[0, tick % slots] = F_A
     line[1, tick % slots] = F_B
@@ -203,7 +209,10 @@ def sense_state(
     safety_trip: float,
     obstacle: Obstacle = NO_OBSTACLE,
 ) -> Measurement:
-    """Measurement of the true state x; ``noise_A``, ``noise_B`` [N] are this tick's load cell errors."""
+    """Return the measurement of the true state x.
+
+    ``noise_A``, ``noise_B`` [N] are this tick's load cell errors.
+    """
     x_A = elongation_A(plant.joint, x.theta_A, x.q)
     x_B = elongation_B(plant.joint, x.theta_B, x.q)
     F_A, F_B = delay_forces(
@@ -223,7 +232,7 @@ def sense_state(
 
 
 def make_sensor_model(parameters: Sensors, F_max: float, u_max: float) -> SensorModel:
-    """Resolutions from counts per revolution and converter bits over the ranges ±2 F_max and ±u_max."""
+    """Return resolutions from counts and converter bits over ±2 F_max and ±u_max."""
     steps = 2.0**parameters.converter_bits
     exact = parameters.converter_bits == 0.0
     return SensorModel(
@@ -239,7 +248,7 @@ def make_sensor_model(parameters: Sensors, F_max: float, u_max: float) -> Sensor
 
 
 _NOISE_BLOCK = 4096
-"""Ticks of load cell noise drawn at a time: drawing in the tick would cost more than the physics."""
+"""Ticks of load cell noise per draw: drawing at each tick would cost more than the physics."""
 
 
 @compiled
@@ -253,7 +262,10 @@ def actuate_plant(
     load: ShaftLoad = NO_LOAD,
     obstacle: Obstacle = NO_OBSTACLE,
 ) -> PlantState:
-    """State one period later, under the command as the converter puts it out, a push [N] at r_j, a load, a wall."""
+    """Return the state one period later.
+
+    The command is limited and quantised as by the converter; a push [N] at r_j, a load and a wall act too.
+    """
     u_A = quantise(min(max(command.u_A, -u_max), u_max), sensors.voltage_step)
     u_B = quantise(min(max(command.u_B, -u_max), u_max), sensors.voltage_step)
     return advance_state(
@@ -270,10 +282,10 @@ def actuate_plant(
 
 
 class Simulated(NamedTuple):
-    """A simulated plant: what it is made of, what acts on it, and its state.
+    """Simulated plant: constants, inputs and state.
 
-    ``line`` (2, DELAY_SLOTS) is the load cells' memory, ``noise`` (n, 2) their errors [N] over and over; push [N],
-    loads [N·m] and obstacle act until they change. ``m`` is what is measured at the end of a period.
+    ``line`` (2, DELAY_SLOTS) is the load cells' delay line, ``noise`` (n, 2) their errors [N], used cyclically. Push
+    [N], loads [N·m] and obstacle act until they change. ``m`` is the measurement at the end of a period.
     """
 
     plant: Dynamics
@@ -292,7 +304,10 @@ class Simulated(NamedTuple):
 
 @compiled
 def simulate_period(simulated: StateBlock[Simulated], u_A: float, u_B: float, tick: int) -> Measurement:
-    """Advance by a period under voltages [V]; return what is measured in ``tick``, its end."""
+    """Advance by one period under voltages [V]; return the measurement at its end.
+
+    ``tick`` is the number of the tick at the end.
+    """
     s = simulated.value
     x = actuate_plant(
         plant=s.plant,
@@ -337,10 +352,11 @@ def _is_limit_exceeded(simulated: StateBlock[Simulated]) -> bool:
 
 
 class Simulator:
-    """A plant that advances one period at each write; the same seed gives the same run to the last bit.
+    """A plant that advances one period at each write, reproducible by its seed.
 
-    With ``card`` its outputs go through that card's registers, watchdog and drive-enable line. ``module_cuts`` tells
-    which motors the safety module really cuts when it trips; it says that it has tripped in any case.
+    The same seed gives the same run to the last bit. With ``card`` its outputs pass the registers, watchdog and
+    drive-enable line of that card. ``module_cuts``: which motors the safety module really disables when it trips; it
+    reports the trip in any case.
     """
 
     paces_loop = False
@@ -390,25 +406,31 @@ class Simulator:
 
     @property
     def x(self) -> PlantState:
-        """Its state."""
+        """State of the plant."""
         x: PlantState = self._x.get()
         return x
 
     def open(self) -> None:
-        """Try the card's watchdog and enable its drives, where there is one. Raises PlantError where that fails."""
+        """Test the card's watchdog and enable its drives, if there is a card.
+
+        Raises PlantError if that fails.
+        """
         if self._card is not None:
             self._card.arm()
 
     def read(self) -> Measurement:
-        """Return the sensors' view of the present state."""
+        """Return the measurement of the current state."""
         m = self._m
-        if m is None:  # nothing has been written yet, or what is read has changed since
+        if m is None:  # before the first write, or after an input has changed
             self._draw_noise()
             m = self._sense(self.simulated, self._tick)
         return m if self._broken is None else self._broken.distort(m)
 
     def write(self, command: MotorCommand) -> None:
-        """Advance the physics by one period; the command gets through with drive-enable on and no trip. PlantError."""
+        """Advance the physics by one period. Raises PlantError.
+
+        The command takes effect with drive-enable on and without a trip.
+        """
         require_numbers(command)
         if self._broken is not None:
             self._broken.delay_write()
@@ -426,23 +448,23 @@ class Simulator:
 
     @property
     def periods(self) -> int:
-        """Periods since it was made."""
+        """Number of periods since construction."""
         return self._tick
 
     def alone_for(self, ticks: int) -> int:
-        """Return for how many of the next ticks it can be stepped without being asked in between."""
+        """Return how many of the next ticks can be computed in one compiled run."""
         if self._card is not None or self._broken is not None or self._tripped:
             return 0
         return min(ticks, _NOISE_BLOCK - 1 - self._tick % _NOISE_BLOCK)
 
     def has_gone(self, ticks: int, m: Measurement) -> None:
-        """Take note that it was stepped so often, and what was measured last."""
+        """Update the state after a compiled run of ``ticks`` with the last measurement."""
         self._tick += ticks
         self._m = m
         self._tripped = m.safety_trip != 0.0
 
     def _draw_noise(self) -> None:
-        """Draw a block of noise where it begins, and by each reading before all writes."""
+        """Draw a block of noise at its start, and at each reading before the first write."""
         block = self._tick // _NOISE_BLOCK
         if (block != self._noise_block or self._tick == 0) and self._noise_N > 0.0:
             self._noise_block = block
@@ -455,13 +477,13 @@ class Simulator:
 
     @property
     def F_push(self) -> float:
-        """The push that is applied now [N]."""
+        """Current push [N]."""
         F_push: float = self._push_force.get()
         return F_push
 
     @property
     def F_wall(self) -> float:
-        """The force of a wall on the joint [N], as it was measured last."""
+        """Force of the wall on the joint [N] in the last measurement."""
         F_wall: float = self._wall_force.get()
         return F_wall
 
@@ -471,7 +493,10 @@ class Simulator:
         self._m = None
 
     def load(self, load: ShaftLoad) -> None:
-        """Load the motors' shafts from the next period on. Raises PlantError for a load that would pull backwards."""
+        """Load the motors' shafts from the next period on.
+
+        Raises PlantError for a negative load.
+        """
         if not all(0.0 <= torque < math.inf for torque in load):
             raise PlantError(
                 f"loads of {load.load_A:g} and {load.load_B:g} N·m: loads pull as tendons do, from 0 N·m on"
@@ -479,9 +504,10 @@ class Simulator:
         self.simulated.field("load").set(ShaftLoad(float(load.load_A), float(load.load_B)))
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
-        """Put a wall in the joint's way from the next period on, None takes it away.
+        """Set the wall from the next period on, None removes it.
 
-        Raises PlantError for one that cannot be, that stands where the joint is, or that the steps do not resolve.
+        Raises PlantError for a wall that is out of range, contains the joint, or is too stiff for the integration
+        steps.
         """
         if obstacle is not None:
             joint, bounds = self.simulated.field("plant").field("joint").get(), self.simulated.field("bounds").get()
@@ -491,7 +517,10 @@ class Simulator:
         self._m = None
 
     def inject(self, broken: Broken | None) -> None:
-        """Break something from the next reading on; None mends it. Raises PlantError for what only a card has."""
+        """Inject a fault from the next reading on; None clears it.
+
+        Raises PlantError for a fault that only a card has.
+        """
         if broken is not None and broken.kind in ONLY_OF_A_CARD:
             raise PlantError(f"{broken.words}: only a card has that, try it with --plant rig --virtual-card")
         self._broken = None if broken is None else BrokenPart(broken)
@@ -501,16 +530,19 @@ class Simulator:
             self._card.kill_watchdog()
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
-        """Refuse: it knows where it stands."""
+        """Raise PlantError: the simulator knows its positions."""
         raise PlantError("the simulator knows where joint and motors stand: there is nothing to zero")
 
     def limit_tension(self, F_limit: float | None) -> None:
-        """Set the tension at which the safety module trips [N], None for its own."""
+        """Set the tension at which the safety module trips [N], None for its own limit."""
         bounds = self.simulated.field("bounds")
         bounds.set(bounds.get()._replace(F_max=self._F_max if F_limit is None else F_limit))
 
     def acknowledge(self) -> None:
-        """Re-arm safety module and watchdog. PlantError while a cause is still there, or the watchdog is dead."""
+        """Re-arm safety module and watchdog.
+
+        Raises PlantError while a cause persists or the watchdog is dead.
+        """
         if self._broken is not None and self._broken.blocks_access:
             raise PlantError(f"still broken: {self._broken.description}; mend it first")
         if self._is_limit_exceeded(self.simulated):
@@ -525,6 +557,9 @@ class Simulator:
         self._m = None
 
     def close(self) -> None:
-        """Zero volts and drives off at the card; the physics stands still without writes."""
+        """Zero volts and drives off at the card.
+
+        Without writes the physics does not advance.
+        """
         if self._card is not None:
             self._card.disarm()

@@ -1,4 +1,7 @@
-"""What is at a rig's terminals: volts and counts out of newtons and radians, the way back from ``plant/rig.py``."""
+"""Signals at a rig's terminals: volts and counts from newtons and radians.
+
+The inverse of the conversion in ``plant/rig.py``.
+"""
 
 import math
 from typing import NamedTuple
@@ -14,16 +17,19 @@ RANGE_V = 10.0
 """Range of analog inputs and outputs (±) [V]."""
 
 SATURATED_V = 0.999 * RANGE_V
-"""A load cell that reads this or more says nothing any more: its amplifier is at its end."""
+"""Voltage from which a load cell reading is invalid: its amplifier is saturated."""
 
 _STEP_V = 2.0 * RANGE_V / 2**16
-"""One code of the 16-bit converters [V]."""
+"""Resolution of the 16-bit converters [V]."""
 
 _LOWEST, _HIGHEST = -(2.0**15), 2.0**15 - 1.0
 
 
 class LoadCellScaling(NamedTuple):
-    """A load cell's numbers: ``slope`` [N/V], ``offset`` [V]; ``table`` (n, 2) of N and V instead, or no rows."""
+    """Calibration of a load cell: ``slope`` [N/V], ``offset`` [V], or ``table``.
+
+    ``table`` (n, 2) holds N and V; without rows slope and offset apply.
+    """
 
     slope: float
     offset: float
@@ -31,14 +37,14 @@ class LoadCellScaling(NamedTuple):
 
 
 class Encoder(NamedTuple):
-    """An encoder's numbers: counts per revolution, and +1 or -1 for the direction it counts in."""
+    """Counts per revolution of an encoder, and +1 or -1 for its direction."""
 
     counts_per_rev: float
     direction: float
 
 
 class Terminals(NamedTuple):
-    """What is at the terminals, for the compiled functions."""
+    """Conversions of all terminals, for the compiled functions."""
 
     cell_A: LoadCellScaling
     cell_B: LoadCellScaling
@@ -48,7 +54,7 @@ class Terminals(NamedTuple):
 
 
 def make_terminals(w: Wiring) -> Terminals:
-    """Return the numbers of a wiring."""
+    """Return the conversions of a wiring."""
     q, A, B = (_make_encoder(wired) for wired in (w.encoder_q, w.encoder_A, w.encoder_B))
     return Terminals(_make_cell(w.load_cell_A), _make_cell(w.load_cell_B), q, A, B)
 
@@ -57,7 +63,10 @@ def make_terminals(w: Wiring) -> Terminals:
 def compute_terminals(
     wires: Terminals, m: Measurement, pull_A: float, pull_B: float
 ) -> tuple[float, float, float, float, float]:
-    """Volts of both load cells, which are pulled at besides [N], and counts of the encoders, as in a ``RawReading``."""
+    """Return load cell volts and encoder counts, as in a ``RawReading``.
+
+    ``pull_A``, ``pull_B`` [N] pull at the load cells in addition.
+    """
     return (
         quantise_volts(compute_volts(wires.cell_A, m.F_A + pull_A)),
         quantise_volts(compute_volts(wires.cell_B, m.F_B + pull_B)),
@@ -69,13 +78,16 @@ def compute_terminals(
 
 @compiled
 def compute_counts(encoder: Encoder, angle: float) -> float:
-    """Count the steps of an encoder that has turned by an angle [rad]; nan stays nan."""
+    """Return the count of an encoder at an angle [rad]; NaN stays NaN."""
     return encoder.direction * float(np.rint(angle * encoder.counts_per_rev / (2.0 * math.pi)))
 
 
 @compiled
 def compute_volts(cell: LoadCellScaling, F: float) -> float:
-    """Give the volts of a load cell under a tension F [N]: its calibration the other way round, beyond a table too."""
+    """Return the volts of a load cell at tension F [N]: its inverse calibration.
+
+    Tables are extrapolated.
+    """
     points = cell.table
     if points.shape[0] == 0:
         return cell.offset + F / cell.slope
@@ -88,7 +100,7 @@ def compute_volts(cell: LoadCellScaling, F: float) -> float:
 
 @compiled
 def quantise_volts(V: float) -> float:
-    """Round volts as a 16-bit converter does, at its end where they are beyond; nan stays nan."""
+    """Round volts as a 16-bit converter does, limited to its range; NaN stays NaN."""
     if math.isnan(V):
         return V
     return float(np.rint(min(max(V / _STEP_V, _LOWEST), _HIGHEST))) * _STEP_V

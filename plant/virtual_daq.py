@@ -1,9 +1,9 @@
-"""A DAQ card without hardware: the service that NI's device server offers, backed by the simulator.
+"""DAQ card without hardware: NI's device service, backed by the simulator.
 
-The real nidaqmx client talks to it through an in-process channel, so what is tried is all of ``plant/daq.py``. Writing
-both outputs advances the physics by one period. The registers, watchdog and drive-enable line are those of
-``plant/safety_card.py`` and outlive this process. A safety module that has tripped is re-armed by taking the
-drive-enable line away, once its cause is gone.
+The real nidaqmx client uses it through an in-process channel, so all of ``plant/daq.py`` is exercised. Writing both
+outputs advances the physics by one period. The registers, watchdog and drive-enable line are those of
+``plant/safety_card.py`` and outlive this process. Switching the drive-enable line off re-arms a tripped safety module
+once its cause is gone.
 """
 
 import math
@@ -45,8 +45,7 @@ from plant.wiring import Wiring, is_wired_alike
 
 # In process ----------------------------------------------------------------------------------------
 #
-# NI's device service without a network: a channel whose calls are calls, and its errors as the
-# server sends them.
+# NI's device service without a network: a channel that calls it directly, and errors as the server sends them.
 
 
 class _Entry(NamedTuple):
@@ -62,48 +61,54 @@ class CardError(grpc.RpcError):  # type: ignore[misc]  # grpcio has no types
         self._code, self._text = code, text
 
     def code(self) -> grpc.StatusCode:
-        """Return what gRPC calls it."""
+        """Return the gRPC status code."""
         return grpc.StatusCode.UNKNOWN
 
     def details(self) -> str:
-        """Return it in words."""
+        """Return the message."""
         return self._text
 
     def trailing_metadata(self) -> tuple[_Entry, ...]:
-        """Return the code of NI-DAQmx, where the client looks for it."""
+        """Return the NI-DAQmx code in the entry that the client reads."""
         return (_Entry("ni-error", str(self._code.value)),)
 
 
 class CallHandler(Protocol):
-    """A service of NI's: every call goes through here."""
+    """Service of NI; every call goes through it."""
 
     def get_handler(self, method: str) -> Callable[..., Any]:
-        """Return what answers a call of this name, given its request. It raises grpc.RpcError."""
+        """Return the function that handles a call; it takes a request.
+
+        It raises grpc.RpcError.
+        """
         ...
 
 
 class InProcess(grpc.Channel):  # type: ignore[misc]  # grpcio has no types
-    """A channel whose calls are calls: over a socket a cycle takes 1 ms, more than a period."""
+    """Channel that calls its service directly: over a socket a cycle takes 1 ms.
+
+    That is a whole period.
+    """
 
     def __init__(self, service: CallHandler) -> None:
         self._service = service
 
     def unary_unary(self, method: str, *_: Any, **__: Any) -> Callable[..., Any]:
-        """Return what answers the call: looked up here, once, and not in each tick."""
+        """Return the handler of a call, looked up once and not at each tick."""
         return self._service.get_handler(method.rpartition("/")[2])
 
     def unary_stream(self, *_: Any, **__: Any) -> None:
-        """Not used by the client's tasks."""
+        """Unused by the client's tasks."""
 
     stream_unary = stream_stream = unary_stream
 
     def subscribe(self, *_: Any, **__: Any) -> None:
-        """Do nothing: it is always connected."""
+        """Do nothing: the channel is always connected."""
 
     unsubscribe = subscribe
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing."""
 
     def __enter__(self) -> "InProcess":
         return self
@@ -113,39 +118,38 @@ class InProcess(grpc.Channel):  # type: ignore[misc]  # grpcio has no types
 
 
 class UnknownCallError(grpc.RpcError):  # type: ignore[misc]  # grpcio has no types
-    """What a server says that does not know a call."""
+    """Response of a server to an unknown call."""
 
     def code(self) -> grpc.StatusCode:
-        """Return what gRPC calls it."""
+        """Return the gRPC status code."""
         return grpc.StatusCode.UNIMPLEMENTED
 
     def details(self) -> str:
-        """Return it in words."""
+        """Return the message."""
         return "the virtual card does not know this call"
 
     def trailing_metadata(self) -> tuple[()]:
-        """Return nothing: there is no code of NI-DAQmx."""
+        """Return no metadata: there is no NI-DAQmx code."""
         return ()
 
 
 class Context:
-    """As much of a server's context as the stubs of unknown calls touch."""
+    """The part of a server context that stubs of unknown calls use."""
 
     def set_code(self, code: grpc.StatusCode) -> None:
-        """Take note of nothing."""
+        """Ignore the code."""
 
     def set_details(self, details: str) -> None:
-        """Take note of nothing."""
+        """Ignore the details."""
 
 
 # Card channels -------------------------------------------------------------------------------------
 #
-# Which task owns which channel of the virtual card: what is taken, or not there, is refused as NI-
-# DAQmx does.
+# Ownership of the virtual card's channels by tasks; conflicts are errors as in NI-DAQmx.
 
 
 class Channels(dict[str, list[str]]):
-    """Channels of one card by the name of their task, in the order in which they were taken."""
+    """Channels of one card by task name, in the order of their reservation."""
 
     def __init__(self, device: str) -> None:
         super().__init__()
@@ -153,18 +157,21 @@ class Channels(dict[str, list[str]]):
         self._owner: dict[str, str] = {}
 
     def make(self, task: str) -> None:
-        """Make a task without channels. Raises CardError where its name is taken."""
+        """Create a task without channels. Raises CardError if its name exists."""
         if task in self:
             raise CardError(DAQmxErrors.DUPLICATE_TASK, f"Task name: {task} is taken already")
         self[task] = []
 
     def release(self, task: str) -> None:
-        """Let go of a task and its channels."""
+        """Release a task and its channels."""
         for channel in self.pop(task, []):
             self._owner.pop(channel, None)
 
     def take(self, task: str, names: str, kind: str, count: int) -> None:
-        """Give channels to a task; ``count`` is how many of this ``kind`` the card has. Raises CardError."""
+        """Reserve channels for a task. Raises CardError.
+
+        ``count`` is the number of channels of this ``kind`` on the card.
+        """
         for name in names.replace(" ", "").split(","):
             device, _, channel = name.partition("/")
             self.require_device(device)
@@ -188,61 +195,59 @@ class Channels(dict[str, list[str]]):
 
 
 class TaskCalls(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # made by a generator, without types
-    """The calls of NI's service that make a task and give it channels."""
+    """Calls of NI's service that create a task and reserve channels."""
 
     def __init__(self, device: str) -> None:
         self._channels = Channels(device)
 
     def CreateTask(self, request: Any, context: Any) -> Any:
-        """Make a task; its name is free."""
+        """Create a task with a new name."""
         self._channels.make(request.session_name)
         return pb.CreateTaskResponse(task=session_pb2.Session(name=request.session_name), new_session_initialized=True)
 
     def GetTaskAttributeString(self, request: Any, context: Any) -> Any:
-        """Tell a task's name."""
+        """Return a task's name."""
         return pb.GetTaskAttributeStringResponse(value=request.task.name)
 
     def CreateAIVoltageChan(self, request: Any, context: Any) -> Any:
-        """Take analog inputs."""
+        """Reserve analog inputs."""
         self._channels.take(request.task.name, request.physical_channel, "ai", 32)
         return pb.CreateAIVoltageChanResponse()
 
     def CreateAOVoltageChan(self, request: Any, context: Any) -> Any:
-        """Take analog outputs."""
+        """Reserve analog outputs."""
         self._channels.take(request.task.name, request.physical_channel, "ao", 4)
         return pb.CreateAOVoltageChanResponse()
 
     def CreateCIAngEncoderChan(self, request: Any, context: Any) -> Any:
-        """Take a counter."""
+        """Reserve a counter."""
         self._channels.take(request.task.name, request.counter, "ctr", 4)
         return pb.CreateCIAngEncoderChanResponse()
 
     def CreateDIChan(self, request: Any, context: Any) -> Any:
-        """Take lines to read."""
+        """Reserve digital inputs."""
         self._channels.take(request.task.name, request.lines, "port", 48)
         return pb.CreateDIChanResponse()
 
     def CreateDOChan(self, request: Any, context: Any) -> Any:
-        """Take lines to write."""
+        """Reserve digital outputs."""
         self._channels.take(request.task.name, request.lines, "port", 48)
         return pb.CreateDOChanResponse()
 
 
 # Card faults ---------------------------------------------------------------------------------------
 #
-# Faults to order that only a card has: as NI-DAQmx tells them, and wires that are not where the
-# wiring file says.
+# Injected faults that only a card has: errors as NI-DAQmx reports them, and wrong wiring.
 #
-# A fault that a card notices is an error with NI's code. What it cannot notice is a rig that
-# differs from its wiring file: ``apply_miswiring`` says what the terminals are really connected to, and
-# the file goes on saying what it says.
+# A fault that a card detects is an error with NI's code. It cannot detect a rig that differs from its wiring file:
+# ``apply_miswiring`` returns the actual connections, while the wiring file stays unchanged.
 
 
 LOST_PART = 0.3
-"""Part of the edges that an encoder with a bad contact loses."""
+"""Fraction of the edges that an encoder with a bad contact loses."""
 
 _AT_THE_END_V = 20.0
-"""Where the amplifier of a saturated load cell would be if it could [V]: twice the range."""
+"""Voltage of a saturated load cell's amplifier without its limit [V]: twice the range."""
 
 _SWAPS = {
     Breakage.SWAPPED_LOAD_CELLS: ("load_cell_A", "load_cell_B", "channel"),
@@ -274,10 +279,10 @@ _ERRORS = {
 
 
 class CardFaults:
-    """What is broken of one card; nothing at first.
+    """Active fault of one card; none at first.
 
-    ``enable_held``: something holds the drive-enable line on, whatever loop and watchdog do. As nothing of it is seen
-    before the line has to fall, it is not among what is broken in motion. ``kind`` is what else is broken.
+    ``enable_held``: the drive-enable line stays on, whatever loop and watchdog do. It has no effect until the line must
+    fall, so it is no ``kind`` of fault that is injected during motion. ``kind``: any other fault.
     """
 
     def __init__(self) -> None:
@@ -285,16 +290,16 @@ class CardFaults:
         self.kind: Breakage | None = None
 
     def inject(self, broken: Broken | None) -> None:
-        """Break something from the next call on; None mends it."""
+        """Inject a fault from the next call on; None clears it."""
         self.kind = None if broken is None else broken.kind
 
     @property
     def is_gone(self) -> bool:
-        """Whether the card does not answer any more; its outputs stay as they were, until its watchdog cuts them."""
+        """Whether the card does not respond; its outputs stay until its watchdog expires."""
         return self.kind is Breakage.DEVICE_GONE
 
     def refuse(self, method: str) -> None:
-        """Raise CardError where a call of NI's service, by its name, does not work."""
+        """Raise CardError if a fault affects a call of NI's service, given by name."""
         if self.kind not in _ERRORS or not (self.is_gone or method == "ReadAnalogF64"):
             return
         code, text = _ERRORS[self.kind]
@@ -304,7 +309,7 @@ class CardFaults:
 
 
 def apply_miswiring(wiring: Wiring, broken: Broken | None) -> Wiring:
-    """Return what the terminals are connected to when something is broken of a rig with this wiring."""
+    """Return the actual connections of the terminals under a fault of the wiring."""
     if broken is None:
         return wiring
     if broken.kind in _SWAPS:
@@ -328,15 +333,17 @@ def apply_miswiring(wiring: Wiring, broken: Broken | None) -> Wiring:
 
 # Card watchdog -------------------------------------------------------------------------------------
 #
-# The virtual card's watchdog as a task of NI-DAQmx: what may be asked of it when, and what it has
-# done to lines.
+# The virtual card's watchdog as a task of NI-DAQmx: permitted calls and effect on lines.
 
 
 _CLEAR = WDTTaskAction.CLEAR_EXPIRATION.value
 
 
 class WatchdogTask:
-    """At most one task; its timer and what it cuts are the registers' own. Raises CardError as NI-DAQmx would."""
+    """At most one watchdog task; its timer and action are those of the registers.
+
+    Raises CardError as NI-DAQmx would.
+    """
 
     def __init__(self, registers: Card) -> None:
         self.limit_s = 0.0
@@ -345,17 +352,17 @@ class WatchdogTask:
         self._running = False
 
     def make(self, task: str, limit_s: float) -> None:
-        """Make the task, with its time [s]."""
+        """Create the task with its timeout [s]."""
         self._task, self.limit_s = task, limit_s
 
     def release(self, task: str) -> None:
-        """Let go of a task; of this one nothing is watched any more."""
+        """Release a task; releasing the watchdog's disarms it."""
         if task == self._task:
             self._task, self._running, self.limit_s = "", False, 0.0
             self._registers.disarm()
 
     def start(self, task: str) -> None:
-        """Count from this moment, where the task is this one."""
+        """Start the timer if the task is the watchdog's."""
         if task != self._task:
             return
         if self._running:
@@ -364,7 +371,7 @@ class WatchdogTask:
         self._registers.start_watching(self.limit_s)
 
     def stop(self, task: str) -> None:
-        """Stop counting, where the task is this one."""
+        """Stop the timer if the task is the watchdog's."""
         self._running = self._running and task != self._task
 
     def control(self, action: int) -> None:
@@ -380,14 +387,14 @@ class WatchdogTask:
 
     @property
     def is_expired(self) -> bool:
-        """Whether it has expired; available while it runs only."""
+        """Whether it has expired; raises CardError unless the task is running."""
         if not self._running:
             text = "The property can be read while the task is reserved, committed or running only"
             raise CardError(DAQmxErrors.CANNOT_GET_PROPERTY_WHEN_TASK_NOT_RESERVED_COMMITTED_OR_RUNNING, text)
         return self._registers.state().expired
 
     def require_unlocked(self) -> None:
-        """Refuse a write to the lines that it holds."""
+        """Raise CardError if the watchdog has locked the line."""
         if self._registers.state().expired:
             text = "Write failed, because the watchdog timer has expired: clear its expiration first"
             raise CardError(DAQmxErrors.WRITE_FAILED_BECAUSE_WATCHDOG_EXPIRED, text)
@@ -397,7 +404,7 @@ class WatchdogTask:
 
 
 class VirtualCard(TaskCalls):
-    """The calls that ``plant/daq.py`` makes; any other is answered as a server too old for it would.
+    """Calls that ``plant/daq.py`` makes; any other fails as on an outdated server.
 
     Method names and messages are those of NI's service.
     """
@@ -418,8 +425,8 @@ class VirtualCard(TaskCalls):
         self._watchdog = WatchdogTask(registers)
         self._measurement: Measurement | None = None
         self._counted_from: dict[str, float] = {}
-        # Filled anew by each call: the client takes out what it needs before the next one, and making one takes longer
-        # than everything else in a call.
+        # The responses are reused: the client copies what it needs before the next call, and creating one takes longer
+        # than the rest of a call.
         self._volts_read = pb.ReadAnalogF64Response(samps_per_chan_read=1)
         self._count_read = pb.ReadCounterScalarF64Response()
         self._levels_read = pb.ReadDigitalLinesResponse(samps_per_chan_read=1, num_bytes_per_samp=1)
@@ -427,11 +434,11 @@ class VirtualCard(TaskCalls):
         self._watchdog_response = pb.ControlWatchdogTaskResponse()
 
     def options(self) -> GrpcSessionOptions:
-        """Return what makes a nidaqmx task one of this card."""
+        """Return the options of a nidaqmx task on this card."""
         return GrpcSessionOptions(InProcess(self), "")
 
     def by_hand(self, hand: ManualInput) -> None:
-        """Let a hand act on what stands behind the terminals."""
+        """Apply a simulated hand to the simulated rig."""
         if self._manual_input.q is not None:
             self._simulator.push(0.0)
         self._manual_input = hand
@@ -439,7 +446,7 @@ class VirtualCard(TaskCalls):
         self._simulator.limit_tension(hand.F_limit)
 
     def get_handler(self, method: str) -> Callable[..., Any]:
-        """Return what answers a call by its name, as far as what is broken lets it."""
+        """Return the handler of a call, which raises CardError under a fault."""
         call, faults, context = getattr(self, method), self.faults, Context()
 
         def answer(request: Any, timeout: float | None = None, metadata: object = None) -> Any:
@@ -455,7 +462,10 @@ class VirtualCard(TaskCalls):
         return answer
 
     def inject(self, broken: Broken | None) -> None:
-        """Break something of the card or its wires, None to mend it; counters go on from where they stand."""
+        """Inject a fault of the card or its wiring, None to clear it.
+
+        Counters keep their counts.
+        """
         before = {counter: self._read_counts(counter) for counter in self._counted_from}
         self.faults.inject(broken)
         self._connect(apply_miswiring(self._nominal_wiring, broken))
@@ -464,7 +474,7 @@ class VirtualCard(TaskCalls):
             self._counted_from[counter] += jump if math.isfinite(jump) else 0.0
 
     def _connect(self, wiring: Wiring) -> None:
-        """Say what is at each terminal, and its place in ``_raw``."""
+        """Set what is connected to each terminal, and its index in ``_raw``."""
         w = self._wiring = wiring
         self._wires = make_terminals(w)
         self._terminal_index = {
@@ -483,13 +493,16 @@ class VirtualCard(TaskCalls):
         self._raw = None
 
     def _advance_unattended(self) -> None:
-        """Let what moves go on for a period under the volts that were written last; in stepped time, watch over it."""
+        """Advance a period with the last voltages.
+
+        Without a watchdog process, check its limit.
+        """
         self._unwritten_s += T_s
         if self._registers.watchdog_pid is None and self._unwritten_s > self._watchdog.limit_s:
             self._registers.expire()
         self._advance()
 
-    # The physics behind the terminals.
+    # Physics behind the terminals.
 
     def _measure(self) -> Measurement:
         if self._measurement is None:
@@ -497,7 +510,7 @@ class VirtualCard(TaskCalls):
         return self._measurement
 
     def _read_terminals(self) -> tuple[float, ...]:
-        """Volts and counts at the terminals, in one compiled call for all of them."""
+        """Return volts and counts of all terminals, from one compiled call."""
         hand = self._manual_input
         raw = self._raw = self._at_terminals(self._wires, self._measure(), hand.pull_A, hand.pull_B)
         return raw
@@ -516,7 +529,7 @@ class VirtualCard(TaskCalls):
     # Tasks.
 
     def CreateWatchdogTimerTaskEx(self, request: Any, context: Any) -> Any:
-        """Make the watchdog's task."""
+        """Create the watchdog's task."""
         self._channels.require_device(request.device_name)
         self._channels.make(request.session_name)
         self._watchdog.make(request.session_name, request.timeout)
@@ -525,14 +538,14 @@ class VirtualCard(TaskCalls):
         )
 
     def ClearTask(self, request: Any, context: Any) -> Any:
-        """Let go of a task's channels."""
+        """Release a task and its channels."""
         self._channels.release(request.task.name)
         self._clocked.discard(request.task.name)
         self._watchdog.release(request.task.name)
         return pb.ClearTaskResponse()
 
     def StartTask(self, request: Any, context: Any) -> Any:
-        """Start; an encoder counts from where it is now, a watchdog from this moment."""
+        """Start a task: an encoder counts from its position, a watchdog from now."""
         self._watchdog.start(request.task.name)
         for channel in self._channels[request.task.name]:
             if channel.startswith("ctr"):
@@ -540,12 +553,12 @@ class VirtualCard(TaskCalls):
         return pb.StartTaskResponse()
 
     def StopTask(self, request: Any, context: Any) -> Any:
-        """Stop."""
+        """Stop a task."""
         self._watchdog.stop(request.task.name)
         return pb.StopTaskResponse()
 
     def GetSystemInfoAttributeUInt32(self, request: Any, context: Any) -> Any:
-        """Tell the driver's version: none, as there is no driver."""
+        """Return 0 as the driver's version: there is no driver."""
         return pb.GetSystemInfoAttributeUInt32Response(value=0)
 
     # Reading and writing.
@@ -565,12 +578,12 @@ class VirtualCard(TaskCalls):
         return self._count_read
 
     def ReadDigitalLines(self, request: Any, context: Any) -> Any:
-        """Read lines, a byte each."""
+        """Read lines, one byte each."""
         self._levels_read.read_array = bytes([self._read_line(line) for line in self._channels[request.task.name]])
         return self._levels_read
 
     def WriteAnalogF64(self, request: Any, context: Any) -> Any:
-        """Write both outputs: the physics goes on by one period."""
+        """Write both outputs and advance the physics by one period."""
         volts = dict(zip(self._channels[request.task.name], request.write_array[:], strict=True))
         A, B = self._wiring.motor_A, self._wiring.motor_B
         V_A, V_B = volts.get(A.channel, 0.0), volts.get(B.channel, 0.0)
@@ -608,30 +621,30 @@ class VirtualCard(TaskCalls):
         return pb.WriteDigitalLinesResponse(samps_per_chan_written=1)
 
     def CfgWatchdogDOExpirStates(self, request: Any, context: Any) -> Any:
-        """Take note that the watchdog takes the drives away."""
+        """Check that the watchdog is configured to disable the drives."""
         off = Level.LOW if self._wiring.drive_enable.active == "high" else Level.HIGH
         if list(request.expir_state_array) != [off.value]:
             raise CardError(DAQmxErrors.WATCHDOG_CHANNEL_EXPIRATION_STATE_NOT_SPECIFIED, "the drives would stay on")
         return pb.CfgWatchdogDOExpirStatesResponse()
 
     def ControlWatchdogTask(self, request: Any, context: Any) -> Any:
-        """Reset its timer, or clear its expiration."""
+        """Reset the watchdog's timer, or clear its expiration."""
         self._watchdog.control(request.action_raw)
         return self._watchdog_response
 
     def GetWatchdogAttributeBool(self, request: Any, context: Any) -> Any:
-        """Tell whether it has expired."""
+        """Return whether the watchdog has expired."""
         return pb.GetWatchdogAttributeBoolResponse(value=self._watchdog.is_expired)
 
     def GetDeviceAttributeInt32Array(self, request: Any, context: Any) -> Any:
-        """Tell how analog inputs can be timed."""
+        """Return the timing modes of the analog inputs."""
         offered = [AcquisitionType.FINITE, AcquisitionType.CONTINUOUS]
         if self._has_clock:
             offered.append(AcquisitionType.HW_TIMED_SINGLE_POINT)
         return pb.GetDeviceAttributeInt32ArrayResponse(value_raw=[mode.value for mode in offered])
 
     def CfgSampClkTiming(self, request: Any, context: Any) -> Any:
-        """Let the card's clock time a task."""
+        """Time a task by the card's clock."""
         self._clocked.add(request.task.name)
         return pb.CfgSampClkTimingResponse()
 
@@ -641,25 +654,25 @@ class VirtualCard(TaskCalls):
         time.sleep(max(self._next_s - now_s, 0.0))
 
     def _rearm_safety_module(self) -> None:
-        with suppress(PlantError):  # its cause is still there: it stays tripped, and says so
+        with suppress(PlantError):  # while its cause persists it stays tripped and reports that
             self._simulator.acknowledge()
         self._measurement = self._raw = None
 
 
 # Virtual rig ---------------------------------------------------------------------------------------
 #
-# The rig on a virtual card: for training and tests, without hardware.
+# The rig on a virtual card, for training and tests without hardware.
 
 
 class VirtualRig(Rig):
-    """A rig at a virtual card: what moves can be pushed, loaded and broken to order.
+    """Rig at a virtual card: it can be pushed and loaded, and faults can be injected.
 
-    With ``registers`` it runs in real time under their watchdog, whose time is that of the simulated card: a virtual
-    machine pauses for longer than a rig may be left alone. Without, it is stepped as fast as it goes, unwatched.
-    ``has_clock``: the card offers hardware timing; None: in real time only.
+    With ``registers`` it runs in real time under their watchdog. Its timeout is that of the simulated card, because a
+    virtual machine pauses for longer than a rig may be left unattended. Without ``registers`` it is stepped at any
+    speed and has no watchdog process. ``has_clock``: the card offers hardware timing; None: only in real time.
 
-    ``as_wired`` is how the card really is wired, where that is not as the wiring says: then it has to be brought up
-    like any rig. Else it stands at its zero when it is made, and may be controlled at once.
+    ``as_wired`` is the actual wiring of the card if it differs from ``wiring``: the rig then needs commissioning like
+    any other. Otherwise it is at its zero when it is made, and may be controlled at once.
     """
 
     pushes = True
@@ -703,7 +716,7 @@ class VirtualRig(Rig):
         return f"virtual card, {super()._describe()}"
 
     def _measure_cycle(self) -> None:
-        """Spare it: each write would move what is simulated."""
+        """Skip the measurement: each write would advance the simulation."""
 
     def _prove_watchdog(self) -> None:
         if self._has_watchdog:

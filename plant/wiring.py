@@ -1,7 +1,7 @@
-"""How a rig is wired to its card: channels, directions and calibrations from a TOML file, checked line by line.
+"""Wiring of a rig to its card: channels, directions, calibrations from TOML.
 
-Each number carries its value, unit and source, as in a parameter file; names of channels and lines are plain text.
-``docs/how-to/rig.md`` has the table. Everything that is wrong is found at once, each with its line and what to do.
+Each number has its value, unit and source, as in a parameter file; names of channels and lines are plain text.
+``docs/how-to/rig.md`` has the table. All errors are reported at once, each with its line and a remedy.
 """
 
 import math
@@ -18,11 +18,11 @@ from plant.interface import FILE_NAME_MAX
 
 # Wiring errors -------------------------------------------------------------------------------------
 #
-# What is wrong with a wiring file, each with its line and what to do.
+# Errors of a wiring file, each with its line and a remedy.
 
 
 class WiringProblem(NamedTuple):
-    """One thing that is wrong: ``line`` of the file from 1 (0: of the whole), the entry, what and what to do."""
+    """One error: ``line`` of the file from 1 (0: whole file), entry, text and remedy."""
 
     line: int
     entry: str
@@ -30,13 +30,13 @@ class WiringProblem(NamedTuple):
     remedy: str
 
     def sentence(self, file: str) -> str:
-        """Say it in one line."""
+        """Return the error as one line."""
         where = f"{file}:{self.line}" if self.line else file
         return f"{where}: {self.entry}: {self.text}; {self.remedy}"
 
 
 class WiringError(SinewError, ValueError):
-    """A wiring file is refused; ``problems`` are all that was found."""
+    """Rejected wiring file; ``problems`` are all errors found."""
 
     category = ErrorCode.BAD_VALUE
 
@@ -72,24 +72,24 @@ _FOLDER = Path(__file__).parent / "wirings"
 SHIPPED = tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
 
 BEYOND_TABLE = 0.05
-"""How far beyond its table a load cell is read, as a part of the table's span: noise about 0 N is no fault."""
+"""Extrapolation of a load cell's table, as a fraction of its span: noise around 0 N is no fault."""
 
 WATCHDOG_MAX_S = 0.05
-"""Longest time without a write after which the card's watchdog may take the drives away on a rig [s]."""
+"""Longest permitted time of the card's watchdog on a rig [s]."""
 
 
 def number(unit: str, minimum: float, maximum: float, default: float | None = None) -> Any:
-    """Declare a number with its unit and bounds; with a default it may be left out."""
+    """Return a field for a number with unit and bounds; with a default it is optional."""
     return field(metadata={"unit": unit, "minimum": minimum, "maximum": maximum, "default": default})
 
 
 def name(pattern: str, description: str, default: str | None = None) -> Any:
-    """Declare a name on the card; ``description`` says what is looked for."""
+    """Return a field for a name on the card; ``description`` says what is expected."""
     return field(metadata={"pattern": pattern, "wanted": description, "default": default})
 
 
 def rows(unit: str) -> Any:
-    """Declare a table of pairs, rising in the first column, which may be left out."""
+    """Return an optional field for a table of pairs that rise in the first column."""
     return field(metadata={"unit": unit, "rows": True, "default": ()})
 
 
@@ -99,12 +99,12 @@ _AO = name(r"ao[0-3]", "an analog output of the card, ao0 to ao3")
 _LINE = r"port0/line(?:[12]?\d|3[01])|port[12]/line[0-7]"
 
 PFI_OF_COUNTER = {"ctr0": (8, 10, 9), "ctr1": (3, 11, 4), "ctr2": (0, 2, 1), "ctr3": (5, 7, 6)}
-"""Lines PFI that a counter's encoder takes for A, B and Z where nothing else is routed (X Series)."""
+"""PFI lines of A, B and Z of a counter's encoder with default routing (X Series)."""
 
 
 @dataclass(frozen=True)
 class CardWiring:
-    """The card itself, and how it is timed."""
+    """Name of the card, its timing and the time of its watchdog."""
 
     device: str = name(r"[A-Za-z][\w-]*", "the card's name in NI MAX or `nilsdev`, Dev1 for instance")
     timing: str = name(r"hardware|on-demand", '"hardware" or "on-demand"', "on-demand")
@@ -113,7 +113,10 @@ class CardWiring:
 
 @dataclass(frozen=True)
 class MotorWiring:
-    """A motor at an analog output: volts at the terminal for a volt that is commanded; its sign is the direction."""
+    """Motor at an analog output.
+
+    ``gain`` [V/V]: volts at the terminal per commanded volt; its sign is the direction.
+    """
 
     channel: str = _AO
     gain: float = number("V/V", -1.0, 1.0)
@@ -121,9 +124,10 @@ class MotorWiring:
 
 @dataclass(frozen=True)
 class LoadCellWiring:
-    """A load cell at an analog input, calibrated by slope and offset, or by a table of volts and newtons from 0 N on.
+    """Load cell at an analog input, calibrated by slope and offset or by a table.
 
-    Beyond the table it goes on along the first or last piece, by BEYOND_TABLE of the volts that the table spans.
+    The table holds volts and newtons and includes 0 N. It is extrapolated from its first and last piece by BEYOND_TABLE
+    of its span in volts.
     """
 
     channel: str = _AI
@@ -134,7 +138,10 @@ class LoadCellWiring:
 
 @dataclass(frozen=True)
 class EncoderWiring:
-    """An incremental encoder at a counter; counts with all four edges, +1 or -1 for the direction it counts in."""
+    """Incremental encoder at a counter, with X4 decoding.
+
+    ``counts_per_rev`` counts all four edges; ``direction`` is +1 or -1.
+    """
 
     counter: str = _COUNTER
     counts_per_rev: float = number("1", 4.0, 4e6)
@@ -142,13 +149,13 @@ class EncoderWiring:
 
     @property
     def radians_per_count(self) -> float:
-        """How far its shaft turns from one count to the next [rad], with the direction."""
+        """Rotation of the shaft per count [rad], signed by the direction."""
         return self.direction * 2.0 * math.pi / self.counts_per_rev
 
 
 @dataclass(frozen=True)
 class LineWiring:
-    """A digital line, and the level at which it says what it is called."""
+    """Digital line, and its active level."""
 
     line: str = name(_LINE, "a digital line, port0/line0 to port0/line31, or one of the eight of port1 and port2")
     active: str = name(r"high|low", '"high" or "low"')
@@ -156,12 +163,15 @@ class LineWiring:
 
 @dataclass(frozen=True)
 class SwitchWiring(LineWiring):
-    """The end switch; ``position`` is where it holds the joint, for homing: left out where that is not known."""
+    """End switch; ``position`` is the joint angle at which it is held, NaN if unknown."""
 
     position: float = number("rad", -math.pi, math.pi, math.nan)
 
     def is_held_at(self, q: float) -> bool:
-        """Return whether a joint at q [rad] holds the switch: at its position, or beyond."""
+        """Return whether a joint at q [rad] holds the switch.
+
+        It does at ``position`` or beyond.
+        """
         return abs(q) >= abs(self.position) and q * self.position > 0.0
 
 
@@ -182,7 +192,7 @@ SECTIONS: dict[str, type] = {
 
 @dataclass(frozen=True)
 class Wiring:
-    """A whole wiring; ``sources`` tells by ``section.entry`` where a number comes from."""
+    """Complete wiring; ``sources`` maps ``section.entry`` to the source of a number."""
 
     title: str
     card: CardWiring
@@ -200,7 +210,10 @@ class Wiring:
 
 
 def is_wired_alike(one: Wiring, other: Wiring) -> bool:
-    """Return whether channels and directions are the same, whatever calibrations and the card's timing are."""
+    """Return whether channels, counts and directions are the same.
+
+    Calibrations and the card's timing may differ.
+    """
     return _get_connections(one) == _get_connections(other)
 
 
@@ -210,10 +223,10 @@ def _get_connections(w: Wiring) -> tuple[object, ...]:
 
 
 def load_wiring(name_or_path: str | Path) -> Wiring:
-    """Load a shipped wiring or a TOML file. Raises WiringError with all that is wrong."""
+    """Load a shipped wiring or a TOML file. Raises WiringError with all errors."""
     path = _FOLDER / f"{name_or_path}.toml" if str(name_or_path) in SHIPPED else Path(name_or_path)
     try:
-        text = path.read_text(encoding="utf-8-sig")  # some editors begin a file with a BOM
+        text = path.read_text(encoding="utf-8-sig")  # some editors write a BOM
         document = tomllib.loads(text)
     except OSError:
         remedy = f"use one of {', '.join(SHIPPED)}, or a TOML file"
@@ -227,7 +240,10 @@ def load_wiring(name_or_path: str | Path) -> Wiring:
 
 
 def parse_wiring(title: str, document: dict[str, Any], text: str = "", file: str = "") -> Wiring:
-    """Build a wiring from a document; line numbers come from ``text``. Raises WiringError."""
+    """Build a wiring from a document. Raises WiringError.
+
+    ``text`` is the document's source, for line numbers.
+    """
     reader = _Reader(find_lines(text))
     for section in document:
         if section not in SECTIONS:
@@ -245,7 +261,7 @@ _Parts = dict[str, dict[str, Any]]
 
 
 class _Reader:
-    """Reads sections, and keeps all that is wrong with them."""
+    """Parser of sections that collects all errors."""
 
     def __init__(self, lines: dict[str, int]) -> None:
         self.problems: list[WiringProblem] = []
@@ -324,7 +340,7 @@ class _Reader:
         return points
 
     def check_shared(self, parts: _Parts) -> None:
-        """Refuse two things at one terminal."""
+        """Report terminals that are used twice."""
         first: dict[str, str] = {}
         for section, entries in parts.items():
             for entry in ("channel", "counter", "line"):
@@ -332,10 +348,10 @@ class _Reader:
                 for terminal in _list_terminals(channel) if isinstance(channel, str) else ():
                     if (other := first.setdefault(terminal, section)) != section:
                         self.add_problem(section, entry, f"{terminal} is taken by {other}", "give each its own")
-                        break  # a counter that is taken has its lines taken, too
+                        break  # a counter in use has its lines in use too
 
     def check_calibration(self, parts: _Parts) -> None:
-        """Refuse a load cell without slope or table, or with both."""
+        """Report a load cell with neither slope nor table, or with both."""
         for section in ("load_cell_A", "load_cell_B"):
             entries = parts[section]
             if entries and math.isnan(entries["slope"]) == (not entries["table"]):
@@ -344,7 +360,10 @@ class _Reader:
 
 
 def _list_terminals(channel: str) -> tuple[str, ...]:
-    """Return what a channel, counter or line takes of the card; PFI k is line k of port 1, from 8 on of port 2."""
+    """Return the terminals that a channel, counter or line occupies.
+
+    PFI k is line k of port 1, from 8 on of port 2.
+    """
     lines = (f"port{1 + pfi // 8}/line{pfi % 8}" for pfi in PFI_OF_COUNTER.get(channel, ()))
     return (channel, *lines)
 
