@@ -1,4 +1,4 @@
-"""The control laws and the control step: pure functions of gains, state and measurement, compiled once."""
+"""Control laws and control step, as compiled pure functions."""
 
 import lazy_loader
 

@@ -1,4 +1,7 @@
-"""Rivals of the paper: feedback linearisation with a full model, and one loop per output without a cascade."""
+"""Baseline laws: feedback linearisation with a full model, and single loops.
+
+The single loops, one per output, have no cascade.
+"""
 
 import math
 from typing import NamedTuple
@@ -26,28 +29,27 @@ from plant import (
 
 # Feedback linearization ----------------------------------------------------------------------------
 #
-# Baseline with a full model: feedback linearisation with decoupling of joint position and
-# stiffness.
+# Baseline with a full model: feedback linearisation that decouples joint position and stiffness.
 #
-# The static law, as in Palli, Melchiorri, Wimböck, Grebenstein, Hirzinger, "Feedback linearization
-# and simultaneous stiffness-position control of robots with antagonistic actuated joints" (ICRA
-# 2007); De Luca, Flacco, Bicchi, Schiavi, "Nonlinear decoupled motion-stiffness control and
-# collision detection/reaction for the VSA-II variable stiffness device" (IROS 2009). Static: q has
-# relative degree 4 and S has 2, together the six states of the model, so the law needs no states of
-# its own but the integrals; the dynamic extension filters S twice more (docs/explanation/errata.md, E9). The
-# motors' accelerations appear in the fourth derivative of q and in the second of S (the torques'
-# lag of 2 ms left out); the law solves for those that make q'''' = v_q, S'' = v_S and lets
+# The static law follows Palli, Melchiorri, Wimböck, Grebenstein, Hirzinger, "Feedback linearization and simultaneous
+# stiffness-position control of robots with antagonistic actuated joints" (ICRA 2007); De Luca, Flacco, Bicchi, Schiavi,
+# "Nonlinear decoupled motion-stiffness control and collision detection/reaction for the VSA-II variable stiffness
+# device" (IROS 2009). It is static because q has relative degree 4 and S has 2, together the six states of the model,
+# so the law needs no states except the integrals; the dynamic extension filters S twice more
+# (docs/explanation/errata.md, E9). The motors' accelerations appear in the fourth derivative of q and in the second of
+# S (neglecting the torques' lag of 2 ms); the law solves for the accelerations that give q'''' = v_q, S'' = v_S, where
 #
 #     v_q = q_d'''' + Σ a_i (q_d − q)^(i),  v_S = S_d'' + Σ b_i (S_d − S)^(i),  i = −1 (the integral), 0, 1 ...
 #
-# follow a smooth reference. Speeds, which no sensor reads, come from the model itself, run beside
-# the plant and corrected by the measured angles.
+# track a smooth reference. No sensor measures speeds; they come from the model itself, simulated in parallel and
+# corrected by the measured angles.
 
 
 class FeedbackLinearizationGains(NamedTuple):
-    """References pass 1/(λ s + 1)^4 and 1/(λ s + 1)²; all poles of each error at −``pole``; poles in rad/s.
+    """Time constants [s] of the reference filters and poles [rad/s] of the errors.
 
-    ``observer_pole``: of the model's correction, double for each angle.
+    References pass 1/(λ s + 1)^4 and 1/(λ s + 1)²; all poles of each error are at −``pole``. ``observer_pole`` is the
+    pole of the model's correction, double for each angle.
     """
 
     lam_q: float
@@ -58,9 +60,10 @@ class FeedbackLinearizationGains(NamedTuple):
 
 
 class FeedbackLinearizationTuning(NamedTuple):
-    """Model of the plant and all else the tick needs; ``omega_max`` [rad/s] bounds the governor, ``u_max`` [V].
+    """Gains, model and limits of the law.
 
-    The model's friction is smoothed (``plant.dynamics.smooth_friction``): of bristles the law knows nothing.
+    ``omega_max`` [rad/s] limits the governor, ``u_max`` [V] the voltages. The model's friction is smoothed
+    (``plant.dynamics.smooth_friction``): the law has no bristles.
     """
 
     gains: FeedbackLinearizationGains
@@ -71,7 +74,7 @@ class FeedbackLinearizationTuning(NamedTuple):
 
 
 class Smooth(NamedTuple):
-    """A reference with its derivatives, each in the unit of the signal per s^i."""
+    """Reference and its derivatives, each in the unit of the signal per s^i."""
 
     r_0: float
     r_1: float
@@ -80,7 +83,10 @@ class Smooth(NamedTuple):
 
 
 class FeedbackLinearizationState(NamedTuple):
-    """Everything the law remembers; ``x`` is the model's state, the integrals are of the errors [rad·s, N·m·s/rad]."""
+    """State of the law.
+
+    ``x`` is the model's state; the integrals are those of the errors [rad·s, N·m·s/rad].
+    """
 
     governor: GovernorState
     q_d: Smooth
@@ -91,9 +97,9 @@ class FeedbackLinearizationState(NamedTuple):
 
 
 class _Chain(NamedTuple):
-    """Where the two chains of integrators stand, and how the motors couple into them.
+    """Derivatives of both integrator chains, and how the motors act on them.
 
-    ``drift`` is q'''' [rad/s⁴] while both motors turn at constant speed; slopes [N/m] and forces [N] of the springs.
+    ``drift`` is q'''' [rad/s⁴] at constant motor speeds; slopes [N/m] and forces [N] are those of the springs.
     """
 
     q_2: float
@@ -108,7 +114,7 @@ class _Chain(NamedTuple):
 
 @compiled
 def _smooth_4(lam: float, s: Smooth, r: float) -> tuple[float, Smooth]:
-    """One tick of 1/(λ s + 1)^4: the fourth derivative now, and the reference in the next tick."""
+    """Advance 1/(λ s + 1)^4 by a tick; return the fourth derivative and the new state."""
     w = 1.0 / lam
     r_4 = w**4 * (r - s.r_0) - 4.0 * w**3 * s.r_1 - 6.0 * w**2 * s.r_2 - 4.0 * w * s.r_3
     return r_4, Smooth(s.r_0 + T_s * s.r_1, s.r_1 + T_s * s.r_2, s.r_2 + T_s * s.r_3, s.r_3 + T_s * r_4)
@@ -116,7 +122,7 @@ def _smooth_4(lam: float, s: Smooth, r: float) -> tuple[float, Smooth]:
 
 @compiled
 def _smooth_2(lam: float, s: Smooth, r: float) -> tuple[float, Smooth]:
-    """One tick of 1/(λ s + 1)²: the second derivative now, and the reference in the next tick."""
+    """Advance 1/(λ s + 1)² by a tick; return the second derivative and the new state."""
     w = 1.0 / lam
     r_2 = w**2 * (r - s.r_0) - 2.0 * w * s.r_1
     return r_2, Smooth(s.r_0 + T_s * s.r_1, s.r_1 + T_s * r_2, 0.0, 0.0)
@@ -124,7 +130,7 @@ def _smooth_2(lam: float, s: Smooth, r: float) -> tuple[float, Smooth]:
 
 @compiled
 def _correct_model(pole: float, x: PlantState, m: Measurement) -> PlantState:
-    """State of the model, drawn towards the measured angles."""
+    """Return the model's state, corrected by the measured angles."""
     e_q, e_A, e_B = m.q - x.q, m.theta_A - x.theta_A, m.theta_B - x.theta_B
     angle, speed = 2.0 * pole * T_s, pole**2 * T_s
     return PlantState(
@@ -161,9 +167,10 @@ def _chain(model: Dynamics, d: Decoupler, x: PlantState) -> _Chain:
 
 @compiled
 def _voltage(motor: Motor, acceleration: float, omega: float, omega_d: float, load: float) -> float:
-    """Voltage [V] for an acceleration [rad/s²] (equations 6-9, without the lag of the torque).
+    """Return the voltage [V] for an acceleration [rad/s²], neglecting torque lag.
 
-    Friction is compensated at the speed that is wanted: at the estimated speed it would excite what it should damp.
+    Equations 6-9. Friction is compensated at the reference speed: at the estimated speed the compensation would excite
+    the vibrations that it should damp.
     """
     friction = friction_torque(motor.friction, omega_d, load, 0.0)
     return (motor.J_m * acceleration + motor.B_m * omega + load + friction) / motor.K_t
@@ -173,7 +180,7 @@ def _voltage(motor: Motor, acceleration: float, omega: float, omega_d: float, lo
 def step_feedback_linearization(
     tuning: FeedbackLinearizationTuning, state: FeedbackLinearizationState, q_ref: float, S_ref: float, m: Measurement
 ) -> tuple[cascade.CascadeOutput, FeedbackLinearizationState]:
-    """One tick: references [rad, N·m/rad] and a measurement to motor voltages [V]."""
+    """Execute one step: references [rad, N·m/rad] and a measurement to voltages [V]."""
     d, model, gains = tuning.decoupler, tuning.model, tuning.gains
     motor_A, motor_B, joint = model.motor_A, model.motor_B, model.joint
     reference, governed = step_governor(d, tuning.omega_max, state.governor, q_ref, S_ref)
@@ -183,7 +190,7 @@ def step_feedback_linearization(
     x = _correct_model(gains.observer_pole, state.x, m)
     c = _chain(model, d, x)
 
-    # All poles of the errors at −p: (s + p)^5 and (s + p)^3, the last power for the integral.
+    # All poles of the errors are at −p: (s + p)^5 and (s + p)^3, the last power for the integral.
     p, S = gains.pole_q, decoupler.stiffness(d, m.theta_A, m.theta_B)
     e_q, e_S = q_d.r_0 - m.q, S_d.r_0 - S
     v_q = q_4 + 5.0 * p * (q_d.r_3 - c.q_3) + 10.0 * p**2 * (q_d.r_2 - c.q_2) + 10.0 * p**3 * (q_d.r_1 - x.q_dot)
@@ -235,7 +242,10 @@ def step_feedback_linearization(
 def initialize_feedback_linearization(
     tuning: FeedbackLinearizationTuning, u_A: float, u_B: float, m: Measurement
 ) -> FeedbackLinearizationState:
-    """State that continues from the voltages u_A, u_B [V] at a joint at rest; references at the joint."""
+    """Return the state that continues from voltages u_A, u_B [V] at a joint at rest.
+
+    The references start at the joint's position and stiffness.
+    """
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
     torque_A, torque_B = tuning.model.motor_A.K_t * u_A, tuning.model.motor_B.K_t * u_B
     return FeedbackLinearizationState(
@@ -261,28 +271,26 @@ def initialize_feedback_linearization(
 
 # Single loop ---------------------------------------------------------------------------------------
 #
-# Baseline without cascade: one I-PD loop on joint position and one on stiffness, straight to the
-# motor voltages.
+# Baseline without cascade: one I-PD loop on joint position and one on stiffness, directly to the motor voltages.
 #
-# What the paper compares its cascade with. Both motors pull against each other, so a voltage with
-# opposite signs turns the joint and a voltage with equal signs stiffens it: u_A = u_S + u_q, u_B =
-# u_S − u_q, the directions of the decoupler (equations 18, 19). Governor, voltage limit and
-# references are the cascade's.
+# The paper compares its cascade with this law. The motors are antagonistic, so voltages of opposite sign turn the joint
+# and voltages of equal sign stiffen it: u_A = u_S + u_q, u_B = u_S − u_q, the directions of the decoupler (equations
+# 18, 19). Governor, voltage limit and references are those of the cascade.
 
 
 NOT_USED = math.nan
-"""What the sample shows for motor references, which this law does not have."""
+"""Value of the motor references in samples; this law has none."""
 
 
 class SingleLoopGains(NamedTuple):
-    """``position``: volts from rad; ``stiffness``: volts from N·m/rad."""
+    """Gains of both loops: ``position`` [V per rad], ``stiffness`` [V per N·m/rad]."""
 
     position: pid.IPDGains
     stiffness: pid.IPDGains
 
 
 class SingleLoopTuning(NamedTuple):
-    """All the tick needs; ``omega_max`` [rad/s] of the governor, ``u_max`` [V]."""
+    """Gains and limits: ``omega_max`` [rad/s] of the governor, ``u_max`` [V]."""
 
     gains: SingleLoopGains
     decoupler: Decoupler
@@ -291,7 +299,7 @@ class SingleLoopTuning(NamedTuple):
 
 
 class SingleLoopState(NamedTuple):
-    """Everything the law remembers from tick to tick."""
+    """State of the law."""
 
     governor: GovernorState
     position: pid.IPDState
@@ -302,7 +310,7 @@ class SingleLoopState(NamedTuple):
 def step_single_loop(
     tuning: SingleLoopTuning, state: SingleLoopState, q_ref: float, S_ref: float, m: Measurement
 ) -> tuple[cascade.CascadeOutput, SingleLoopState]:
-    """One tick: references [rad, N·m/rad] and a measurement to motor voltages [V]."""
+    """Execute one step: references [rad, N·m/rad] and a measurement to voltages [V]."""
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
     reference, governed = step_governor(tuning.decoupler, tuning.omega_max, state.governor, q_ref, S_ref)
     u_q, _, position = pid.step_i_pd(tuning.gains.position, state.position, reference.q_ref, m.q, math.inf)
@@ -335,13 +343,19 @@ def step_single_loop(
 
 @compiled
 def _bleed_integrator(state: pid.IPDState, excess: float) -> pid.IPDState:
-    """Anti-windup: the voltage that the motors did not get bleeds the integrator, as in the cascade's inner loops."""
+    """Return the state with clipped voltage bled from the integrator (anti-windup).
+
+    As in the inner loops of the cascade.
+    """
     return pid.IPDState(state.integral - T_s * excess / pid.TRACKING_TIME_S, state.integral_f, state.y_f)
 
 
 @compiled
 def initialize_single_loop(tuning: SingleLoopTuning, u_A: float, u_B: float, m: Measurement) -> SingleLoopState:
-    """State that continues from the voltages u_A, u_B [V] at a joint at rest; references at the joint."""
+    """Return the state that continues from voltages u_A, u_B [V] at a joint at rest.
+
+    The references start at the joint's position and stiffness.
+    """
     S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
     return SingleLoopState(
         GovernorState(m.q, S),

@@ -1,8 +1,8 @@
-"""The cascade of figure 6: outer I-P loops, envelope, decoupler, inner I-PD loops, and what they are to follow.
+"""Cascade of figure 6: outer I-P loops, envelope, decoupler and inner I-PD loops.
 
-As in the paper the loops are given the references, slowed down by the governor. With a plan they are given what is left
-between actuator and model, and the model's voltages go to the motors directly: the loops are the same, so are λ, M_s
-and margins, but their lags are no longer on the way (docs/decisions/0046).
+As in the paper, the loops track the references limited by the governor. With trajectory feed-forward they act on the
+difference between actuator and model, and the model's voltages go to the motors directly: loops, λ, M_s and margins are
+the same, but the lags of the loops no longer delay the motion (docs/decisions/0046).
 """
 
 import math
@@ -26,14 +26,13 @@ from plant import Measurement, T_s, compiled
 #
 # Reference governor: both references move together, no faster than the motors can follow.
 #
-# A step of the references asks for motor speeds that ±10 V cannot give; the loops would saturate,
-# couple and wind up. The governor keeps the linear design valid instead: it walks (q_ref, S_ref)
-# along the straight line to the target so that neither motor reference moves faster than
-# ``omega_max`` (method section 5).
+# A step of the references requires motor speeds that ±10 V cannot give; the loops would saturate, couple and wind up.
+# The governor keeps the linear design valid: it moves (q_ref, S_ref) along the straight line to the target so that
+# neither motor reference moves faster than ``omega_max`` (method section 5).
 
 
 class GovernorState(NamedTuple):
-    """References handed to the outer loops [rad, N·m/rad]."""
+    """References of the outer loops [rad, N·m/rad]."""
 
     q_ref: float
     S_ref: float
@@ -43,7 +42,10 @@ class GovernorState(NamedTuple):
 def step_governor(
     d: Decoupler, omega_max: float, state: GovernorState, q_ref: float, S_ref: float
 ) -> tuple[GovernorState, bool]:
-    """One tick towards (q_ref, S_ref). Returns the governed references and whether the governor held them back."""
+    """Move the references by one tick towards (q_ref, S_ref).
+
+    Returns the governed references and whether the governor limited them.
+    """
     now_A, now_B = motor_positions(d, state.q_ref, state.S_ref)
     target_A, target_B = motor_positions(d, q_ref, S_ref)
     distance = max(abs(target_A - now_A), abs(target_B - now_B))
@@ -56,35 +58,35 @@ def step_governor(
 
 # Following -----------------------------------------------------------------------------------------
 #
-# What the loops of the cascade follow: references as they are, or a model that a plan moves and
-# what is left of it.
+# Signals that the loops of the cascade track: the governed references, or the difference to a model that a trajectory
+# moves.
 
 
 CLIPPING_TIMEOUT_S = 0.1
-"""Voltage clipped for so long [s] says that the budget is more than the motors have: the rest is planned with less."""
+"""Voltage clipped for this long [s] shows that the voltage limit is too high; the rest is planned with less."""
 
 BUDGET_REDUCTION = 0.9
-"""What is left of the budget then."""
+"""Factor by which the voltage limit is then reduced."""
 
 REST_FACTOR = 1.2
-"""Rest is granted at so many times what the position's integrator leaves alone: a reference half-way between two counts
-is read half a count off wherever the joint is, and a little more by one of the two."""
+"""Errors up to this multiple of the position integrator's dead zone count as rest: with a reference halfway between two
+encoder counts the reading is off by half a count everywhere, and slightly more at one of the two counts."""
 
 
 NEAR_FACTOR_Q, NEAR_FACTOR_S = 4.0, 20.0
-"""A joint that is off by so many times what is left alone has been pushed away, and comes back by the linear loops;
-what hunts against stiction is nearer."""
+"""Multiples of the dead zones beyond which the joint has been pushed away and returns by the linear loops; hunting
+against static friction stays within them."""
 
 OPEN_LOOP_FACTOR = 0.2
-"""Share of ``dead_zone_q`` within which the joint is at rest while the position loop is open."""
+"""Fraction of ``dead_zone_q`` within which the joint is at rest while the position loop is open."""
 
 
 class Following(NamedTuple):
-    """What the references are followed by: a plan within ``budget`` [V] and the model it moves; 0 V: the governor.
+    """How references are tracked: ``budget`` [V] of a trajectory, 0 for the governor.
 
-    ``dead_zone_q`` [rad], ``dead_zone_S`` [N·m/rad]: errors that the outer integrators leave alone; with the governor
-    from when the joint has arrived, so that it gets there by the linear loops alone. While both are nearly within, and
-    the references stand, all integrators rest.
+    ``model`` is the model that the trajectory moves. ``dead_zone_q`` [rad], ``dead_zone_S`` [N·m/rad]: errors that the
+    outer integrators ignore; with the governor only after the joint has arrived, so that it arrives by the linear loops
+    alone. While both errors are small and the references constant, no integrator integrates.
     """
 
     budget: float
@@ -94,17 +96,17 @@ class Following(NamedTuple):
 
 
 class DeadZones(NamedTuple):
-    """Errors that the outer integrators leave alone in a tick, of position [rad] and stiffness [N·m/rad]."""
+    """Errors that the outer integrators ignore in this tick [rad], [N·m/rad]."""
 
     q: float
     S: float
 
 
 class FollowedReferences(NamedTuple):
-    """What the loops of this tick work on.
+    """Signals that the loops of this tick track.
 
-    ``reference`` and the place that position, stiffness and both motors count from; what is added to the outer loops'
-    sum, ``q_e`` and ``S_e``; the model's voltages [V]; whether the references are still on their way.
+    ``reference``, and the origin of position, stiffness and both motors; ``q_e`` and ``S_e`` are added to the outputs
+    of the outer loops; ``u_A``, ``u_B`` are the model's voltages [V]; ``moving``: the references still move.
     """
 
     reference: GovernorState
@@ -121,7 +123,7 @@ class FollowedReferences(NamedTuple):
 
 @compiled
 def follow_governed(reference: GovernorState, moving: bool) -> FollowedReferences:
-    """Return references as the governor leaves them: the loops count from zero."""
+    """Return the signals of governed references: the origin of the loops is zero."""
     return FollowedReferences(
         reference=reference, q=0.0, S=0.0, theta_A=0.0, theta_B=0.0, q_e=0.0, S_e=0.0, u_A=0.0, u_B=0.0, moving=moving
     )
@@ -129,7 +131,7 @@ def follow_governed(reference: GovernorState, moving: bool) -> FollowedReference
 
 @compiled
 def follow_trajectory(model: trajectory.AxisState, drive: trajectory.Driven) -> FollowedReferences:
-    """Return the model of a plan: the loops count from it."""
+    """Return the signals of a trajectory: the origin of the loops is its model."""
     reference = GovernorState(model.q, model.S)
     return FollowedReferences(
         reference=reference,
@@ -147,25 +149,28 @@ def follow_trajectory(model: trajectory.AxisState, drive: trajectory.Driven) -> 
 
 @compiled
 def is_within_dead_zone(f: Following, e_q: float, e_S: float) -> bool:
-    """Whether the errors of position [rad] and stiffness [N·m/rad] are both so small that they are left alone."""
+    """Return whether both errors [rad], [N·m/rad] are within the dead zones."""
     return abs(e_q) <= REST_FACTOR * f.dead_zone_q and abs(e_S) <= f.dead_zone_S
 
 
 @compiled
 def is_near_reference(f: Following, e_q: float, e_S: float) -> bool:
-    """Whether errors of position [rad] and stiffness [N·m/rad] are those of a joint that has not been pushed away."""
+    """Return whether the errors [rad], [N·m/rad] show a joint not pushed away."""
     return abs(e_q) <= NEAR_FACTOR_Q * f.dead_zone_q and abs(e_S) <= NEAR_FACTOR_S * f.dead_zone_S
 
 
 @compiled
 def is_within_dead_zone_open_loop(f: Following, e_q: float, e_S: float) -> bool:
-    """As ``unseen``, for an error of the equilibrium [rad] where the position loop is open."""
+    """Like ``is_within_dead_zone``, for an error of the equilibrium [rad].
+
+    Used while the position loop is open.
+    """
     return abs(e_q) <= OPEN_LOOP_FACTOR * f.dead_zone_q and abs(e_S) <= f.dead_zone_S
 
 
 @compiled
 def update_voltage_reserve(clipped_s: float, reserve: float, clipped: bool, moving: bool) -> tuple[float, float]:
-    """For how long voltage has been clipped on the way [s], and the share of the budget in use after this tick."""
+    """Return the time of clipping in motion [s] and the factor on the voltage limit."""
     clipped_s = clipped_s + T_s if clipped and moving else 0.0
     reserve = reserve if moving else 1.0
     return (0.0, reserve * BUDGET_REDUCTION) if clipped_s > CLIPPING_TIMEOUT_S else (clipped_s, reserve)
@@ -180,7 +185,7 @@ def convert_to_absolute(
     u_B: float,
     m: Measurement,
 ) -> pid.MotorPairState:
-    """Motor loops that count from zero, in place of the model, and give its voltages [V] too."""
+    """Return motor loops with origin zero that also give the model's voltages [V]."""
     return pid.MotorPairState(
         pid.rebase_i_pd(
             gains=gains.A,
@@ -203,7 +208,10 @@ def convert_to_absolute(
 
 @compiled
 def select_dead_zones(f: Following, resting: bool, arrived: bool) -> DeadZones:
-    """Dead zones of the outer integrators: everything at rest, nothing on the way."""
+    """Return the dead zones of the outer integrators.
+
+    Infinite at rest, zero while moving towards a governed reference.
+    """
     if resting:
         return DeadZones(math.inf, math.inf)
     if arrived:
@@ -215,14 +223,14 @@ def select_dead_zones(f: Following, resting: bool, arrived: bool) -> DeadZones:
 
 
 TRACKING_TIME_S = 0.1
-"""Time constant with which the outer integrators are bled of what the envelope held back, and of clipped voltage mapped
-back through the decoupler."""
+"""Time constant with which the outer integrators are corrected by the envelope's limits, and by clipped voltage mapped
+through the inverse of the decoupler."""
 
 
 class CascadeTuning(NamedTuple):
-    """All gains and bounds the tick needs, replaced as a whole.
+    """Gains and limits of the cascade, replaced as a whole.
 
-    ``omega_max`` [rad/s] bounds the governor's motor references, ``u_max`` [V] the voltages.
+    ``omega_max`` [rad/s] limits the governor's motor references, ``u_max`` [V] the voltages.
     """
 
     motors: pid.MotorPairGains
@@ -236,13 +244,13 @@ class CascadeTuning(NamedTuple):
 
 
 class CascadeState(NamedTuple):
-    """Everything the cascade remembers from tick to tick.
+    """State of the cascade.
 
-    With a plan (``follows_trajectory``) the loops count from the model: ``position`` and ``stiffness`` give what is
-    added to its equilibrium. ``clipped_s`` [s]: for how long voltage has been clipped; ``reserve``: share of the budget
-    in use. ``standalone_motors``: the motor loops as they are for who takes them over, without a model. ``resting``:
-    all integrators rest; ``arrived``: they have, once, since the references have stood and the joint was not pushed
-    away.
+    With a trajectory (``follows_trajectory``) the origin of the loops is the model, and ``position`` and ``stiffness``
+    give increments to its equilibrium. ``clipped_s`` [s]: how long voltage has been clipped; ``reserve``: factor on the
+    voltage limit. ``standalone_motors``: motor loops without a model, for the next motion. ``resting``: no integrator
+    integrates; ``arrived``: that was so once since the references became constant, and the joint was not pushed away
+    since.
     """
 
     governor: GovernorState
@@ -267,7 +275,7 @@ class CascadeState(NamedTuple):
 
 
 class CascadeOutput(NamedTuple):
-    """What the cascade decided in a tick, as the sample shows it."""
+    """Output of the cascade in a step, as in the sample."""
 
     u_A: float
     u_B: float
@@ -294,14 +302,14 @@ def step(
     m: Measurement,
     tau_ext: float = math.nan,
 ) -> tuple[CascadeOutput, CascadeState]:
-    """One tick: references and a measurement to motor voltages (figure 6).
+    """Execute one step: references and a measurement to voltages (figure 6).
 
-    Without ``position_loop`` the decoupler's geometry alone positions the joint: the compliance experiment.
-    ``tau_ext`` [N·m]: outside torque for the rejection, nan where it is not known.
+    Without ``position_loop`` the geometry of the decoupler alone positions the joint: the compliance experiment.
+    ``tau_ext`` [N·m]: external torque for the disturbance rejection, NaN if it is unknown.
     """
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
-    # What a plan has set in motion it brings to a stand first: the loops alone let S run on by up to 0.5 N·m/rad.
+    # A trajectory first brings its motion to rest: the loops alone let S overshoot by up to 0.5 N·m/rad.
     follows_trajectory = tuning.following.budget > 0.0 or (
         state.follows_trajectory and not trajectory.is_at_rest(tuning.following.model, state.trajectory_state)
     )
@@ -388,7 +396,8 @@ def step(
         resting=resting,
     )
 
-    # A volt too many is worth 1/k_p radians of motor reference; the decoupler's inverse turns those into q and S.
+    # An excess voltage corresponds to 1/k_p radians per volt of motor reference; the decoupler's inverse maps those to
+    # q and S.
     unwind_A = motor.excess_A / tuning.motors.A.k_p / TRACKING_TIME_S
     unwind_B = motor.excess_B / tuning.motors.B.k_p / TRACKING_TIME_S
     clipped_q, clipped_S = decoupler.rates(d, theta_A_ref, theta_B_ref, -unwind_A, -unwind_B)
@@ -446,7 +455,10 @@ def step(
 def _switch_following(
     tuning: CascadeTuning, state: CascadeState, S: float, position_loop: bool, m: Measurement
 ) -> CascadeState:
-    """Switch between trajectory and governor without a change of the voltages or, at rest, of the position."""
+    """Switch between trajectory and governor with continuous voltages.
+
+    At rest the position is continuous too.
+    """
     d, position_gains, stiffness_gains = tuning.decoupler, state.position_gains, state.stiffness_gains
     if state.follows_trajectory:
         model_state = trajectory.compute_axis_state(d, state.trajectory_state)
@@ -477,8 +489,8 @@ def _switch_following(
         _compute_motor_speed(A, state.motors.A, m.theta_A), _compute_motor_speed(B, state.motors.B, m.theta_B)
     )
     q_e = decoupler.equilibrium(d, m.theta_A, m.theta_B)
-    # Without position loop the equilibrium is what is commanded, and the joint of the model stands there. A model that
-    # begins at rest is where it is sent already.
+    # Without position loop the commanded equilibrium is the model's joint position. A model that starts at rest starts
+    # at its reference.
     q_m, S_m = m.q if position_loop else q_e, S
     if state.resting:
         q_m, S_m = state.governor.q_ref, state.governor.S_ref
@@ -487,8 +499,8 @@ def _switch_following(
     )
     model_state, model = trajectory.compute_axis_state(d, trajectory_state), tuning.following.model
     compensation = disturbance_observer.compute_compensation(state.disturbance_feedforward, S)
-    # The loops' references were ahead of motors that moved; from here on the model's voltages move them. What the
-    # motors are off from the model's, as under a push, the outer loops go on giving.
+    # The loops' references were ahead of the moving motors; from here on the model's voltages move them. The outer
+    # loops keep the offset of the motors from the model, such as under a push.
     return _with_following(
         state=state,
         reference=state.governor,
@@ -521,7 +533,7 @@ def _switch_following(
 
 @compiled
 def _zero_standstill_speeds(omega_A: float, omega_B: float) -> tuple[float, float]:
-    """Speeds of both motors [rad/s]; zero where what is read of them is no more than a count that has just changed."""
+    """Return the motor speeds [rad/s], zero if they may be single encoder counts."""
     if max(abs(omega_A), abs(omega_B)) < trajectory.STANDSTILL_RAD_S:
         return 0.0, 0.0
     return omega_A, omega_B
@@ -529,7 +541,7 @@ def _zero_standstill_speeds(omega_A: float, omega_B: float) -> tuple[float, floa
 
 @compiled
 def _compute_motor_speed(gains: pid.IPDGains, state: pid.IPDState, theta: float) -> float:
-    """Speed of a motor [rad/s], from its loop's filter."""
+    """Return the speed of a motor [rad/s] from its loop's filter."""
     return (theta - state.y_f) / gains.t_f
 
 
@@ -576,9 +588,10 @@ def initialize_bumpless(
     m: Measurement,
     q_ref: float,
 ) -> CascadeState:
-    """State that continues motor loops already running towards theta_A_ref, theta_B_ref [rad], without a bump.
+    """Return the state that continues running motor loops without a bump.
 
-    The references begin at ``q_ref`` [rad] and S_ref = S. Motors that stand are left where they stand.
+    The loops run towards theta_A_ref, theta_B_ref [rad]. The references start at ``q_ref`` [rad] and S_ref = S. Motors
+    at rest stay where they are.
     """
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)

@@ -1,10 +1,9 @@
-"""Static decoupler: from joint position and stiffness to motor positions and back (equations 18-21).
+"""Static decoupler between joint position and stiffness and motor positions.
 
-Two like quadratic springs have the paper's closed form. Any other pair has a table of what happens at rest: both
-tendons then carry the same tension F, so that S = r_j² (F_A' + F_B') and the sum of the motor angles depend on F alone,
-not on q, even where the springs differ. What differs is how far each spring is wound for that F: an offset that turns
-one motor forward and the other back. ``backend.control.decoupler`` makes the table; here it is read, the
-same straight pieces in both directions, so that there and back again is exact.
+Equations 18-21. Two equal quadratic springs have the paper's closed form. Any other pair has a table of its equilibria:
+both tendons then carry the same tension F, so S = r_j² (F_A' + F_B') and the sum of the motor angles depend on F alone,
+not on q, even if the springs differ. The elongations for that F differ: an offset that turns one motor forward and the
+other back. The table is read with the same linear pieces in both directions, so a conversion there and back is exact.
 """
 
 import math
@@ -19,15 +18,14 @@ from plant import PlantParameters, Spring, SpringParameters, T_s, compiled, spri
 
 # Equilibrium table ---------------------------------------------------------------------------------
 #
-# What a pair of springs does at rest, over the sum of the motor angles: the numerical side of the
-# decoupler.
+# Equilibria of a pair of springs over the sum of the motor angles: the numerical part of the decoupler.
 
 
 SUM, STIFFNESS, OFFSET, TENSION = 0, 1, 2, 3
 """Columns of the table: θ_A + θ_B [rad], S [N·m/rad], (x_A − x_B)/(2 r_m) [rad], tension of both tendons [N]."""
 
 ROWS = 1025
-"""Straight pieces: with the paper's spring made cubic they miss S by less than 1e-6 N·m/rad."""
+"""Rows of the table: with a cubic version of the paper's spring the error of S is below 1e-6 N·m/rad."""
 
 _POINTS = 4001
 
@@ -35,11 +33,12 @@ Array = NDArray[np.float64]
 
 
 def build_equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j: float) -> Array:
-    """Table (ROWS, 4), evenly spaced in θ_A + θ_B, from slack to where the first of the springs becomes solid.
+    """Return the equilibrium table, shape (ROWS, 4), evenly spaced in θ_A + θ_B.
 
-    At rest F_A(x_A) = F_B(x_B) = F, S = r_j² (F_A'(x_A) + F_B'(x_B)) (equation 14, erratum E4), and
-    θ_A + θ_B = (x_A + x_B)/r_m by equations 1 and 2, whatever q. The springs must stiffen
-    (``plant.dynamics.require_stiffening``), so that S rises from row to row.
+    It goes from slack to the elongation at which the first of the springs becomes solid. At equilibrium F_A(x_A) =
+    F_B(x_B) = F, S = r_j² (F_A'(x_A) + F_B'(x_B)) (equation 14, erratum E4), and θ_A + θ_B = (x_A + x_B)/r_m by
+    equations 1 and 2, independent of q. The springs must stiffen (``plant.dynamics.require_stiffening``), so that S
+    rises from row to row.
     """
     x_A, F_A, slope_A = _sample_spring(spring_A)
     x_B, F_B, slope_B = _sample_spring(spring_B)
@@ -56,7 +55,7 @@ def build_equilibrium_table(spring_A: Spring, spring_B: Spring, r_m: float, r_j:
 
 
 def _sample_spring(spring: Spring) -> tuple[Array, Array, Array]:
-    """Elongation, force and slope from slack to solid."""
+    """Return elongation, force and slope from slack to solid."""
     x = np.linspace(spring.x_slack, spring.x_solid, _POINTS)
     return x, np.array([spring_polynomial(spring, v) for v in x]), np.array([spring_slope(spring, v) for v in x])
 
@@ -65,10 +64,10 @@ def _sample_spring(spring: Spring) -> tuple[Array, Array, Array]:
 
 
 class Decoupler(NamedTuple):
-    """Geometry and identified springs: ``r_m``, ``r_j`` [m]; ``k_0`` [N], ``k_1`` [N/m], ``k_2`` [N/m²] of like ones.
+    """Geometry and identified springs.
 
-    ``table`` is None for like quadratic springs; for any other pair it is what ``build_equilibrium_table`` gives, and
-    k_0, k_1, k_2 are nan.
+    ``r_m``, ``r_j`` [m]; ``k_0`` [N], ``k_1`` [N/m], ``k_2`` [N/m²] of two equal quadratic springs, for which ``table``
+    is None. Any other pair has the ``table`` of ``build_equilibrium_table``, and k_0, k_1, k_2 are NaN.
     """
 
     r_m: float
@@ -81,7 +80,10 @@ class Decoupler(NamedTuple):
 
 @compiled
 def motor_positions(d: Decoupler, q_c: float, S_c: float) -> tuple[float, float]:
-    """theta_A, theta_B [rad] that hold q_c [rad] and S_c [N·m/rad] at equilibrium (equations 18, 19)."""
+    """Return theta_A, theta_B [rad] for an equilibrium q_c [rad], S_c [N·m/rad].
+
+    Equations 18, 19.
+    """
     difference = d.r_j / d.r_m * q_c
     common, offset = _half_sum(d, d.table, S_c)
     return difference + common + offset, -difference + common - offset
@@ -89,19 +91,25 @@ def motor_positions(d: Decoupler, q_c: float, S_c: float) -> tuple[float, float]
 
 @compiled
 def stiffness(d: Decoupler, theta_A: float, theta_B: float) -> float:
-    """S [N·m/rad] at rest, from motor positions: 2 r_j² (k1 + k2 r_m (θ_A + θ_B)) (equation 16, order 2)."""
+    """Return S [N·m/rad] at equilibrium from the motor positions [rad].
+
+    2 r_j² (k1 + k2 r_m (θ_A + θ_B)) for order 2 (equation 16).
+    """
     return _stiffness(d, d.table, theta_A + theta_B)
 
 
 @compiled
 def equilibrium(d: Decoupler, theta_A: float, theta_B: float) -> float:
-    """q_e [rad] at which the joint rests without load (equation 15)."""
+    """Return q_e [rad], the equilibrium without load (equation 15)."""
     return d.r_m * (theta_A - theta_B - _difference(d.table, theta_A + theta_B)) / (2.0 * d.r_j)
 
 
 @compiled
 def rates(d: Decoupler, theta_A: float, theta_B: float, rate_A: float, rate_B: float) -> tuple[float, float]:
-    """q_e' [rad/s] and S' [N·m/(rad·s)] at motor positions [rad] that change at rate_A, rate_B [rad/s]."""
+    """Return q_e' [rad/s] and S' [N·m/(rad·s)] for motor speeds [rad/s].
+
+    At motor positions ``theta_A``, ``theta_B`` [rad].
+    """
     S_rate, difference_rate = _slopes(d, d.table, theta_A + theta_B)
     turning = rate_A + rate_B
     return d.r_m * (rate_A - rate_B - difference_rate * turning) / (2.0 * d.r_j), S_rate * turning
@@ -109,7 +117,10 @@ def rates(d: Decoupler, theta_A: float, theta_B: float, rate_A: float, rate_B: f
 
 @compiled
 def stiffness_slope(d: Decoupler, S: float) -> float:
-    """dS/dθ [N·m/rad per rad] of one motor at stiffness S [N·m/rad]: 2 r_j² k2 r_m, at any S, for order 2."""
+    """Return dS/dθ [N·m/rad per rad] of one motor at stiffness S [N·m/rad].
+
+    2 r_j² k2 r_m at any S for order 2.
+    """
     half_sum, _ = _half_sum(d, d.table, S)
     S_rate, _ = _slopes(d, d.table, 2.0 * half_sum)
     return S_rate
@@ -117,22 +128,31 @@ def stiffness_slope(d: Decoupler, S: float) -> float:
 
 @compiled
 def stiffness_under(d: Decoupler, F: float) -> float:
-    """S [N·m/rad] at rest with the tension F [N] in both tendons: 2 r_j² √(k1² + 4 k2 (F − k0)) for order 2."""
+    """Return S [N·m/rad] at equilibrium with tension F [N] in both tendons.
+
+    2 r_j² √(k1² + 4 k2 (F − k0)) for order 2.
+    """
     return _stiffness_under(d, d.table, F)
 
 
 @compiled
 def tension_under(d: Decoupler, S: float) -> float:
-    """Tension [N] in both tendons at rest with stiffness S [N·m/rad]: ``stiffness_under`` inverted."""
+    """Return the tension [N] of both tendons at equilibrium with S [N·m/rad].
+
+    The inverse of ``stiffness_under``.
+    """
     return _tension_under(d, d.table, S)
 
 
-# Each function below is compiled for a table and for None; for None the compiler drops what the table would need.
+# Each function below is compiled for a table and for None; for None the compiler drops the table's code.
 
 
 @compiled
 def _half_sum(d: Decoupler, table: NDArray[np.float64] | None, S: float) -> tuple[float, float]:
-    """(θ_A + θ_B)/2 at stiffness S, and what A is turned further, B less, because the springs differ [rad]."""
+    """Return (θ_A + θ_B)/2 at stiffness S, and the offset of unequal springs [rad].
+
+    Motor A is turned further by the offset, motor B less.
+    """
     if table is None:
         return (S - 2.0 * d.k_1 * d.r_j**2) / (4.0 * d.k_2 * d.r_j**2 * d.r_m), 0.0
     low, share = _row_below(table, STIFFNESS, S)
@@ -157,7 +177,7 @@ def _tension_under(d: Decoupler, table: NDArray[np.float64] | None, S: float) ->
 
 @compiled
 def _stiffness(d: Decoupler, table: NDArray[np.float64] | None, turned: float) -> float:
-    """S at θ_A + θ_B = turned."""
+    """Return S at θ_A + θ_B = turned."""
     if table is None:
         return 2.0 * d.r_j**2 * (d.k_1 + d.k_2 * d.r_m * turned)
     low, share = _place(table, turned)
@@ -166,7 +186,7 @@ def _stiffness(d: Decoupler, table: NDArray[np.float64] | None, turned: float) -
 
 @compiled
 def _difference(table: NDArray[np.float64] | None, turned: float) -> float:
-    """θ_A − θ_B that keeps q_e = 0 at θ_A + θ_B = turned."""
+    """Return θ_A − θ_B that keeps q_e = 0 at θ_A + θ_B = turned."""
     if table is None:
         return 0.0
     low, share = _place(table, turned)
@@ -186,7 +206,10 @@ def _slopes(d: Decoupler, table: NDArray[np.float64] | None, turned: float) -> t
 
 @compiled
 def _place(table: NDArray[np.float64], turned: float) -> tuple[int, float]:
-    """Row below the sum ``turned`` (rows are evenly spaced in it) and the share of the way to the next one."""
+    """Return the row below the sum ``turned`` and the fraction towards the next row.
+
+    Rows are evenly spaced in the sum.
+    """
     place = (turned - table[0, SUM]) / (table[1, SUM] - table[0, SUM])
     low = int(min(max(place, 0.0), table.shape[0] - 2.0))
     return low, place - low
@@ -194,7 +217,7 @@ def _place(table: NDArray[np.float64], turned: float) -> tuple[int, float]:
 
 @compiled
 def _row_below(table: NDArray[np.float64], column: int, value: float) -> tuple[int, float]:
-    """Row below ``value`` in a rising column, and the share of the way to the next one."""
+    """Return the row below ``value`` in a rising column and the fraction to the next."""
     low, high = 0, table.shape[0] - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -207,13 +230,13 @@ def _row_below(table: NDArray[np.float64], column: int, value: float) -> tuple[i
 
 @compiled
 def _between(table: NDArray[np.float64], low: int, share: float, column: int) -> float:
-    """Value between two rows; beyond the ends of the table the outermost piece goes on."""
+    """Return the value between two rows, extrapolated beyond the table."""
     here, there = float(table[low, column]), float(table[low + 1, column])
     return here + share * (there - here)
 
 
 def build_decoupler(parameters: PlantParameters) -> Decoupler:
-    """Decoupler of a parameter set's geometry and identified springs."""
+    """Return the decoupler of a parameter set's geometry and identified springs."""
     r_m, r_j = parameters.geometry.r_m, parameters.geometry.r_j
     A, B = parameters.select_identified_spring("A"), parameters.select_identified_spring("B")
     if A.k == B.k and len(A.k) == 3:
@@ -223,28 +246,29 @@ def build_decoupler(parameters: PlantParameters) -> Decoupler:
 
 @lru_cache(maxsize=8)
 def _table(A: SpringParameters, B: SpringParameters, r_m: float, r_j: float) -> NDArray[np.float64]:
-    # Tuning asks for the decoupler at every λ it tries; the table takes 20 ms.
+    # Tuning requests the decoupler at every λ that it tries; the table takes 20 ms.
     return build_equilibrium_table(A.make_spring(), B.make_spring(), r_m, r_j)
 
 
 # Envelope ------------------------------------------------------------------------------------------
 #
-# Where the joint may be sent: both tendons taut, neither near its limit, the equilibrium inside the
-# joint's range.
+# Permitted equilibria: both tendons taut, both below their limit, the joint inside its range.
 #
-# The outer loops ask for an equilibrium (q_c, S_c). At rest both tendons then carry the tension
-# that belongs to S_c, and an external push shares itself out: half of F_A − F_B on top of one, half
-# off the other. So the push that the load cells show raises the floor of S_c and lowers its
-# ceiling; beyond both, the ceiling wins, because a slack tendon can be wound up again and a solid
-# spring cannot be undone.
+# The outer loops request an equilibrium (q_c, S_c). Both tendons then carry the tension of S_c, and an external push
+# adds half of F_A − F_B to one and subtracts it from the other. The push that the load cells measure therefore raises
+# the floor of S_c and lowers its ceiling. If they cross, the ceiling wins, because a slack tendon can be tensioned
+# again whereas a solid spring cannot be relieved.
 
 
 FILTER_TIME_S = 0.05
-"""Low-pass on F_A − F_B: far above the load cells' noise and delay, far below the 0.34 s of the motor loops."""
+"""Low-pass on F_A − F_B [s]: far above the load cells' noise and delay, far below the 0.34 s of the motor loops."""
 
 
 class Envelope(NamedTuple):
-    """``F_floor``, ``F_ceiling`` [N]: wanted of each tendon; ``q_max`` [rad]: furthest equilibrium to either side."""
+    """``F_floor``, ``F_ceiling`` [N] of each tendon; ``q_max`` [rad] to either side.
+
+    ``q_max`` limits the equilibrium.
+    """
 
     F_floor: float
     F_ceiling: float
@@ -252,13 +276,13 @@ class Envelope(NamedTuple):
 
 
 class EnvelopeState(NamedTuple):
-    """``force_difference``: F_A − F_B behind the low-pass [N]."""
+    """``force_difference``: low-pass filtered F_A − F_B [N]."""
 
     force_difference: float
 
 
 class EnvelopeOutput(NamedTuple):
-    """What may be asked for, ``q_c`` [rad] and ``S_c`` [N·m/rad], and which bound held it back."""
+    """Permitted equilibrium ``q_c`` [rad], ``S_c`` [N·m/rad], and the active bounds."""
 
     q_c: float
     S_c: float
@@ -271,7 +295,7 @@ class EnvelopeOutput(NamedTuple):
 def step_envelope(
     envelope: Envelope, d: Decoupler, state: EnvelopeState, q_c: float, S_c: float, F_A: float, F_B: float
 ) -> tuple[EnvelopeOutput, EnvelopeState]:
-    """One tick: what the outer loops ask for and the load cells' readings [N] to what may be asked for."""
+    """Limit the equilibrium that the outer loops request, by the tensions [N]."""
     force_difference = state.force_difference + (1.0 - math.exp(-T_s / FILTER_TIME_S)) * (
         F_A - F_B - state.force_difference
     )
@@ -287,15 +311,15 @@ def step_envelope(
 
 # Limits --------------------------------------------------------------------------------------------
 #
-# Bounds between operator, controller and plant: said once, read by loop, API and page.
+# Limits that operator, controller and plant share, defined once for loop, API and page.
 
 
 class Bounds(NamedTuple):
     """Bounds of one plant.
 
-    ``q_min``..``q_max`` [rad] and ``S_min``..``S_max`` [N·m/rad] for references; ``F_slack``, ``F_max`` [N] for the
-    tendons; ``q_trip`` [rad] where the joint trips; ``u_max`` [V]; ``omega_max`` [rad/s] for the motor references;
-    ``envelope`` for what the outer loops may ask of the decoupler.
+    ``q_min`` to ``q_max`` [rad] and ``S_min`` to ``S_max`` [N·m/rad] for references; ``F_slack``, ``F_max`` [N] for the
+    tendons; ``q_trip`` [rad]: trip of the joint position; ``u_max`` [V]; ``omega_max`` [rad/s] for the motor
+    references; ``envelope`` for the equilibrium that the outer loops request.
     """
 
     q_min: float
@@ -311,30 +335,30 @@ class Bounds(NamedTuple):
 
 
 REFERENCE_MARGIN_RAD = 0.17
-"""Joint references end this far before the trip [rad] (10 degrees: an overshoot of 5 % of the full range)."""
+"""Distance of the joint references from the trip [rad]: 10 degrees, an overshoot of 5 % of the full range."""
 
 STIFFNESS_RANGE = (8.0, 15.0)
-"""Stiffness in use [N·m/rad] (method section 1)."""
+"""Range of the stiffness references [N·m/rad] (method section 1)."""
 
 OMEGA_MAX = 20.0
-"""Fastest motor reference [rad/s]: 28.6 rad/s is what 10 V reaches without load (method section 5)."""
+"""Fastest motor reference [rad/s]; 10 V without load give 28.6 rad/s (method section 5)."""
 
 F_SLACK = 1.0
-"""A tendon below this tension counts as slack [N]: above the load cells' noise, below any wanted tension."""
+"""Tension below which a tendon counts as slack [N]: above the load cells' noise, below any reference."""
 
 
 F_FLOOR = 4.0
-"""Tension that the controller keeps in each tendon [N]: twice what must never be undercut, under a push it can see."""
+"""Least tension that the controller keeps in each tendon under a measured push [N]: twice the required minimum."""
 
 CEILING_MARGIN_N = 2.0
-"""How far below the trip the controller keeps each tendon [N]; the highest reference, 15 N·m/rad, takes 46.3 N."""
+"""Distance of each tendon's tension from the trip [N]; the highest reference, 15 N·m/rad, takes 46.3 N."""
 
 
 def compute_bounds(parameters: PlantParameters) -> Bounds:
-    """Bounds of a parameter set."""
+    """Return the bounds of a parameter set."""
     q_trip, F_max = parameters.geometry.q_max, parameters.safety.F_max
     q_max = q_trip - REFERENCE_MARGIN_RAD
-    # Against a push the equilibrium lies beyond the reference; when the push ends, the joint must not hit its stop.
+    # Against a push the equilibrium is beyond the reference; when the push ends, the joint must not hit its stop.
     envelope = Envelope(F_FLOOR, F_max - CEILING_MARGIN_N, q_trip - 0.5 * REFERENCE_MARGIN_RAD)
     u_max = parameters.motor.u_max
     return Bounds(-q_max, q_max, *STIFFNESS_RANGE, F_SLACK, F_max, q_trip, u_max, OMEGA_MAX, envelope)
@@ -342,19 +366,18 @@ def compute_bounds(parameters: PlantParameters) -> Bounds:
 
 # Scheduling ----------------------------------------------------------------------------------------
 #
-# Which gains of the bank act: switching with hysteresis, or interpolation between the two nearest
-# entries.
+# Active gains of the bank: switching with hysteresis, or interpolation between the two nearest entries.
 
 
 HYSTERESIS = 0.2
-"""How far beyond the border between two entries S must go before the bank switches [N·m/rad]."""
+"""Distance beyond the boundary of two entries at which the bank switches [N·m/rad]."""
 
 
 class Schedule(NamedTuple):
-    """The bank as the tick reads it.
+    """Bank in the form of the control step.
 
     ``entries`` (n, 7), sorted by nominal stiffness: S_nominal, then k_p, k_i, k_r of the position loop and of the
-    stiffness loop. ``interpolate``: gain scheduling instead of switching.
+    stiffness loop. ``interpolate``: interpolation instead of switching.
     """
 
     entries: NDArray[np.float64]
@@ -363,7 +386,10 @@ class Schedule(NamedTuple):
 
 @compiled
 def select_entry(schedule: Schedule, active: float, S: float) -> float:
-    """Active entry for stiffness S [N·m/rad]: an index, fractional while interpolating; ``active`` < 0 to begin."""
+    """Return the active entry for stiffness S [N·m/rad].
+
+    An index, fractional with interpolation; ``active`` < 0 at the start.
+    """
     nominal = schedule.entries[:, 0]
     last = nominal.shape[0] - 1
     if schedule.interpolate or active < 0.0 or active > last or active != math.floor(active):
@@ -382,7 +408,7 @@ def select_entry(schedule: Schedule, active: float, S: float) -> float:
 
 @compiled
 def interpolate_gains(schedule: Schedule, active: float) -> tuple[pid.IPGains, pid.IPGains]:
-    """Gains of the position and the stiffness loop at an entry, or between two."""
+    """Return the gains of the position and the stiffness loop at ``active``."""
     lower = int(active)
     upper = min(lower + 1, schedule.entries.shape[0] - 1)
     share = active - lower

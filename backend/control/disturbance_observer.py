@@ -1,4 +1,7 @@
-"""Disturbance observer: the outside torque on the joint from encoders and springs, and its feed-forward."""
+"""Disturbance observer: external joint torque from encoders and springs.
+
+And its feed-forward, the disturbance rejection.
+"""
 
 import math
 from typing import NamedTuple
@@ -12,21 +15,21 @@ from plant import Measurement, PlantParameters, T_s, compiled, tendon_tension
 
 # Rejection -----------------------------------------------------------------------------------------
 #
-# Feed-forward of the outside force: the equilibrium goes as far against a push as the springs give
-# way to it.
+# Feed-forward of the external force: the equilibrium moves against a push by the deflection of the springs.
 #
-# δq_e = −k_ext τ_ext/S (equation 14). The motors follow it behind four lags of λ_motor, and what
-# the joint is off until then is not the position loop's business: it is told where the joint should
-# be by now, δq = k_ext (τ_ext − τ_f)/S with τ_f behind the same lags. Else it would turn against a
-# push that is being answered already, and overshoot when the push is balanced. As the estimate does
-# not depend on motors and loops, no pole of a free joint moves (docs/decisions/0048).
+# δq_e = −k_ext τ_ext/S (equation 14). The motors follow it through four lags of λ_motor. The position loop must not
+# react to the error until then, so it is given the position that is expected meanwhile, δq = k_ext (τ_ext − τ_f)/S with
+# τ_f behind the same lags. Otherwise it would counteract a push that is already compensated, and overshoot when the
+# push is balanced. The estimate does not depend on motors and loops, so no pole of a free joint moves
+# (docs/decisions/0048).
 
 
 class Rejection(NamedTuple):
-    """``k_ext`` [1]: share of the push that is answered, 0 for none.
+    """Parameters of the disturbance rejection.
 
-    ``dead_zone`` [N·m]: torque that is left to the position loop, so that the estimate's noise moves nothing;
-    ``tau_max`` [N·m]: the largest that is answered. ``kept`` [1]: what one of the four lags keeps of itself over T_s.
+    ``k_ext`` [1]: gain, 0 for no rejection. ``dead_zone`` [N·m]: torque that is left to the position loop, so that the
+    estimate's noise moves nothing; ``tau_max`` [N·m]: largest torque that is compensated. ``lag_decay`` [1]: decay of
+    one of the four lags over T_s.
     """
 
     k_ext: float
@@ -36,7 +39,7 @@ class Rejection(NamedTuple):
 
 
 class DisturbanceFeedforwardState(NamedTuple):
-    """``k_ext`` in use, 0 where nothing is answered; torque [N·m] that is, and behind one to four lags."""
+    """Active ``k_ext``, 0 without rejection, and torque [N·m] behind 0 to 4 lags."""
 
     k_ext: float
     tau: float
@@ -47,11 +50,11 @@ class DisturbanceFeedforwardState(NamedTuple):
 
 
 IDLE = DisturbanceFeedforwardState(k_ext=0.0, tau=0.0, lag_1=0.0, lag_2=0.0, lag_3=0.0, tau_f=0.0)
-"""Nothing is answered."""
+"""No rejection."""
 
 
 class DisturbanceCompensation(NamedTuple):
-    """What comes on top of the equilibrium, ``q_e`` [rad], and how far the joint is expected to be off, ``q`` [rad]."""
+    """Increment of the equilibrium ``q_e`` [rad], and expected error ``q`` [rad]."""
 
     q_e: float
     q: float
@@ -70,9 +73,9 @@ def compute_compensation(state: DisturbanceFeedforwardState, S: float) -> Distur
 
 @compiled
 def update_gain(r: Rejection, state: DisturbanceFeedforwardState, tau_ext: float) -> DisturbanceFeedforwardState:
-    """Return the state for this tick's k_ext, idle for a torque [N·m] of nan.
+    """Return the state with this tick's k_ext, IDLE if the torque [N·m] is NaN.
 
-    What begins takes the push that is there for balanced already.
+    At its start the current push counts as balanced.
     """
     k_ext = r.k_ext if math.isfinite(tau_ext) else 0.0
     if k_ext == state.k_ext:
@@ -91,7 +94,7 @@ def update_gain(r: Rejection, state: DisturbanceFeedforwardState, tau_ext: float
 def step_disturbance_feedforward(
     r: Rejection, state: DisturbanceFeedforwardState, tau_ext: float
 ) -> DisturbanceFeedforwardState:
-    """Take the torque of a tick [N·m], its bias taken off."""
+    """Advance the state by the torque of a tick [N·m], which has its bias subtracted."""
     if state.k_ext == 0.0:
         return state
     tau, decay = _limit_torque(r, tau_ext), r.lag_decay
@@ -110,30 +113,28 @@ def _limit_torque(r: Rejection, tau_ext: float) -> float:
 
 # Touch ---------------------------------------------------------------------------------------------
 #
-# Touch without a sensor: the outside torque as a state of an observer of the joint, from encoders
-# and springs alone.
+# External torque without a sensor: a state of an observer of the joint, from encoders and springs alone.
 #
-# J_j q'' + B_j q' = r_j (F_A − F_B) + τ_ext (equation 5), with the tensions of the identified
-# springs. An observer of q, q' and τ_ext that is driven by them and corrected by the joint's
-# encoder has the same three poles everywhere, so that what it says is τ_ext behind (p/(s + p))³,
-# whatever motors and loops do; motor friction does not enter. A momentum observer (De Luca and
-# others 2009) would need q', which an encoder does not give (docs/decisions/0047).
+# J_j q'' + B_j q' = r_j (F_A − F_B) + τ_ext (equation 5), with the tensions of the identified springs. An observer of
+# q, q' and τ_ext, driven by these tensions and corrected by the joint encoder, has the same three poles everywhere, so
+# its estimate is τ_ext behind (p/(s + p))³, independent of motors and loops; motor friction has no effect. A momentum
+# observer (De Luca and others 2009) would need q', which an encoder does not measure (docs/decisions/0047).
 
 
 POLE = 300.0
-"""Of the observer [1/s], three times: 10 ms of mean delay, a count of the encoder reads as 0.1 N."""
+"""Triple pole of the observer [1/s]: 10 ms of mean delay, and one encoder count reads as 0.1 N."""
 
 
 MEAN_S = 0.3
-"""Time constant [s] of the mean of τ_ext: 2 s of rest leave a thousandth of what was before."""
+"""Time constant of the mean of τ_ext [s]: after 2 s of rest a thousandth of the previous value remains."""
 
 _SHARE = T_s / MEAN_S
 
 
 class Observer(NamedTuple):
-    """The joint over one tick and how far a surprise of 1 rad moves each of its states.
+    """Joint model over one tick, and gains of the innovation [rad] on its states.
 
-    ``q`` from q' and torque, ``q_dot`` from itself and torque, exactly over T_s under a held torque.
+    ``q`` from q' and torque, ``q_dot`` from itself and torque, exact over T_s at constant torque.
     """
 
     tendons: Tendons
@@ -147,9 +148,10 @@ class Observer(NamedTuple):
 
 
 class DisturbanceObserverState(NamedTuple):
-    """q [rad], q' [rad/s] and τ_ext [N·m] of the observer, and the tendons' torque [N·m] at the last reading.
+    """q [rad], q' [rad/s] and τ_ext [N·m] of the observer, and the last tendon torque.
 
-    ``mean`` [N·m] and ``variance`` [N²·m²] of τ_ext over the last MEAN_S, older readings counting less and less.
+    ``tendon_torque`` [N·m] is that of the last measurement. ``mean`` [N·m] and ``variance`` [N²·m²] of τ_ext are
+    exponentially weighted with the time constant MEAN_S.
     """
 
     q: float
@@ -163,14 +165,14 @@ class DisturbanceObserverState(NamedTuple):
 UNKNOWN = DisturbanceObserverState(
     q=math.nan, q_dot=math.nan, tau_ext=math.nan, tendon_torque=math.nan, mean=math.nan, variance=math.nan
 )
-"""Where joint or motors stand is not known."""
+"""State while the positions of joint or motors are unknown."""
 
 
 @compiled
 def step_disturbance_observer(
     observer: Observer, state: DisturbanceObserverState, m: Measurement
 ) -> DisturbanceObserverState:
-    """Take the reading of a tick, motors from their zeros; one that is no number is passed over."""
+    """Advance the observer by a measurement with zeroed motors; NaN is skipped."""
     tendon_torque = _compute_tendon_torque(observer.tendons, m)
     if not math.isfinite(tendon_torque):
         return state
@@ -197,13 +199,19 @@ def step_disturbance_observer(
 
 @compiled
 def estimate_force(observer: Observer, state: DisturbanceObserverState, bias: NDArray[np.float64], S: float) -> float:
-    """F_ext_hat [N], tangential at r_j, with the bias (n, 2) of S [N·m/rad] and force [N] taken off; nan: not known."""
+    """Return F_ext_hat [N], tangential at r_j, less the bias; NaN if unknown.
+
+    ``bias`` (n, 2) holds S [N·m/rad] and force [N].
+    """
     return state.tau_ext / observer.tendons.r_j - interpolate_bias(bias, S)
 
 
 @compiled
 def interpolate_bias(bias: NDArray[np.float64], S: float) -> float:
-    """Bias [N] at S [N·m/rad] by points (n, 2): straight lines between them, the outermost beyond, 0 for none."""
+    """Return the bias [N] at S [N·m/rad] by linear interpolation of points (n, 2).
+
+    Constant beyond the outermost points, 0 without points.
+    """
     last = bias.shape[0] - 1
     if last < 0:
         return 0.0
@@ -218,9 +226,9 @@ def interpolate_bias(bias: NDArray[np.float64], S: float) -> float:
 
 @compiled
 def _compute_tendon_torque(tendons: Tendons, m: Measurement) -> float:
-    """Torque of both tendons [N·m] at the elongations that the encoders give.
+    """Return the torque of both tendons [N·m] at the elongations from the encoders.
 
-    A spring that is solid counts with the force at which it became so: beyond it, one encoder count is 12 N.
+    A solid spring counts with the force at which it became solid: beyond it, one encoder count is 12 N.
     """
     x_A = tendons.r_m * m.theta_A - tendons.r_j * m.q
     x_B = tendons.r_m * m.theta_B + tendons.r_j * m.q
@@ -230,14 +238,18 @@ def _compute_tendon_torque(tendons: Tendons, m: Measurement) -> float:
 
 
 def build_observer(parameters: PlantParameters, pole: float = POLE) -> Observer:
-    """Return the observer of a parameter set's identified springs and joint, its poles all at −``pole`` [1/s]."""
+    """Return the observer of a parameter set, all poles at −``pole`` [1/s].
+
+    It uses the identified springs and the joint.
+    """
     joint = parameters.make_identified_dynamics().joint
     b = joint.B_j / joint.J_j
     decay = math.exp(-b * T_s)
     q_from_q_dot = -math.expm1(-b * T_s) / b if b > 0.0 else T_s
     q_from_tau = (T_s - q_from_q_dot) / (b * joint.J_j) if b * T_s > 1e-6 else 0.5 * T_s**2 / joint.J_j
     A = np.array([[1.0, q_from_q_dot, q_from_tau], [0.0, decay, q_from_q_dot / joint.J_j], [0.0, 0.0, 1.0]])
-    # Ackermann's formula for an observer that corrects by the newest reading: A − L C A has all three poles there.
+    # Ackermann's formula for an observer with correction by the newest measurement: A − L C A has all three poles
+    # there.
     C = A[:1]
     observability = np.vstack((C, C @ A, C @ A @ A))
     polynomial = np.linalg.matrix_power(A - math.exp(-pole * T_s) * np.eye(3), 3)

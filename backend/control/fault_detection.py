@@ -1,4 +1,4 @@
-"""Fault detection in the control step: slack tendons, limits, and readings that cannot be true."""
+"""Fault detection in the control step: slack, limits, implausible readings."""
 
 import math
 from typing import NamedTuple
@@ -22,53 +22,52 @@ from plant import (
 
 # Plausibility --------------------------------------------------------------------------------------
 #
-# Can the readings be true? Each sensor against its own past, and encoders against load cells.
+# Plausibility of readings: each sensor against its own past, and encoders against load cells.
 #
-# What the encoders say about the tendons: each tension is known twice, by its load cell and by the
-# spring it stretches.
+# Each tension is known twice: from its load cell, and from the encoders by the elongation of its spring.
 
 
 CONTRADICTION_N = 6.0
 """Difference between load cell and spring that is a fault [N]: several times a spring's misfit and a cell's error."""
 
 CONTRADICTION_S = 0.2
-"""How long it must last to one side [s]: load cells lag by 10-15 ms, and a joint that swings after a blow makes the
-difference swing with it, twenty times a second."""
+"""Time that it must last with the same sign [s]: load cells lag by 10-15 ms, and after a blow the joint oscillates at
+20 Hz and the difference with it."""
 
 UNMOVED_S = 0.1
-"""How long a motor may be driven without its encoder moving by a count [s]."""
+"""Longest time that a driven motor may not move by an encoder count [s]."""
 
 REVERSED_S = 0.05
-"""A motor that is driven turns against its voltage, and faster in the second of two such times than in the first [s]:
-something is connected the wrong way round. One that is being turned round by its voltage gets slower."""
+"""Interval [s] of the check for reversed signs: a driven motor that turns against its voltage, and faster in the second
+of two intervals than in the first, has a reversed sign. One whose voltage is reversing its motion decelerates."""
 
 _REVERSED_RAD = 5e-3
-"""How much faster, as an angle in that time [rad]: some counts of the encoder."""
+"""Required increase of the angle per interval [rad]: some encoder counts."""
 
 VOLTAGE_MARGIN = 1.0
-"""Driven means this much [V] above what holds the largest tension against friction: after 0.1 s a thousandth of a
-revolution lies behind the slowest motor."""
+"""A motor counts as driven this far above the voltage that holds the largest tension against friction [V]: the slowest
+motor then turns by a thousandth of a revolution in 0.1 s."""
 
 _MOTOR_MARGIN = 3.0
-"""Times the motor's fastest speed without load: a reading that moves faster has jumped."""
+"""Multiple of the motor's no-load speed at which a reading must have jumped."""
 
 _MARGIN_N = 1.0
 
 TURNED_RAD = 2.0
-"""A load cell that does not change in its last digit while its motor turns this far [rad] is stuck; slack before
-pretension, where an exact reading of nothing is true, ends after 0.9 rad."""
+"""A load cell whose last digit stays the same while its motor turns this far [rad] is stuck; slack before pretension,
+during which an exact zero is correct, ends after 0.9 rad."""
 
 _REVERSED_TICKS = round(REVERSED_S / T_s)
 
 PLAUSIBLE, JUMPED, REVERSED, UNMOVED, STUCK, IMPLAUSIBLE = range(6)
-"""What ``check_plausibility`` may say of the readings of a step."""
+"""Results of ``check_plausibility``."""
 
 _PAST, _UNCHANGED_S, _UNMOVED_S, _TURNED_FROM, _CONTRADICTED_S, _SIGN, _TICKS, _BEFORE, _MIDDLE = range(9)
-"""Rows of what is remembered: the first two by reading, the others by side."""
+"""Rows of the memory: the first two are by reading, the others by side."""
 
 
 class Tendons(NamedTuple):
-    """Radii [m] and the identified springs."""
+    """Radii [m] and identified springs."""
 
     r_m: float
     r_j: float
@@ -78,24 +77,27 @@ class Tendons(NamedTuple):
 
 @compiled
 def has_slack(tendons: Tendons, m: Measurement) -> bool:
-    """Whether the elongation (equation 1) of a tendon is at or below that of zero force: it pulls nothing."""
+    """Return whether a tendon's elongation (equation 1) is at or below zero force."""
     x_A = tendons.r_m * m.theta_A - tendons.r_j * m.q
     x_B = tendons.r_m * m.theta_B + tendons.r_j * m.q
     return x_A <= tendons.spring_A.x_slack or x_B <= tendons.spring_B.x_slack
 
 
 class SensorLimits(NamedTuple):
-    """``reach`` of q, theta_A, theta_B [rad], F_A, F_B [N] in a tick; ``driven_V`` [V] is sure to turn a motor."""
+    """``reach`` of q, theta_A, theta_B [rad], F_A, F_B [N] in a tick.
+
+    ``driven_V`` [V] certainly turns a motor.
+    """
 
     reach: tuple[float, float, float, float, float]
     driven_V: tuple[float, float]
 
 
 class SensorVerdict(NamedTuple):
-    """What ``check_plausibility`` says, and of which reading or side.
+    """Result of ``check_plausibility``, with reading or side.
 
-    ``still`` is a reading that has stood still all the while, -1 for none; ``excess`` is load cell minus spring [N],
-    where they contradict each other.
+    ``still`` is a reading that has not changed meanwhile, -1 for none; ``excess`` is load cell minus spring [N] for
+    IMPLAUSIBLE.
     """
 
     kind: int
@@ -106,9 +108,10 @@ class SensorVerdict(NamedTuple):
 
 @compiled
 def compute_force_differences(tendons: Tendons, m: Measurement) -> tuple[float, float]:
-    """Load cell minus spring force at the elongation that the encoders give [N], for tendons A and B.
+    """Return load cell minus spring force [N] of tendons A and B.
 
-    A spring that is solid counts with the force at which it became so: beyond it, one encoder count is 12 N.
+    The spring force is that at the elongation from the encoders. A solid spring counts with the force at which it
+    became solid: beyond it, one encoder count is 12 N.
     """
     x_A = tendons.r_m * m.theta_A - tendons.r_j * m.q
     x_B = tendons.r_m * m.theta_B + tendons.r_j * m.q
@@ -124,7 +127,7 @@ def make_reading_memory() -> NDArray[np.float64]:
 
 @compiled
 def remember_readings(memory: NDArray[np.float64], raw: Measurement) -> None:
-    """Take the first readings for what was before."""
+    """Initialise the memory with the first readings."""
     memory[:] = 0.0
     readings = raw.q, raw.theta_A, raw.theta_B, raw.F_A, raw.F_B
     for index in range(5):
@@ -143,10 +146,10 @@ def check_plausibility(
     zeroed: bool,
     periods: int,
 ) -> tuple[int, int, int, float]:
-    """Look at the readings of a tick, ``periods`` after those before; the first doubt counts. Gives a ``Verdict``.
+    """Check the readings of a tick; return the fields of the first ``SensorVerdict``.
 
-    ``raw`` is as read, ``m`` has the motor encoders' zeros, which are known where ``zeroed``; ``command`` is what was
-    written in the tick before. All readings are numbers.
+    ``periods`` have passed since the last readings. ``raw`` is as read; in ``m`` the motor encoders count from their
+    zeros if ``zeroed``; ``command`` was written in the previous tick. All readings are finite.
     """
     readings = raw.q, raw.theta_A, raw.theta_B, raw.F_A, raw.F_B
     jump_index = _find_jump(limits, memory, readings, periods)
@@ -181,7 +184,7 @@ def check_plausibility(
 def _find_jump(
     limits: SensorLimits, memory: NDArray[np.float64], readings: tuple[float, float, float, float, float], periods: int
 ) -> int:
-    """Return the first reading that has moved further than it can, -1 for none."""
+    """Return the first reading that has changed by more than possible, -1 for none."""
     for index in range(5):
         change = readings[index] - memory[_PAST, index]
         memory[_UNCHANGED_S, index] = memory[_UNCHANGED_S, index] + T_s if change == 0.0 else 0.0
@@ -192,9 +195,9 @@ def _find_jump(
 
 @compiled
 def _is_reversed(memory: NDArray[np.float64], side: int, theta: float, driven: float) -> bool:
-    """Tell whether a motor that is driven one way [V], 0 V where not, turned against it all the while, and faster.
+    """Return whether a driven motor turned against its voltage, faster and faster.
 
-    Two times of REVERSED_S are compared.
+    ``driven`` is the voltage [V], 0 if the motor is not driven. Two intervals of REVERSED_S are compared.
     """
     sign = math.copysign(1.0, driven) if driven != 0.0 else 0.0
     if sign != memory[_SIGN, side] or sign == 0.0:
@@ -214,7 +217,10 @@ def _is_reversed(memory: NDArray[np.float64], side: int, theta: float, driven: f
 
 @compiled
 def _update_contradiction(memory: NDArray[np.float64], side: int, excess: float) -> bool:
-    """Tell whether a load cell has differed from its spring to one side for CONTRADICTION_S."""
+    """Return whether a load cell has differed from its spring for CONTRADICTION_S.
+
+    With the same sign all the time.
+    """
     lasting_s = memory[_CONTRADICTED_S, side]
     if excess > CONTRADICTION_N:
         lasting_s = max(lasting_s, 0.0) + T_s
@@ -228,7 +234,10 @@ def _update_contradiction(memory: NDArray[np.float64], side: int, excess: float)
 
 @compiled
 def _find_unchanged(memory: NDArray[np.float64], side: int) -> int:
-    """Return which of the readings that contradict each other has stood still for CONTRADICTION_S, -1 for none."""
+    """Return the contradicting reading that has not changed for CONTRADICTION_S.
+
+    -1 if both have.
+    """
     for index in (0, 1 + side, 3 + side):
         if memory[_UNCHANGED_S, index] > CONTRADICTION_S:
             return index
@@ -236,7 +245,7 @@ def _find_unchanged(memory: NDArray[np.float64], side: int) -> int:
 
 
 def build_tendons(parameters: PlantParameters) -> Tendons:
-    """Tendons of a parameter set, as the controller knows them."""
+    """Return the tendons of a parameter set with their identified springs."""
     geometry = parameters.geometry
     return Tendons(
         geometry.r_m, geometry.r_j, parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
@@ -244,7 +253,7 @@ def build_tendons(parameters: PlantParameters) -> Tendons:
 
 
 def build_sensor_limits(parameters: PlantParameters) -> SensorLimits:
-    """How far readings of a plant can move in a tick, and what is sure to turn its motors."""
+    """Return the largest changes of readings in a tick, and the driving voltages."""
     return SensorLimits(
         _compute_reach_per_tick(parameters),
         (_compute_driving_voltage(parameters, "A"), _compute_driving_voltage(parameters, "B")),
@@ -252,10 +261,10 @@ def build_sensor_limits(parameters: PlantParameters) -> SensorLimits:
 
 
 def _compute_reach_per_tick(parameters: PlantParameters) -> tuple[float, float, float, float, float]:
-    """How far q, theta_A, theta_B [rad], F_A, F_B [N] can move in a tick.
+    """Return the largest changes of q, theta_A, theta_B [rad], F_A, F_B [N] in a tick.
 
-    The joint at the speed at which its damping takes up the largest tension; each motor at a multiple of its fastest;
-    each load cell at that speed of the joint on the steepest part of its spring.
+    For the joint, at the speed at which its damping balances the largest tension; for a motor, at a multiple of its
+    no-load speed; for a load cell, at that speed of the joint on the steepest part of its spring.
     """
     geometry, u_max = parameters.geometry, parameters.motor.u_max
     q_dot = geometry.r_j * parameters.safety.F_max / max(geometry.B_j, 1e-6)
@@ -268,7 +277,7 @@ def _compute_reach_per_tick(parameters: PlantParameters) -> tuple[float, float, 
 
 
 def _compute_driving_voltage(parameters: PlantParameters, side: Side) -> float:
-    """Voltage [V] that is sure to turn a motor under any tension."""
+    """Return a voltage [V] that certainly turns a motor under any tension."""
     motor = parameters.select_motor(side)
     torque = parameters.geometry.r_m * parameters.safety.F_max
     return (torque * (1.0 + motor.stiction * motor.c1) + motor.stiction * motor.c0) / motor.K_t + VOLTAGE_MARGIN
@@ -276,21 +285,20 @@ def _compute_driving_voltage(parameters: PlantParameters, side: Side) -> float:
 
 # Checks --------------------------------------------------------------------------------------------
 #
-# Fault detection in the tick: each check says what it has found, as a number. The first one found
-# counts.
+# Fault detection in the control step: each check returns a number, and the first fault counts.
 
 
 SLACK_MAX_S = 0.1
-"""How long a tendon may be slack while the loops are closed [s]."""
+"""Longest time that a tendon may be slack while the loops are closed [s]."""
 
 NO_FAULT, NOT_FINITE, TRIPPED, OUT_OF_BOUNDS, IMPLAUSIBLE_READING, SLACK, MISSED = range(7)
-"""What may be found."""
+"""Kinds of a detected fault."""
 
 
 class FaultDetectionLimits(NamedTuple):
-    """What the checks know of a plant.
+    """Limits of the checks.
 
-    ``F_slack``, ``F_max`` [N], ``q_trip`` [rad]; ``missed_max``: so many deadlines in a row are too many.
+    ``F_slack``, ``F_max`` [N], ``q_trip`` [rad]; ``missed_max``: number of missed deadlines in a row that is a fault.
     """
 
     limits: SensorLimits
@@ -302,9 +310,9 @@ class FaultDetectionLimits(NamedTuple):
 
 
 class FaultDetectionState(NamedTuple):
-    """What the checks remember: how long a tendon has been slack [s], and of the readings.
+    """State of the checks: duration of slack [s], and the last readings.
 
-    ``memory`` is that of ``check_plausibility``; ``previous``: the reading before the newest, if there ``has_reading``.
+    ``memory`` is that of ``check_plausibility``; ``previous`` is the reading before the newest, if ``has_reading``.
     """
 
     slack_s: float
@@ -315,7 +323,7 @@ class FaultDetectionState(NamedTuple):
 
 
 class DetectedFault(NamedTuple):
-    """What was found, and where readings cannot be true the words of ``plausibility.Verdict``."""
+    """Detected fault; for implausible readings with the fields of ``SensorVerdict``."""
 
     kind: int
     verdict: int
@@ -340,9 +348,8 @@ def detect_fault(
 ) -> tuple[DetectedFault, FaultDetectionState]:
     """Check a measurement; return the first fault found and the next state.
 
-    ``raw`` is as read; in ``m`` the motor encoders have their zeros, which are known where ``zeroed``. ``command`` is
-    what was written last. ``tension_required``: the mode keeps tendons under tension; ``missed``: deadlines missed
-    since the last tick.
+    ``raw`` is as read; in ``m`` the motor encoders count from their zeros if ``zeroed``. ``command`` was written last.
+    ``tension_required``: the mode keeps the tendons under tension; ``missed``: deadlines missed since the last tick.
     """
     if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
         return DetectedFault(NOT_FINITE, 0, 0, -1, 0.0), state
@@ -379,7 +386,7 @@ def detect_fault(
 
 
 def build_fault_limits(parameters: PlantParameters, missed_max: int) -> FaultDetectionLimits:
-    """Return what the checks know of a parameter set."""
+    """Return the limits of the checks for a parameter set."""
     bounds = compute_bounds(parameters)
     tendons = build_tendons(parameters)
     return FaultDetectionLimits(

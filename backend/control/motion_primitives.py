@@ -1,4 +1,4 @@
-"""Motions below the cascade: pretension, brake, soft stop, travel, tension hold and sweep, voltage steps."""
+"""Motions without the cascade: pretension, soft stop, travel, identification."""
 
 import math
 from typing import NamedTuple
@@ -20,16 +20,16 @@ from plant import Measurement, T_s, compiled
 
 # Brake ---------------------------------------------------------------------------------------------
 #
-# Braking of both motors as fast as ±10 V allow, without letting the tendons go.
+# Braking of both motors as fast as ±10 V allow, with the tendons taut.
 #
-# The motor loops follow a reference through four lags: frozen references would let the joint run on
-# for 0.66 s. Damping the measured speed directly stops it in a fifth of that. The tendons' load
-# makes both motors creep meanwhile, by 0.3 rad/s at 20 N and both alike, so that the joint stands;
-# no load cell is needed: a stop works with a broken one too.
+# The motor loops follow a reference through four lags: with constant references the joint would move on for 0.66 s.
+# Damping the measured speed directly stops it in a fifth of that. The tendons' load makes both motors creep meanwhile,
+# by 0.3 rad/s at 20 N and both alike, so the joint stands still. No load cell is used, so a stop works with a broken
+# one.
 
 
 DAMPING = 1.5
-"""Braking voltage per speed [V·s/rad]: above 7 rad/s it is the full 10 V, below it a time constant of 42 ms."""
+"""Braking voltage per speed [V·s/rad]: the full 10 V above 7 rad/s, a time constant of 42 ms below."""
 
 SPEED_FILTER_S = 0.005
 """Time constant of the speed estimate [s]: one encoder count in one tick would read as 0.8 rad/s."""
@@ -46,7 +46,7 @@ class BrakeState(NamedTuple):
 
 @compiled
 def step_brake(state: BrakeState, theta_A: float, theta_B: float, u_max: float) -> tuple[float, float, BrakeState]:
-    """One tick: measured angles [rad] to braking voltages [V] within ±u_max."""
+    """Return braking voltages [V] within ±u_max for measured angles [rad]."""
     pass_through = 1.0 - math.exp(-T_s / SPEED_FILTER_S)
     omega_A = state.omega_A + pass_through * ((theta_A - state.theta_A) / T_s - state.omega_A)
     omega_B = state.omega_B + pass_through * ((theta_B - state.theta_B) / T_s - state.omega_B)
@@ -57,12 +57,12 @@ def step_brake(state: BrakeState, theta_A: float, theta_B: float, u_max: float) 
 
 # Pretension ----------------------------------------------------------------------------------------
 #
-# Pretension: wind both motors up from slack, each watching its own load cell.
+# Pretension: wind both motors from slack, each by its own load cell.
 
 
 RATE_PER_NEWTON = 0.15
-"""Winding speed per newton still missing [rad/(s·N)]: with 5.5 N/rad at 10 N a time constant of 1.2 s, four times
-slower than the motor loops."""
+"""Winding speed per missing newton [rad/(s·N)]: with 5.5 N/rad at 10 N a time constant of 1.2 s, four times that of the
+motor loops."""
 
 RATE_MAX = 1.5
 """Fastest winding [rad/s]."""
@@ -71,14 +71,14 @@ FILTER_S = 0.1
 """Time constant of the load cell filter [s]."""
 
 TOLERANCE_N = 0.1
-"""How near the wanted tension counts as reached [N]."""
+"""Tolerance of the pretension [N]."""
 
 STANDSTILL_S = 0.5
-"""How long both tensions must stay within tolerance [s]."""
+"""Time that both tensions must stay within tolerance [s]."""
 
 
 class PretensionState(NamedTuple):
-    """Filtered tensions [N], motor references [rad], and how long both tensions have been right [s]."""
+    """Filtered tensions [N], motor references [rad], and time within tolerance [s]."""
 
     F_A: float
     F_B: float
@@ -89,7 +89,7 @@ class PretensionState(NamedTuple):
 
 @compiled
 def step_pretension(state: PretensionState, F_ref: float, F_A: float, F_B: float) -> PretensionState:
-    """One tick towards F_ref [N] in each tendon, from load cell readings [N]."""
+    """Step towards tension F_ref [N] in each tendon, from load cell readings [N]."""
     pass_through = 1.0 - math.exp(-T_s / FILTER_S)
     F_A = state.F_A + pass_through * (F_A - state.F_A)
     F_B = state.F_B + pass_through * (F_B - state.F_B)
@@ -107,22 +107,22 @@ def step_pretension(state: PretensionState, F_ref: float, F_A: float, F_B: float
 
 # Soft stop -----------------------------------------------------------------------------------------
 #
-# Soft stop: brake both motors and keep braking until the joint has come to rest under tension.
+# Soft stop: brake both motors until the joint is at rest under tension.
 
 
 SOFT_STOP_S = 0.5
-"""Length of a soft stop [s]: the joint stands after 0.15 s, the rest lets it settle before the outputs go to zero."""
+"""Duration of a soft stop [s]: the joint stands after 0.15 s, and settles before the outputs go to zero."""
 
 
 RELEASE_S = 0.010
-"""Time constant with which the voltages that were there before are let go [s]."""
+"""Time constant with which the previous voltages decay [s]."""
 
 LARGEST_STEP_V = 1.8
-"""The voltages change by no more than this in a tick [V]: full reversal takes 11 ms."""
+"""Largest change of a voltage per tick [V]: full reversal takes 11 ms."""
 
 
 class SoftStopState(NamedTuple):
-    """Both motors' brake, how long it has been on [s], and the voltages of the tick before and when it began [V]."""
+    """Brake of both motors, its duration [s], the last and the initial voltages [V]."""
 
     brake: BrakeState
     elapsed_s: float
@@ -136,7 +136,7 @@ class SoftStopState(NamedTuple):
 def step_soft_stop(
     tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: SoftStopState, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, SoftStopState]:
-    """One tick of braking."""
+    """Execute a step of the soft stop."""
     braked_A, braked_B, braking = step_brake(state.brake, m.theta_A, m.theta_B, tuning.u_max)
     elapsed_s = state.elapsed_s + T_s
     remaining = math.exp(-elapsed_s / RELEASE_S)
@@ -151,13 +151,16 @@ def step_soft_stop(
 
 @compiled
 def _limit_voltage_change(previous: float, requested: float, u_max: float) -> float:
-    """Voltage [V] within ±u_max, as near to the wanted one as a tick allows."""
+    """Return the voltage [V] within ±u_max that is nearest to ``requested``.
+
+    The change per tick is limited.
+    """
     requested = min(max(requested, -u_max), u_max)
     return previous + min(max(requested - previous, -LARGEST_STEP_V), LARGEST_STEP_V)
 
 
 def begin_soft_stop(u_A: float, u_B: float, m: Measurement) -> SoftStopState:
-    """Brake from here on, and from the voltages [V] that there are."""
+    """Return the state of a soft stop that starts from the voltages [V]."""
     return SoftStopState(
         brake=BrakeState(m.theta_A, m.theta_B, 0.0, 0.0), elapsed_s=0.0, u_A=u_A, u_B=u_B, began_A=u_A, began_B=u_B
     )
@@ -165,12 +168,14 @@ def begin_soft_stop(u_A: float, u_B: float, m: Measurement) -> SoftStopState:
 
 # Tension hold --------------------------------------------------------------------------------------
 #
-# Actuator identification: theta_B_ref at zero, the tension held by motor A, the excitation on top
-# (figure 5).
+# Actuator identification: theta_B_ref at zero, tension held by motor A, excitation added (figure 5).
 
 
 class ExcitationChips(NamedTuple):
-    """An excitation: offsets of theta_A_ref [rad] of one period (n,), ticks of a chip and of the whole."""
+    """Excitation: offsets of theta_A_ref [rad] in one period (n,), and its duration.
+
+    ``chip_ticks`` [ticks] of one chip and ``ticks`` of the whole excitation.
+    """
 
     levels: NDArray[np.float64]
     chip_ticks: int
@@ -178,7 +183,10 @@ class ExcitationChips(NamedTuple):
 
 
 class TensionHoldState(NamedTuple):
-    """``base_A``, ``base_B`` [rad] on their way to ``goal_A`` and zero; ``tick`` of the excitation."""
+    """``base_A``, ``base_B`` [rad] move to ``goal_A`` and zero.
+
+    ``tick`` counts the ticks of the excitation.
+    """
 
     F_ref: float
     goal_A: float
@@ -198,7 +206,7 @@ def step_tension_hold(
     state: TensionHoldState,
     m: Measurement,
 ) -> tuple[ControlOutput, MotorLoopState, TensionHoldState]:
-    """One tick: travel to the tension, settle, excite."""
+    """Execute a step: move to the tension, settle, excite."""
     base_A, base_B, settle_ticks, tick = state.base_A, state.base_B, state.settle_ticks, state.tick
     chips, hold = state.chips, state.hold
     arrived = base_A == state.goal_A and base_B == 0.0
@@ -242,11 +250,11 @@ def step_tension_hold(
 
 # Tension sweep -------------------------------------------------------------------------------------
 #
-# A slow sweep of both tensions at once, for the springs: the joint stays where antagonism holds it.
+# A slow sweep of both tensions together, for the springs: the joint stays where the antagonistic tendons hold it.
 
 
 class TensionSweepState(NamedTuple):
-    """``goals`` (n + 1, 2) are theta_A and theta_B [rad] where the sweep starts and where each leg ends.
+    """``goals`` (n + 1, 2): theta_A, theta_B [rad] at the start and after each leg.
 
     ``ticks`` (n,) of the legs; ``leg`` is -1 on the way to the start.
     """
@@ -266,7 +274,7 @@ def step_tension_sweep(
     state: TensionSweepState,
     m: Measurement,
 ) -> tuple[ControlOutput, MotorLoopState, TensionSweepState]:
-    """One tick: to the start, settle, then along the legs."""
+    """Execute a step: move to the start, settle, then follow the legs."""
     goals, ticks, leg, elapsed, done = state.goals, state.ticks, state.leg, state.elapsed, False
     if leg < 0:
         theta_A, theta_B = step_along_line(motor_loops.theta_A_ref, motor_loops.theta_B_ref, goals[0, 0], goals[0, 1])
@@ -297,11 +305,11 @@ def step_tension_sweep(
 
 # Travel --------------------------------------------------------------------------------------------
 #
-# Walk the motor references along a straight line to a goal and hold there.
+# Move the motor references along a straight line to a goal and hold them there.
 
 
 class TravelState(NamedTuple):
-    """``theta_A``, ``theta_B`` [rad] of the goal, and how long it has been reached [s]."""
+    """``theta_A``, ``theta_B`` [rad] of the goal, and time since its arrival [s]."""
 
     theta_A: float
     theta_B: float
@@ -312,7 +320,7 @@ class TravelState(NamedTuple):
 def step_travel(
     tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: TravelState, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, TravelState]:
-    """One tick of walking, or of holding the goal."""
+    """Execute a step of moving to the goal, or of holding it."""
     theta_A, theta_B, settled_s = state.theta_A, state.theta_B, state.settled_s
     theta_A_ref, theta_B_ref = step_along_line(motor_loops.theta_A_ref, motor_loops.theta_B_ref, theta_A, theta_B)
     if theta_A_ref == theta_A and theta_B_ref == theta_B:
@@ -332,17 +340,17 @@ def step_travel(
 
 # Velocity ------------------------------------------------------------------------------------------
 #
-# How fast the joint moves: its encoder's differences, smoothed.
+# Joint velocity: filtered difference of encoder readings.
 
 
 VELOCITY_FILTER_S = 0.010
-"""Time constant of the estimate [s]: an encoder count in one tick would read as 1.6 rad/s."""
+"""Time constant of the estimate [s]: one encoder count in one tick would read as 1.6 rad/s."""
 
 _PASS_THROUGH = 1.0 - math.exp(-T_s / VELOCITY_FILTER_S)
 
 
 class VelocityState(NamedTuple):
-    """The estimate ``q_dot`` [rad/s], and the angle before [rad]."""
+    """Estimate ``q_dot`` [rad/s], and the previous angle [rad]."""
 
     q_dot: float
     q_before: float
@@ -350,7 +358,7 @@ class VelocityState(NamedTuple):
 
 @compiled
 def step_velocity(state: VelocityState, q: float) -> VelocityState:
-    """Take the reading of a tick [rad]; one that is no number is passed over, as its nan would stay for ever."""
+    """Advance the estimate by a reading [rad]; NaN is skipped, as it would persist."""
     if not math.isfinite(q):
         return state
     before = state.q_before if math.isfinite(state.q_before) else q
@@ -359,15 +367,14 @@ def step_velocity(state: VelocityState, q: float) -> VelocityState:
 
 # Voltage steps -------------------------------------------------------------------------------------
 #
-# Unloaded voltage steps: tendons let slack, each step from rest, braked before the motors run out
-# of room.
+# Unloaded voltage steps: slack tendons, each step from rest, braked within the range of the motors.
 
 
 ZERO_VOLTS_S = 0.2
-"""How long both motors stand at zero volts before a voltage step [s], so that the step starts from rest."""
+"""Time at zero volts before a voltage step [s], so that the step starts from rest."""
 
 STEP_BRAKING_S = 0.5
-"""Length of braking after a voltage step [s]: full speed takes 0.3 s."""
+"""Duration of braking after a voltage step [s]: from full speed it takes 0.3 s."""
 
 _ZERO_TICKS = round(ZERO_VOLTS_S / T_s)
 _BRAKING_TICKS = round(STEP_BRAKING_S / T_s)
@@ -376,11 +383,11 @@ CENTRED, _POSITIONED, _AT_ZERO_VOLTS, _DRIVEN, _BRAKED = range(5)
 
 
 class VoltageMargin(NamedTuple):
-    """What the steps are kept within.
+    """Limits of the voltage steps.
 
-    The way to the first leads through ``centre_A``, ``centre_B`` [rad], which hold the joint at q = 0: a joint let
-    loose elsewhere would leave one of the tendons taut. A step ends early where a tendon pulls by more than ``F_slack``
-    [N] or a motor is beyond ``theta_max`` [rad].
+    The motors move to the first step via ``centre_A``, ``centre_B`` [rad], which hold the joint at q = 0: a joint
+    released elsewhere would leave one of the tendons taut. A step ends early if a tension exceeds ``F_slack`` [N] or a
+    motor angle ``theta_max`` [rad].
     """
 
     centre_A: float
@@ -390,7 +397,11 @@ class VoltageMargin(NamedTuple):
 
 
 class VoltageStepsState(NamedTuple):
-    """``steps`` (n, 4): start [rad], volts, ticks, travel [rad]; the one that is made, its stage, and since when."""
+    """``steps`` (n, 4): start [rad], voltage [V], ticks, travel [rad]; progress.
+
+    ``step`` is the current step, ``stage`` its stage and ``ticks`` the time since the stage began; ``began_A``,
+    ``began_B`` [rad] are the motor angles at the start of the voltage.
+    """
 
     margin: VoltageMargin
     steps: NDArray[np.float64]
@@ -411,7 +422,7 @@ def step_voltage_steps(
     state: VoltageStepsState,
     m: Measurement,
 ) -> tuple[ControlOutput, MotorLoopState, VoltageStepsState]:
-    """One tick of the stage in progress: walk to where the step starts, stand, zero volts, step, brake, and so on."""
+    """Execute a step of the current stage: travel, settle, zero volts, step, brake."""
     margin, steps, settle_ticks, at, stage, ticks, began_A, began_B, braking = state
     ticks += 1
     theta_A = theta_B = u_A = u_B = 0.0
@@ -474,11 +485,11 @@ def step_voltage_steps(
 
 
 PRETENSION_N = 10.0
-"""Tension that pretension winds up to (method section 7)."""
+"""Tension of mode pretension [N] (method section 7)."""
 
 
 class WindingState(NamedTuple):
-    """Both motors' winding."""
+    """State of the pretension of both motors."""
 
     winding: PretensionState
 
@@ -487,7 +498,7 @@ class WindingState(NamedTuple):
 def step_winding(
     tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: WindingState, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, WindingState]:
-    """One tick of winding."""
+    """Execute a step of winding."""
     pretension = step_pretension(state.winding, PRETENSION_N, m.F_A, m.F_B)
     done = pretension.steady_s >= STANDSTILL_S
     output, motor_loops = track_motors(
@@ -503,5 +514,8 @@ def step_winding(
 
 
 def begin_winding(motor_loops: MotorLoopState) -> WindingState:
-    """Wind from where the motors are sent now; the tendons are taken for slack."""
+    """Return the state that winds from the current motor references.
+
+    The tendons are assumed to be slack.
+    """
     return WindingState(PretensionState(0.0, 0.0, motor_loops.theta_A_ref, motor_loops.theta_B_ref, 0.0))

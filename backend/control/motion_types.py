@@ -1,4 +1,4 @@
-"""What a motion decides in a tick, and what all motions below the cascade share: the pair of inner loops."""
+"""Inputs and outputs of motions, and the pair of motor loops that they share."""
 
 import math
 from typing import NamedTuple
@@ -14,10 +14,9 @@ VOLTAGE_A, VOLTAGE_B = int(Limit.VOLTAGE_A), int(Limit.VOLTAGE_B)
 
 
 class Setpoint(NamedTuple):
-    """What is asked for in a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], loads of the shafts [N·m].
+    """Setpoint of a tick: q_ref [rad], S_ref [N·m/rad], F_push [N], shaft loads [N·m].
 
-    ``tuning``, ``obstacle`` and ``contact_detection`` are the numbers of the program's tuning, obstacle and touch that
-    are wanted, 0 for those that it began with.
+    ``tuning``, ``obstacle`` and ``contact_detection`` are numbers in the program, 0 for those at its start.
     """
 
     q_ref: float
@@ -30,7 +29,10 @@ class Setpoint(NamedTuple):
 
 
 class MotorLoopState(NamedTuple):
-    """Motor loops as one motion leaves them and the next takes them over: state, gains, references [rad]."""
+    """Motor loops passed from one motion to the next.
+
+    State, gains and references [rad].
+    """
 
     state: pid.MotorPairState
     gains: pid.MotorPairGains
@@ -39,10 +41,10 @@ class MotorLoopState(NamedTuple):
 
 
 class ControlOutput(NamedTuple):
-    """What a motion decided in one tick; ``limits`` are bits of ``backend.faults.Limit``.
+    """Output of a motion in one step; ``limits`` are bits of ``backend.faults.Limit``.
 
-    ``sets_disturbance``: the plant's push and loads are to be the target's; else they are left alone. ``done``: the
-    motion has reached its end; it goes on holding there.
+    ``sets_disturbance``: push and loads of the plant follow the setpoint; otherwise they do not change. ``done``: the
+    motion has reached its end, where it holds.
     """
 
     u_A: float
@@ -72,7 +74,7 @@ AT_REST = ControlOutput(
     sets_disturbance=False,
     done=False,
 )
-"""Zero volts, and nothing that is followed."""
+"""Zero volts, without references."""
 
 
 @compiled
@@ -85,7 +87,7 @@ def track_motors(
     m: Measurement,
     done: bool,
 ) -> tuple[ControlOutput, MotorLoopState]:
-    """One tick of both motor loops towards motor references [rad]."""
+    """Step both motor loops towards motor references [rad]."""
     gains = tuning.motors
     state = pid.bumpless_motor_pair(motor_loops.gains, gains, motor_loops.state, m.theta_A, m.theta_B)
     y, state = pid.step_motor_pair(
@@ -116,7 +118,7 @@ def track_motors(
 
 @compiled
 def output_voltages(u_max: float, setpoint: Setpoint, u_A: float, u_B: float, done: bool) -> ControlOutput:
-    """Return the output of a motion that has voltages [V] alone, without references of the motors."""
+    """Return the output of a motion that sets voltages [V] without motor references."""
     nan = math.nan
     return ControlOutput(
         u_A=u_A,
@@ -137,7 +139,10 @@ def output_voltages(u_max: float, setpoint: Setpoint, u_A: float, u_B: float, do
 def step_voltages(
     tuning: cascade.CascadeTuning, setpoint: Setpoint, u_A: float, u_B: float, m: Measurement, done: bool
 ) -> tuple[ControlOutput, MotorLoopState]:
-    """Apply voltages [V] without a loop; the next motion takes over the motors at these voltages."""
+    """Apply voltages [V] without a loop.
+
+    The next motion continues from these voltages.
+    """
     state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, u_A, u_B)
     output = output_voltages(tuning.u_max, setpoint, u_A, u_B, done)
     return output, MotorLoopState(state, tuning.motors, m.theta_A, m.theta_B)
@@ -145,13 +150,13 @@ def step_voltages(
 
 @compiled
 def make_voltage_limit_flags(A: bool, B: bool) -> int:
-    """Limit flags of voltages that were clipped."""
+    """Return the limit flags of clipped voltages."""
     return (VOLTAGE_A if A else 0) | (VOLTAGE_B if B else 0)
 
 
 @compiled
 def step_along_line(theta_A: float, theta_B: float, goal_A: float, goal_B: float) -> tuple[float, float]:
-    """One tick along the straight line to the goal at TRAVEL_SPEED [rad/s]; exactly the goal at its end."""
+    """Step along the straight line to the goal at TRAVEL_SPEED, ending exactly there."""
     distance = max(abs(goal_A - theta_A), abs(goal_B - theta_B))
     reach = TRAVEL_SPEED * T_s
     if distance <= reach:

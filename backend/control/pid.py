@@ -1,4 +1,4 @@
-"""The I-PD and I-P laws with anti-windup (table 2), the force loop, and the two motor loops as a pair."""
+"""I-PD and I-P laws with anti-windup (table 2), force loop, and motor loop pair."""
 
 import math
 from typing import NamedTuple
@@ -7,31 +7,31 @@ from plant import T_s, compiled
 
 # Dead zone -----------------------------------------------------------------------------------------
 #
-# What an integrator is told of an error: nothing within a dead zone, the rest beyond it.
+# Error seen by an integrator: zero within a dead zone, the excess beyond.
 
 
 @compiled
 def apply_dead_zone(e: float, dead_zone: float) -> float:
-    """Return what of the error ``e`` is beyond ±``dead_zone``, in the same unit.
+    """Return the part of the error ``e`` beyond ±``dead_zone``, in the same unit.
 
-    It begins at zero, so that nothing jumps at the edge. For what is within an integrator would hunt against stiction.
+    It is continuous at the edge. Within the dead zone an integrator would hunt against static friction.
     """
     return e - min(max(e, -dead_zone), dead_zone)
 
 
 # Force hold ----------------------------------------------------------------------------------------
 #
-# The slow force loop C_p of the actuator identification (figure 5): tendon tension to motor A,
-# motor B at zero.
+# The slow force loop C_p of the actuator identification (figure 5): tendon tension to motor A, motor B at zero.
 
 
 K_I = 0.05
-"""Integral gain [rad/(N·s)]. One radian of motor A moves the mean tension by 2.7 to 4.8 N over 10 to 40 N, so the loop
-has a time constant of 4 to 7 s: stable far from the motor loops' lag, and slow against the excitation."""
+"""Integral gain [rad/(N·s)]. One radian of motor A changes the mean tension by 2.7 to 4.8 N over 10 to 40 N, so the
+loop has a time constant of 4 to 7 s: far slower than the motor loops' lag, hence stable, and slow against the
+excitation."""
 
 TRIM_MAX = 1.0
-"""Bound of the trim [rad]: 2.7 to 4.8 N of tension, 0.05 rad of the joint. What is announced before a run holds for any
-trim within it; springs that need more are not those that were identified, and have to be identified first."""
+"""Limit of the trim [rad]: 2.7 to 4.8 N of tension, 0.05 rad of the joint. The forecast of a run holds for any trim
+within it; springs that need more differ from the identified ones and must be identified first."""
 
 
 class ForceHoldState(NamedTuple):
@@ -42,7 +42,10 @@ class ForceHoldState(NamedTuple):
 
 @compiled
 def step_force_hold(state: ForceHoldState, F_ref: float, F_A: float, F_B: float) -> tuple[float, ForceHoldState]:
-    """One tick. Returns the trim [rad] and the new state; the tension held is the mean of both tendons [N]."""
+    """Step the force loop; return the trim [rad] and the new state.
+
+    The controlled tension is the mean of both tendons [N].
+    """
     trim = state.trim + T_s * K_I * (F_ref - 0.5 * (F_A + F_B))
     return state.trim, ForceHoldState(min(max(trim, -TRIM_MAX), TRIM_MAX))
 
@@ -53,7 +56,10 @@ def step_force_hold(state: ForceHoldState, F_ref: float, F_A: float, F_B: float)
 
 
 class IPGains(NamedTuple):
-    """``k_p``, ``k_r`` [1], ``k_i`` [1/s]: the controlled quantity and the control signal have the same unit."""
+    """Gains ``k_p``, ``k_r`` [1], ``k_i`` [1/s].
+
+    The controlled quantity and the control signal have the same unit.
+    """
 
     k_p: float
     k_i: float
@@ -61,7 +67,7 @@ class IPGains(NamedTuple):
 
 
 class IPState(NamedTuple):
-    """``integral`` in units of the control signal, so that gains may change while it stands."""
+    """``integral`` in units of the control signal, so gains can change without a jump."""
 
     integral: float
 
@@ -70,10 +76,10 @@ class IPState(NamedTuple):
 def step_i_p(
     gains: IPGains, state: IPState, r: float, y: float, correction: float, dead_zone: float = 0.0
 ) -> tuple[float, IPState]:
-    """One tick of u = k_i ∫(r − y) dt + k_r r − k_p y.
+    """Step u = k_i ∫(r − y) dt + k_r r − k_p y; return u and the new state.
 
-    ``correction`` [unit of u per s] is what the anti-windup adds to the integral. As in the inner loop the error of
-    this tick shows in u from the next one on. Of the error the integral sees what is beyond ``dead_zone`` [unit of y].
+    ``correction`` [unit of u per s] is added to the integral's rate by the anti-windup. As in the inner loop, the error
+    of this tick affects u from the next one on. The integral sees the error beyond ``dead_zone`` [unit of y].
     """
     u = state.integral + gains.k_r * r - gains.k_p * y
     return u, IPState(state.integral + T_s * (gains.k_i * apply_dead_zone(r - y, dead_zone) + correction))
@@ -81,19 +87,19 @@ def step_i_p(
 
 @compiled
 def bumpless_i_p(before: IPGains, after: IPGains, state: IPState, r: float, y: float) -> IPState:
-    """State with which ``after`` gives the control signal that ``before`` would have given in this tick."""
+    """Return the state with which ``after`` gives the u of ``before`` in this tick."""
     return IPState(state.integral + (after.k_p - before.k_p) * y - (after.k_r - before.k_r) * r)
 
 
 @compiled
 def add_to_integral(state: IPState, increment: float) -> IPState:
-    """State that gives ``increment`` [unit of u] on top, for what is no longer added to u elsewhere."""
+    """Return the state with ``increment`` [unit of u] added to u."""
     return IPState(state.integral + increment)
 
 
 @compiled
 def at_rest_i_p(gains: IPGains, r: float, y: float, u: float) -> IPState:
-    """State that gives the control signal u at reference r and measurement y."""
+    """Return the state that gives the control signal u at reference r, measurement y."""
     return IPState(u + gains.k_p * y - gains.k_r * r)
 
 
@@ -103,15 +109,15 @@ def at_rest_i_p(gains: IPGains, r: float, y: float, u: float) -> IPState:
 
 
 TRACKING_TIME_S = 0.030
-"""Time constant with which the clipped voltage bleeds the integrator (method section 5)."""
+"""Time constant with which clipped voltage bleeds the integrator [s] (method section 5)."""
 
 HOLD_GAIN = 1.5
-"""A motor that rests is held where it stands by so many times k_p more: what it creeps against friction, it creeps so
-much faster and less far. Without any friction its loop still has a damping ratio of 0.25."""
+"""Factor on k_p with which a motor at rest is held at its position: it creeps faster against friction, and less far.
+Without friction its loop still has a damping ratio of 0.25."""
 
 
 class IPDGains(NamedTuple):
-    """``k_p`` [V/rad], ``k_i`` [V/(rad·s)], ``k_d`` [V·s/rad], ``t_f`` [s]."""
+    """Gains ``k_p`` [V/rad], ``k_i`` [V/(rad·s)], ``k_d`` [V·s/rad], ``t_f`` [s]."""
 
     k_p: float
     k_i: float
@@ -120,7 +126,10 @@ class IPDGains(NamedTuple):
 
 
 class IPDState(NamedTuple):
-    """``integral`` [V]; ``integral_f`` [V] and ``y_f`` [rad], both behind the filter 1/(t_f s + 1)."""
+    """``integral`` [V]; ``integral_f`` [V] and ``y_f`` [rad] behind the filter.
+
+    The filter is 1/(t_f s + 1).
+    """
 
     integral: float
     integral_f: float
@@ -129,10 +138,10 @@ class IPDState(NamedTuple):
 
 @compiled
 def _filter_output(gains: IPDGains, state: IPDState, y: float) -> tuple[float, float, float]:
-    """Return u [V] before its limit, and the filtered integral and measurement it is made of.
+    """Return u [V] before its limit, and the filtered integral and measurement.
 
-    u = (k_i ∫(r − y) dt − k_p y − k_d dy/dt) / (t_f s + 1), with the derivative taken from the filter itself:
-    s y/(t_f s + 1) = (y − y_f)/t_f.
+    u = (k_i ∫(r − y) dt − k_p y − k_d dy/dt) / (t_f s + 1), with the derivative taken from the filter itself: s y/(t_f
+    s + 1) = (y − y_f)/t_f.
     """
     pass_through = 1.0 - math.exp(-T_s / gains.t_f)
     integral_f = state.integral_f + pass_through * (state.integral - state.integral_f)
@@ -145,12 +154,12 @@ def _filter_output(gains: IPDGains, state: IPDState, y: float) -> tuple[float, f
 def step_i_pd(
     gains: IPDGains, state: IPDState, r: float, y: float, u_max: float, u_forward: float = 0.0, resting: bool = False
 ) -> tuple[float, float, IPDState]:
-    """One tick. Returns u [V] within ±u_max, the excess that was clipped off [V], and the new state.
+    """Step the loop; return u [V] within ±u_max, the clipped excess [V] and the state.
 
-    r, y: reference and measured motor position [rad], as they are or both counted from where a model is, whose voltage
-    ``u_forward`` [V] comes on top. The integral takes up this tick's error for the next tick, so that u depends on the
-    past of the error only and a change of gains cannot show in the tick it arrives. While it is ``resting`` it sees no
-    error, and takes up what the motor turns instead.
+    r, y: reference and measured motor position [rad], absolute or relative to a model, whose voltage ``u_forward`` [V]
+    is added. The integral adds this tick's error for the next tick, so u depends only on past errors and a change of
+    gains has no effect in its first tick. While ``resting`` the integral ignores the error and compensates the motor's
+    motion instead.
     """
     u, integral_f, y_f = _filter_output(gains, state, y)
     u += u_forward
@@ -162,7 +171,7 @@ def step_i_pd(
 
 @compiled
 def bumpless_i_pd(before: IPDGains, after: IPDGains, state: IPDState, y: float) -> IPDState:
-    """State with which ``after`` gives the voltage that ``before`` would have given in this tick."""
+    """Return the state with which ``after`` gives the u of ``before`` in this tick."""
     u_before, _, _ = _filter_output(before, state, y)
     u_after, _, _ = _filter_output(after, state, y)
     offset = u_before - u_after
@@ -171,15 +180,15 @@ def bumpless_i_pd(before: IPDGains, after: IPDGains, state: IPDState, y: float) 
 
 @compiled
 def at_rest_i_pd(gains: IPDGains, y: float, u: float) -> IPDState:
-    """State that holds the voltage u [V] at the standing position y [rad]."""
+    """Return the state that holds the voltage u [V] at the constant position y [rad]."""
     return IPDState(u + gains.k_p * y, u + gains.k_p * y, y)
 
 
 @compiled
 def rebase_i_pd(gains: IPDGains, state: IPDState, y: float, offset: float, rate: float, u_added: float) -> IPDState:
-    """Return the state for another origin of y: ``offset`` [rad] is added to it, ``rate`` [rad/s] to its speed.
+    """Return the state for another origin of y.
 
-    With it this tick's voltage is the one from before and ``u_added`` [V].
+    ``offset`` [rad] is added to y, ``rate`` [rad/s] to its speed; this tick's voltage changes by ``u_added`` [V].
     """
     u, _, _ = _filter_output(gains, state, y)
     y_f = state.y_f + offset - gains.t_f * rate
@@ -190,7 +199,10 @@ def rebase_i_pd(gains: IPDGains, state: IPDState, y: float, offset: float, rate:
 
 @compiled
 def shift_i_pd(gains: IPDGains, state: IPDState, offset: float) -> IPDState:
-    """State after the zero of y moved by ``offset`` [rad] (new reading minus old): the voltage goes on unchanged."""
+    """Return the state after a shift of y's zero by ``offset`` [rad], u unchanged.
+
+    ``offset`` is the new reading minus the old one.
+    """
     return IPDState(state.integral + gains.k_p * offset, state.integral_f + gains.k_p * offset, state.y_f + offset)
 
 
@@ -214,7 +226,7 @@ class MotorPairState(NamedTuple):
 
 
 class MotorPairOutput(NamedTuple):
-    """Voltages within their limit [V], and what was clipped off [V]."""
+    """Voltages within their limit [V], and the clipped excess [V]."""
 
     u_A: float
     u_B: float
@@ -235,10 +247,10 @@ def step_motor_pair(
     forward_B: float = 0.0,
     resting: bool = False,
 ) -> tuple[MotorPairOutput, MotorPairState]:
-    """One tick of both loops: references and measured positions [rad] to voltages [V] within ±u_max.
+    """Step both loops: references and positions [rad] to voltages [V] within ±u_max.
 
-    ``forward_A``, ``forward_B`` [V] come on top of what the loops give. While they are ``resting`` their
-    integrators leave errors alone.
+    ``forward_A``, ``forward_B`` [V] are added to the voltages of the loops. While ``resting`` the integrators ignore
+    errors.
     """
     u_A, excess_A, state_A = step_i_pd(
         gains=gains.A, state=state.A, r=theta_A_ref, y=theta_A, u_max=u_max, u_forward=forward_A, resting=resting
@@ -253,7 +265,7 @@ def step_motor_pair(
 def bumpless_motor_pair(
     before: MotorPairGains, after: MotorPairGains, state: MotorPairState, theta_A: float, theta_B: float
 ) -> MotorPairState:
-    """State with which ``after`` continues the voltages of ``before``."""
+    """Return the state with which ``after`` continues the voltages of ``before``."""
     return MotorPairState(
         bumpless_i_pd(before.A, after.A, state.A, theta_A),
         bumpless_i_pd(before.B, after.B, state.B, theta_B),
@@ -262,11 +274,14 @@ def bumpless_motor_pair(
 
 @compiled
 def at_rest_motor_pair(gains: MotorPairGains, theta_A: float, theta_B: float, u_A: float, u_B: float) -> MotorPairState:
-    """State that holds the voltages u_A, u_B [V] at standing motors."""
+    """Return the state that holds voltages u_A, u_B [V] at motors at rest."""
     return MotorPairState(at_rest_i_pd(gains.A, theta_A, u_A), at_rest_i_pd(gains.B, theta_B, u_B))
 
 
 @compiled
 def shift_motor_pair(gains: MotorPairGains, state: MotorPairState, offset_A: float, offset_B: float) -> MotorPairState:
-    """State after the encoders' zeros moved by offset_A, offset_B [rad]: the voltages go on unchanged."""
+    """Return the state after the encoders' zeros moved, with the same voltages.
+
+    ``offset_A``, ``offset_B`` [rad] are the new readings minus the old ones.
+    """
     return MotorPairState(shift_i_pd(gains.A, state.A, offset_A), shift_i_pd(gains.B, state.B, offset_B))

@@ -1,4 +1,4 @@
-"""Setpoints of a program at each tick, with the waveforms that excite them."""
+"""Setpoints of a program at each tick, with the waveforms of its excitations."""
 
 import math
 from typing import NamedTuple
@@ -11,15 +11,14 @@ from plant import ShaftLoad, T_s, compiled
 
 # Waveforms -----------------------------------------------------------------------------------------
 #
-# Periodic excitations of a reference as a share of their amplitude, within ±1, sample by sample.
-# Pure.
+# Periodic excitations of a reference, relative to their amplitude, within ±1.
 
 
 INITIAL_REGISTER = 1
-"""What the register of a sequence holds before its first chip; any number but 0 would do."""
+"""Initial content of the shift register; any number except 0 is possible."""
 
 TAPS = {4: 0xC, 5: 0x14, 6: 0x30, 7: 0x60, 8: 0xB8, 9: 0x110, 10: 0x240, 11: 0x500, 12: 0xE08}
-"""Bits fed back into a register of so many, for the longest sequence: a primitive polynomial over two elements each."""
+"""Feedback taps by number of bits, for the longest sequence: primitive polynomials over GF(2)."""
 
 MIN_BITS, MAX_BITS = min(TAPS), max(TAPS)
 MAX_LINES = 40
@@ -28,13 +27,16 @@ MAX_LINES = 40
 
 @compiled
 def sine(t: float, period_s: float) -> float:
-    """Return sin of the time [s]."""
+    """Return the sine at time ``t`` [s]."""
     return math.sin(2.0 * math.pi * t / period_s)
 
 
 @compiled
 def sweep(t: float, period_s: float, period_end_s: float, duration_s: float) -> float:
-    """Return a sine whose frequency goes from 1/period_s to 1/period_end_s by the same factor in equal times."""
+    """Return a sine with exponentially changing frequency.
+
+    It goes from 1/period_s to 1/period_end_s, by the same factor in equal times.
+    """
     growth = math.log(period_s / period_end_s)
     if abs(growth) < 1e-9:
         return math.sin(2.0 * math.pi * t / period_s)
@@ -44,7 +46,10 @@ def sweep(t: float, period_s: float, period_end_s: float, duration_s: float) -> 
 
 @compiled
 def multisine(t: float, period_s: float, lines: int, peak: float) -> float:
-    """Return the sum of the first ``lines`` harmonics with Schroeder's phases −π k (k − 1)/N, divided by ``peak``."""
+    """Return the sum of the first ``lines`` harmonics, divided by ``peak``.
+
+    With Schroeder's phases −π k (k − 1)/N.
+    """
     total = 0.0
     for k in range(1, lines + 1):
         total += math.cos(2.0 * math.pi * k * t / period_s - math.pi * k * (k - 1) / lines)
@@ -53,7 +58,7 @@ def multisine(t: float, period_s: float, lines: int, peak: float) -> float:
 
 @compiled
 def next_register(register: int, bits: int) -> int:
-    """Return a linear feedback shift register after one more chip (Galois form, ``TAPS``)."""
+    """Return a linear feedback shift register after one chip (Galois form, ``TAPS``)."""
     taps = (0xC, 0x14, 0x30, 0x60, 0xB8, 0x110, 0x240, 0x500, 0xE08)[bits - 4]
     return (register >> 1) ^ (taps if register & 1 else 0)
 
@@ -66,23 +71,24 @@ def chip_level(register: int) -> float:
 
 # Player --------------------------------------------------------------------------------------------
 #
-# Plays a program's segments tick by tick, in constant time whatever the length of the program.
+# Plays the segments of a program tick by tick, in constant time for any length of the program.
 
 
 COLUMNS = 15
 _SHAPE, _TICKS, _DURATION, _Q, _S, _PUSH, _PERIOD, _LOAD_A, _LOAD_B, _PERIOD_END, _COUNT, _PEAK = range(12)
 _TUNING, _OBSTACLE, _CONTACT_DETECTION = range(12, COLUMNS)
 STEP, RAMP, SINE, SWEEP, PRBS, MULTISINE = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
-"""Shapes of a segment, as its first column has them."""
+"""Shapes of a segment, in its first column."""
 
 
 class SetpointPlayer(NamedTuple):
-    """``segments``, the one that is played and how many of its ticks were, its shift register, the target before it.
+    """``segments`` of a program and the position in them.
 
     ``segments`` (n, COLUMNS): shape, ticks, duration [s], q_ref [rad], S_ref [N·m/rad], F_push [N], period [s] of a
-    sine, of a chip or at the start of a sweep, loads of shafts A and B [N·m], period [s] at a sweep's end, bits of a
-    register or lines of a multisine, its largest value, and the numbers of the tuning, the obstacle and the touch
-    to be used from here on.
+    sine, of a chip or at the start of a sweep, loads of shafts A and B [N·m], period [s] at the end of a sweep, bits of
+    a register or harmonics of a multisine, its largest value, and the numbers of tuning, obstacle and contact detection
+    from here on, 0 for no change. ``position`` is the current segment, ``elapsed`` its number of ticks so far,
+    ``register`` its shift register and ``start`` the setpoint before it.
     """
 
     segments: NDArray[np.float64]
@@ -94,7 +100,10 @@ class SetpointPlayer(NamedTuple):
 
 @compiled
 def step_setpoint_player(player: SetpointPlayer, previous: Setpoint) -> tuple[bool, Setpoint, SetpointPlayer]:
-    """Return whether the last segment has ended, the target, which is ``previous`` then, and the player after it."""
+    """Return whether the program has ended, the setpoint, and the next player.
+
+    After the end the setpoint is ``previous``.
+    """
     segments, position, elapsed, register, start = (
         player.segments,
         player.position,
@@ -118,9 +127,9 @@ def step_setpoint_player(player: SetpointPlayer, previous: Setpoint) -> tuple[bo
 
 @compiled
 def find_ramp_end(player: SetpointPlayer) -> tuple[float, float]:
-    """Return where a ramp that is played ends and stays, q_ref [rad] and S_ref [N·m/rad]: nan where that is not known.
+    """Return the end of the current ramp, q_ref [rad] and S_ref [N·m/rad], else NaN.
 
-    A ramp that the next segment takes further does not end there, nor is one that is over announced any more.
+    Only for a reference that is constant in the next segment.
     """
     if player.position >= player.segments.shape[0]:
         return math.nan, math.nan
@@ -137,7 +146,10 @@ def find_ramp_end(player: SetpointPlayer) -> tuple[float, float]:
 
 @compiled
 def compute_setpoint(segment: NDArray[np.float64], start: Setpoint, time_s: float, register: int) -> Setpoint:
-    """Return the target ``time_s`` [s] into a segment that began at ``start``; ``register`` is that of a PRBS."""
+    """Return the setpoint ``time_s`` [s] into a segment that began at ``start``.
+
+    ``register`` is that of a PRBS.
+    """
     share = 1.0
     if segment[_SHAPE] == RAMP:
         share = min(time_s / segment[_DURATION], 1.0)
@@ -154,7 +166,10 @@ def compute_setpoint(segment: NDArray[np.float64], start: Setpoint, time_s: floa
 
 @compiled
 def compute_final_setpoint(segment: NDArray[np.float64], start: Setpoint) -> Setpoint:
-    """Return what is left when a segment is over: an excitation leaves the references where they were."""
+    """Return the setpoint after a segment.
+
+    After an excitation except a sine the references are those before it.
+    """
     if segment[_SHAPE] == SINE:
         return _interpolate_setpoint(segment, start, sine(segment[_DURATION], segment[_PERIOD]))
     return _interpolate_setpoint(segment, start, 1.0 if segment[_SHAPE] <= RAMP else 0.0)

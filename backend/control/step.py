@@ -1,4 +1,4 @@
-"""One control step: detect faults, compute the motion's voltages, write the sample row.
+"""One control step: detect faults, compute the motion's voltages, write the row.
 
 The step is compiled; its state is one ``ControlState`` block. Rare events (a fault, the end of a motion, a changed
 disturbance) are returned as bits and handled in Python by ``backend.realtime.control_loop``. The real-time loop and the
@@ -44,11 +44,14 @@ motion has ended; its push or load, its tuning, its obstacle or contact detectio
 class StepInputs(NamedTuple):
     """Inputs of a control step, set by the control loop.
 
-    Offsets of the motors' zeros and ``joint_centre`` of the joint [rad], whether those zeros are known, whether slack
-    would be a fault; ``contact_threshold`` [N]: an outside force that is a contact, inf where none is;
-    ``ignores_safety_trip``: ``tripped`` replaces the safety module's signal; ``completion_reported``: the end of the
-    motion was reported already. Push [N], loads [N·m] and numbers of the program's active tuning, obstacle and contact
-    detection. Mode, run, λ [s] and fault for the sample row, and ``limits`` that act in addition to the motion's.
+    - ``offset_A``, ``offset_B`` [rad]: offsets of the motor encoders; ``joint_centre`` [rad]: centre of the joint.
+    - ``zeroed``: the motor zeros are known. ``tension_required``: slack would be a fault.
+    - ``contact_threshold`` [N]: external force that counts as a contact, inf for none.
+    - ``ignores_safety_trip``: ``tripped`` replaces the safety module's signal.
+    - ``completion_reported``: the end of the motion has been reported.
+    - ``F_push`` [N], ``load`` [N·m], ``tuning``, ``obstacle``, ``contact_detection``: the active ones.
+    - ``mode``, ``run``, ``lam_q``, ``lam_S`` [s], ``fault``: values for the sample row.
+    - ``limits``: limit flags in addition to the motion's.
     """
 
     offset_A: float
@@ -99,9 +102,10 @@ NO_INPUTS = StepInputs(
 
 
 class ControlState(NamedTuple):
-    """All that is before the tick; ``m`` counts from the zeros, ``command`` is what was written last.
+    """State of a control step.
 
-    ``F_ext_hat`` [N] comes of ``touch``, less the ``bias`` (n, 2) learned over S.
+    ``m`` is the measurement with zeroed motors, ``command`` the last command written. ``F_ext_hat`` [N] is the
+    observer's estimate of the external force, less the calibrated ``bias`` (n, 2) over S.
     """
 
     tuning: cascade.CascadeTuning
@@ -120,7 +124,7 @@ class ControlState(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """A motion under way: the motor loops, what is asked for, and the state of the motion's kind."""
+    """Active motion: its motor loops, setpoint and state."""
 
     motor_loops: MotorLoopState
     setpoint: Setpoint
@@ -128,7 +132,7 @@ class Moving(NamedTuple):
 
 
 class Resting(NamedTuple):
-    """No motion."""
+    """State of no motion."""
 
     volts: float
 
@@ -137,7 +141,7 @@ class Resting(NamedTuple):
 def step_resting(
     tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: Resting, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, Resting]:
-    """Zero volts."""
+    """Return zero volts."""
     return AT_REST, motor_loops, state
 
 
@@ -153,23 +157,24 @@ STEP_FUNCTIONS: dict[type, Any] = {
     motion_primitives.TensionSweepState: motion_primitives.step_tension_sweep,
     motion_primitives.VoltageStepsState: motion_primitives.step_voltage_steps,
 }
-"""The tick of each kind of motion, by its state."""
+"""Step function of each motion, by the type of its state."""
 
 
 def step(
     tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: Any, m: Measurement
 ) -> Any:
-    """One tick of a motion of whatever kind; compiled code has that of its kind alone."""
+    """Step a motion of any kind; compiled code contains only that of its kind."""
     return STEP_FUNCTIONS[type(state)](tuning, motor_loops, setpoint, state, m)
 
 
 @overload(step, cast(Any, STRICT), strict=False)
 def _overload_step(tuning: Any, motor_loops: Any, setpoint: Any, state: Any, m: Any) -> Any:
-    return STEP_FUNCTIONS[state.instance_class].py_func  # as it is written: compiled here, it is compiled once
+    # the Python function, so that it is compiled only once, inlined here
+    return STEP_FUNCTIONS[state.instance_class].py_func
 
 
 def with_outside_torque(state: Any, tau_ext: float) -> Any:
-    """Return a motion's state with an outside torque [N·m]; only the cascade uses it."""
+    """Return a motion's state with an external torque [N·m]; only the cascade uses it."""
     return state._replace(tau_ext=tau_ext) if isinstance(state, tracking.TrackingState) else state
 
 
@@ -186,7 +191,7 @@ def _overload_outside_torque(state: Any, tau_ext: Any) -> Any:
 def detect_faults(control: StateBlock[ControlState], raw: Measurement, missed: int) -> int:
     """Check a measurement; return FAULT_DETECTED, CONTACT_DETECTED or NO_EVENT.
 
-    ``missed`` deadlines since the last tick.
+    ``missed`` is the number of deadlines missed since the last tick.
     """
     inputs = control.inputs.value
     theta_A, theta_B = raw.theta_A + inputs.offset_A, raw.theta_B + inputs.offset_B
@@ -238,7 +243,7 @@ def detect_faults(control: StateBlock[ControlState], raw: Measurement, missed: i
 
 @compiled
 def _estimate_outside_force(control: StateBlock[ControlState], m: Measurement, zeroed: bool) -> float:
-    """Outside force [N] in this tick; nan as long as it is not known where the motors stand."""
+    """Return the external force [N] in this tick; NaN unless the motors are zeroed."""
     observer, bias = control.observer.value, control.bias.value
     state = (
         disturbance_observer.step_disturbance_observer(observer, control.observer_state.value, m)
@@ -306,7 +311,7 @@ def write_row(
     lateness_s: float,
     overruns: int,
 ) -> None:
-    """Write the step's sample row (``backend.sample``) and store ``command``, which was written last."""
+    """Write the step's sample row (``backend.sample``) and store ``command``."""
     inputs, m, y = control.inputs.value, control.m.value, control.output.value
     store_compiled(control.command, command)
     row[_TICK], row[_T], row[_MODE], row[_RUN] = tick, tick * T_s, inputs.mode, inputs.run
@@ -337,16 +342,18 @@ def write_row(
 
 # Batch ---------------------------------------------------------------------------------------------
 #
-# Ticks in a row on the simulator, as long as nothing comes of them that the interpreter has to see
-# to.
+# Consecutive steps on the simulator, until an event needs handling in Python.
 
 
 CONTROL_COMPUTED = 8
-"""Of the tick after the last whole one: the motion has decided, and the rest is the interpreter's."""
+"""The control of the step after the last complete one was computed; Python code completes that step."""
 
 
 class TickRange(NamedTuple):
-    """Ticks to be made: number of the first, and of the simulator's period before it; how many; overruns so far."""
+    """Ticks to execute.
+
+    Number of the ``first`` tick, ``period`` of the simulator before it, number of ``ticks``, ``overruns`` so far.
+    """
 
     first: int
     period: int
@@ -363,10 +370,11 @@ def run_batch(
     tick_range: TickRange,
     rows: NDArray[np.float64],
 ) -> tuple[int, int, float, float, Measurement]:
-    """Make ticks, each with its row in ``rows`` (capacity, n), at the place of its number; ``m`` is measured now.
+    """Execute steps on the simulator from measurement ``m``, each with its sample row.
 
-    Returns how many are whole, what came of the next one (NO_EVENT: not begun; FAULT_DETECTED, CONTACT_DETECTED:
-    measured; with CONTROL_COMPUTED: its control was computed), its voltages [V], and what is measured then.
+    Rows go into the ring ``rows`` (capacity, n) by tick number. Returns the number of complete steps, the event of the
+    next one (NO_EVENT: not begun; FAULT_DETECTED, CONTACT_DETECTED: measured; with CONTROL_COMPUTED: control computed),
+    its voltages [V], and its measurement.
     """
     for count in range(tick_range.ticks):
         detected = detect_faults(control, m, 0)

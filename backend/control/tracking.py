@@ -1,4 +1,4 @@
-"""The motions that follow references: the cascade, and the laws that it is compared with."""
+"""Motions that follow references: the cascade and the baseline laws."""
 
 import math
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from plant import Measurement, compiled
 
 # Tracking ------------------------------------------------------------------------------------------
 #
-# The cascade, following the operator's references or a program's segments.
+# The cascade, which follows the operator's references or a program's segments.
 
 
 _GOVERNOR, _FLOOR, _CEILING, _RANGE = (
@@ -24,10 +24,8 @@ _GOVERNOR, _FLOOR, _CEILING, _RANGE = (
 class TrackingState(NamedTuple):
     """State of the cascade that follows references or a program.
 
-    ``position_loop``: closed; without it the decoupler's geometry alone positions the joint. ``has_program``: it plays
-    one.
-
-    ``tau_ext`` [N·m]: outside torque in this tick, nan as long as its bias is not known.
+    ``position_loop``: closed; otherwise the decoupler's geometry alone positions the joint. ``has_program``: it plays a
+    program. ``tau_ext`` [N·m]: external torque in this tick, NaN unless its bias is known.
     """
 
     law: cascade.CascadeState
@@ -41,7 +39,7 @@ class TrackingState(NamedTuple):
 def step(
     tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: TrackingState, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, TrackingState]:
-    """One tick of the cascade."""
+    """Execute a step of the cascade."""
     done, player, q_end, S_end = False, state.player, math.nan, math.nan
     if state.has_program:
         done, setpoint, player = step_setpoint_player(player, setpoint)
@@ -62,7 +60,7 @@ def step(
 def make_control_output(
     y: cascade.CascadeOutput, setpoint: Setpoint, sets_disturbance: bool, done: bool
 ) -> ControlOutput:
-    """Decision of a law of position and stiffness."""
+    """Return the control output of a law of position and stiffness."""
     return ControlOutput(
         u_A=y.u_A,
         u_B=y.u_B,
@@ -80,7 +78,7 @@ def make_control_output(
 
 @compiled
 def make_limit_flags(y: cascade.CascadeOutput) -> int:
-    """Limit flags of a tick."""
+    """Return the limit flags of a step."""
     return (
         (VOLTAGE_A if y.clipped_A else 0)
         | (VOLTAGE_B if y.clipped_B else 0)
@@ -94,9 +92,10 @@ def make_limit_flags(y: cascade.CascadeOutput) -> int:
 def find_resting_setpoint(
     tuning: cascade.CascadeTuning, m: Measurement, bounds: Bounds, *, position_loop: bool = True
 ) -> Setpoint:
-    """Return references with which nothing has to move, as far as references may go.
+    """Return references that require no motion, within the bounds.
 
-    Without position loop q_ref is the equilibrium of the motors [rad], and not where a push holds the joint.
+    Without position loop q_ref is the equilibrium of the motors [rad], not the position at which a push holds the
+    joint.
     """
     d = tuning.decoupler
     q = m.q if position_loop else decoupler.equilibrium(d, m.theta_A, m.theta_B)
@@ -106,8 +105,7 @@ def find_resting_setpoint(
 
 # Baselines -----------------------------------------------------------------------------------------
 #
-# The laws that the cascade is compared with, playing a program; their gains stay as they were at
-# the start.
+# Baseline laws that play a program; their gains do not change during it.
 
 
 class SingleLoop(NamedTuple):
@@ -119,7 +117,7 @@ class SingleLoop(NamedTuple):
 
 
 class FeedbackLinearization(NamedTuple):
-    """The law with a full model."""
+    """Law with a full model."""
 
     tuning: baselines.FeedbackLinearizationTuning
     law: baselines.FeedbackLinearizationState
@@ -130,7 +128,7 @@ class FeedbackLinearization(NamedTuple):
 def step_single_loop(
     tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: SingleLoop, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, SingleLoop]:
-    """One tick; the cascade's tuning is only what the next motion takes over."""
+    """Execute a step; ``tuning`` of the cascade is only passed to the next motion."""
     done, setpoint, player = step_setpoint_player(state.player, setpoint)
     y, law = baselines.step_single_loop(state.tuning, state.law, setpoint.q_ref, setpoint.S_ref, m)
     return (
@@ -148,7 +146,7 @@ def step_feedback_linearization(
     state: FeedbackLinearization,
     m: Measurement,
 ) -> tuple[ControlOutput, MotorLoopState, FeedbackLinearization]:
-    """One tick; the cascade's tuning is only what the next motion takes over."""
+    """Execute a step; ``tuning`` of the cascade is only passed to the next motion."""
     done, setpoint, player = step_setpoint_player(state.player, setpoint)
     y, law = baselines.step_feedback_linearization(state.tuning, state.law, setpoint.q_ref, setpoint.S_ref, m)
     return (
@@ -160,6 +158,6 @@ def step_feedback_linearization(
 
 @compiled
 def _hold_motors(tuning: cascade.CascadeTuning, y: cascade.CascadeOutput, m: Measurement) -> MotorLoopState:
-    """Motor loops that hold the joint where the law has left it."""
+    """Return motor loops that hold the joint at its current position."""
     state = pid.at_rest_motor_pair(tuning.motors, m.theta_A, m.theta_B, y.u_A, y.u_B)
     return MotorLoopState(state, tuning.motors, m.theta_A, m.theta_B)

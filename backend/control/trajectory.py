@@ -1,4 +1,4 @@
-"""Time-optimal trajectories of both axes within a budget of voltage: axis, goals, plan."""
+"""Time-optimal trajectories of both axes within a voltage limit."""
 
 import math
 from typing import NamedTuple
@@ -9,21 +9,20 @@ from plant import T_s, compiled
 
 # Axis ----------------------------------------------------------------------------------------------
 #
-# One axis of a plan: a motor T θ'' + θ' = K u within a budget of voltage, on its way to a goal in
-# the least time.
+# One axis of a trajectory: a motor T θ'' + θ' = K u within a voltage limit, moving to a goal in the least time.
 
 
 LANDING_S = 0.010
-"""Time constant with which an axis comes to rest at its target, where the braking curve has no finite slope."""
+"""Time constant with which an axis settles at its target, where the braking curve has no finite slope [s]."""
 
 BRAKING_SHARE = 0.98
-"""Share of the budget that braking counts on: what is left keeps an axis on its curve."""
+"""Fraction of the voltage limit that braking uses: the rest keeps an axis on its curve."""
 
 HALVINGS = 24
-"""Steps of a bisection."""
+"""Iterations of a bisection."""
 
 MIN_VOLTAGE_V = 1e-3
-"""An axis that has nothing left of the budget [V] is planned with this."""
+"""Least voltage limit of an axis [V], for one without a remaining share."""
 
 
 class AxisMotion(NamedTuple):
@@ -34,7 +33,7 @@ class AxisMotion(NamedTuple):
 
 
 class Lagged(NamedTuple):
-    """Angle [rad] and speed [rad/s] of an axis, and the voltage [V] behind the motors' electrical lag."""
+    """Angle [rad], speed [rad/s] and voltage [V] behind the motors' electrical lag."""
 
     theta: float
     omega: float
@@ -42,9 +41,9 @@ class Lagged(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """Where an axis is sent [rad], how fast that moves [rad/s], 0 where it has jumped, and where it will stand [rad].
+    """Goal of an axis [rad], its speed [rad/s], 0 after a jump, and its end [rad].
 
-    ``end`` nan: nobody has announced one. ``displacement`` [rad]: since the tick before.
+    ``end`` is NaN if unknown. ``displacement`` [rad]: change since the previous tick.
     """
 
     theta: float
@@ -55,25 +54,31 @@ class Goal(NamedTuple):
 
 @compiled
 def braking_distance(V: float, T: float, omega: float) -> float:
-    """How far [rad] an axis goes while −V/K volts stop it from ``omega`` ≥ 0 [rad/s]: T ω − V T ln(1 + ω/V)."""
+    """Return the distance [rad] in which −V/K volts stop an axis from ``omega`` ≥ 0.
+
+    T ω − V T ln(1 + ω/V), with speeds in rad/s.
+    """
     return T * omega - V * T * math.log1p(omega / V)
 
 
 @compiled
 def braking_speed(V: float, T: float, distance: float) -> float:
-    """Speed [rad/s] from which −V/K volts stop an axis within ``distance`` ≥ 0 [rad]: ``braking_distance`` inverted."""
+    """Return the speed [rad/s] from which −V/K volts stop an axis within ``distance``.
+
+    ``distance`` ≥ 0 [rad]; the inverse of ``braking_distance``.
+    """
     E = max(distance, 0.0) / (V * T)
     y = math.sqrt(2.0 * E) + E / 1.5
-    for _ in range(3):  # of y − ln(1 + y) = E; the start is right for small E, Newton's steps for any
+    for _ in range(3):  # solves y − ln(1 + y) = E; the start is exact for small E, Newton's steps for any
         y -= (y - math.log1p(y) - E) * (1.0 + y) / max(y, 1e-12)
     return V * y
 
 
 @compiled
 def least_voltage(K: float, T: float, omega: float, distance: float, U_max: float) -> float:
-    """Least voltage [V], ``most`` where that is not enough, that stops an axis within ``distance`` [rad] ahead of it.
+    """Return the least voltage [V] that stops an axis within ``distance`` [rad].
 
-    ``omega`` [rad/s] is the speed in that direction: nothing is needed by an axis that stands or goes the other way.
+    ``omega`` [rad/s] is the speed in that direction; 0 if it is not positive. ``U_max`` if no less is enough.
     """
     if omega <= 0.0:
         return 0.0
@@ -89,9 +94,10 @@ def least_voltage(K: float, T: float, omega: float, distance: float, U_max: floa
 
 @compiled
 def compute_duration(V: float, T: float, distance: float, omega: float) -> float:
-    """Least time [s] from speed ``omega`` [rad/s] to rest ``distance`` [rad] away, with at most V/K volts.
+    """Return the least time [s] from speed ``omega`` to rest at ``distance`` [rad].
 
-    Full voltage one way, then the other (T θ'' + θ' = K u, |K u| ≤ V).
+    With at most V/K volts: full voltage in one direction, then in the other (T θ'' + θ' = K u, |K u| ≤ V); ``omega`` in
+    rad/s.
     """
     brake = math.copysign(braking_distance(V, T, abs(omega)), omega)
     s = 1.0 if distance >= brake else -1.0
@@ -108,9 +114,9 @@ def compute_duration(V: float, T: float, distance: float, omega: float) -> float
 
 @compiled
 def compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
-    """Voltage [V] of this tick, within ±U: up to the speed from which the axis still stops at its goal.
+    """Return the voltage [V] within ±U up to the speed from which the axis can stop.
 
-    With a goal that moves that is as fast as the goal, and no faster than what still stops at the goal's end.
+    For a moving goal that is relative to the goal's speed, and limited by what still stops at the goal's end.
     """
     U = max(U, MIN_VOLTAGE_V)
     u = _compute_approach_voltage(K, T, U, axis, goal)
@@ -122,9 +128,9 @@ def compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, goa
 
 @compiled
 def _compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
-    """Voltage [V] of this tick, within ±U, with which the axis comes to its goal no faster than that moves."""
+    """Return the voltage [V] within ±U that reaches the goal at the goal's speed."""
     e, w = goal.theta - axis.theta, axis.omega - goal.rate
-    e -= T_s * w  # as it will be when this voltage has acted
+    e -= T_s * w  # after this voltage has acted
     s = 1.0 if e >= 0.0 else -1.0
     V = max(K * BRAKING_SHARE * U + s * goal.rate, 0.05 * K * U)
     a = V / T
@@ -137,7 +143,7 @@ def _compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, go
 
 @compiled
 def advance_axis(K: float, T: float, axis: AxisMotion, u: float) -> AxisMotion:
-    """Axis one tick later under u [V], exactly: T θ'' + θ' = K u."""
+    """Return the axis one tick later under u [V], exactly: T θ'' + θ' = K u."""
     g = math.exp(-T_s / T)
     transient = axis.omega - K * u
     return AxisMotion(axis.theta + K * u * T_s + transient * T * (1.0 - g), K * u + transient * g)
@@ -145,9 +151,12 @@ def advance_axis(K: float, T: float, axis: AxisMotion, u: float) -> AxisMotion:
 
 @compiled
 def advance_lagged_axis(K: float, T: float, tau_e: float, axis: Lagged, u: float) -> Lagged:
-    """Axis one tick later under u [V], exactly: T θ'' + θ' = K v, τ_e v' + v = u."""
+    """Return the axis one tick later under u [V]: T θ'' + θ' = K v, τ_e v' + v = u.
+
+    The solution is exact.
+    """
     if abs(T - tau_e) < 1e-7 * T:
-        tau_e *= 1.0 + 1e-7  # the solution below is for two different lags
+        tau_e *= 1.0 + 1e-7  # the solution below requires different lags
     g, h = math.exp(-T_s / T), math.exp(-T_s / tau_e)
     lagged = K * (axis.u - u) * tau_e / (tau_e - T)
     transient = axis.omega - K * u - lagged
@@ -160,17 +169,17 @@ def advance_lagged_axis(K: float, T: float, tau_e: float, axis: Lagged, u: float
 
 # Goals ---------------------------------------------------------------------------------------------
 #
-# Where the two axes of a plan are sent, how fast that moves, and where it is going to stand.
+# Goals of the two axes of a trajectory, their speeds and ends.
 
 
 MIN_SPEED_RAD_S = 1e-3
-"""An axis that has nothing left of the budget brakes with this, as speed [rad/s]."""
+"""Least braking speed of an axis without a remaining share of the voltage limit [rad/s]."""
 
 
 class LoopReferences(NamedTuple):
-    """Position [rad] and stiffness [N·m/rad] of this tick, and where a move of theirs ends and stays.
+    """Position [rad] and stiffness [N·m/rad] of this tick, and the end of a ramp.
 
-    nan: they stand already, or nobody has announced an end.
+    ``q_end``, ``S_end``: NaN if the reference is constant or its end unknown.
     """
 
     q: float
@@ -181,7 +190,10 @@ class LoopReferences(NamedTuple):
 
 @compiled
 def compute_goals(d: Decoupler, before_d: Goal, before_c: Goal, r: LoopReferences, V: float) -> tuple[Goal, Goal]:
-    """Goals of difference and common axis after those of the tick before, for motors that reach V [rad/s]."""
+    """Return the goals of difference and common axis, for motors that reach V [rad/s].
+
+    ``before_d``, ``before_c`` are the goals of the previous tick.
+    """
     theta_A, theta_B = decoupler.motor_positions(d, r.q, r.S)
     end_d, end_c = _compute_goal_ends(d, r)
     return (
@@ -192,7 +204,7 @@ def compute_goals(d: Decoupler, before_d: Goal, before_c: Goal, r: LoopReference
 
 @compiled
 def has_jumped(before: Goal, goal: Goal) -> bool:
-    """Whether a goal is not where the one before was, and has not gone there in steps that a motor could follow."""
+    """Return whether a goal has changed by more than a motor could follow."""
     return goal.theta != before.theta and (goal.rate == 0.0 or before.rate == 0.0)
 
 
@@ -200,9 +212,10 @@ def has_jumped(before: Goal, goal: Goal) -> bool:
 def plan_fastest_stop(
     K: float, T: float, U: float, d: AxisMotion, c: AxisMotion, goal_d: Goal, goal_c: Goal
 ) -> tuple[Goal, Goal, float]:
-    """Goals at which both axes stop soonest within U [V], none beyond its old goal; share of the difference axis.
+    """Return goals at which both axes stop soonest, and the difference axis's share.
 
-    Each is given volts as it is fast, or what it takes to stop where it was sent: the common axis first.
+    No goal is beyond the old one. U [V] is shared in proportion to speed, but each axis gets the voltage that stops it
+    at its old goal, the common axis first.
     """
     remaining_d, remaining_c = _compute_remaining_distance(d, goal_d), _compute_remaining_distance(c, goal_c)
     w_d, w_c = abs(d.omega), abs(c.omega)
@@ -218,14 +231,17 @@ def plan_fastest_stop(
 
 @compiled
 def _compute_remaining_distance(axis: AxisMotion, goal: Goal) -> float:
-    """Distance [rad] from an axis to the end of its goal; inf where that is behind it or not known."""
+    """Return the distance [rad] from an axis to the end of its goal.
+
+    inf if that is behind the axis or unknown.
+    """
     ahead = math.copysign(1.0, axis.omega) * ((goal.theta if goal.rate == 0.0 else goal.end) - axis.theta)
     return ahead if ahead > 0.0 else math.inf
 
 
 @compiled
 def _make_stopping_goal(V: float, T: float, axis: AxisMotion, distance_max: float) -> Goal:
-    """Return the goal at which V [rad/s] stops an axis, ``most`` [rad] ahead of where it is."""
+    """Return the goal at which V [rad/s] stops an axis, at most ``distance_max`` away."""
     V = max(BRAKING_SHARE * V, MIN_SPEED_RAD_S)
     landing = 0.5 * V / T * LANDING_S**2
     distance = min(braking_distance(V, T, abs(axis.omega)) + landing, distance_max)
@@ -234,9 +250,10 @@ def _make_stopping_goal(V: float, T: float, axis: AxisMotion, distance_max: floa
 
 @compiled
 def _make_goal(before: Goal, theta: float, end: float, V: float) -> Goal:
-    """Goal of this tick: one that has gone no further than a motor could follow is moving, any other has jumped.
+    """Return the goal of this tick, with its speed if it moves continuously.
 
-    So has one that begins to move, as a small step cannot be told from a ramp in its first tick.
+    A goal that changed by no more than a motor could follow is moving, any other has jumped. So has one that begins to
+    move, as a small step looks like a ramp in its first tick.
     """
     displacement, reach = theta - before.theta, V * T_s
     is_moving = 0.0 < abs(before.displacement) <= reach and abs(displacement) <= reach
@@ -245,7 +262,7 @@ def _make_goal(before: Goal, theta: float, end: float, V: float) -> Goal:
 
 @compiled
 def _compute_goal_ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]:
-    """Return the ends [rad] of difference and common axis; nan where that of its own reference is not known."""
+    """Return the ends [rad] of difference and common axis, NaN if unknown."""
     if math.isnan(r.q_end) and math.isnan(r.S_end):
         return math.nan, math.nan
     q, S = r.q if math.isnan(r.q_end) else r.q_end, r.S if math.isnan(r.S_end) else r.S_end
@@ -258,38 +275,38 @@ def _compute_goal_ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]:
 
 # Plan ----------------------------------------------------------------------------------------------
 #
-# Where motors and joint are to be in each tick: as fast as a budget of voltage allows, for the
-# loops to hold on to.
+# Motion of motors and joint in each tick, as fast as a voltage limit allows, for the loops to track.
 #
-# Two axes move an exact model of the motors: the difference of the motor angles, which turns the
-# joint, and their common part, which makes it stiff. Each brakes along the curve from which full
-# reverse voltage just stops it at the target, so that a step takes the shortest time there is, and
-# whatever moves in each tick is followed as long as the budget lasts. The voltages that the model
-# needed go straight to the motors (model following: the paper's loops act on the rest).
+# Two axes move an exact model of the motors: the difference of the motor angles, which turns the joint, and their
+# common part, which stiffens it. Each brakes along the curve from which full reverse voltage just stops it at the
+# target, so a step takes the shortest possible time, and a moving reference is followed as long as the voltage limit
+# suffices. The voltages of the model go directly to the motors (model following: the paper's loops act on the
+# difference).
 
 
 WINDOW_TICKS = 10
-"""Ticks over which the voltages are averaged: the end point and the bound stay, a full reversal takes 10 ms."""
+"""Ticks over which the voltages are averaged: end point and voltage limit are unchanged, a full reversal takes 10
+ms."""
 
 NEAR_TARGET_RAD = 0.05
-"""An axis so near its target [rad] leaves the voltage that it does not use to the other one."""
+"""Distance from its target [rad] within which an axis leaves its unused voltage to the other one."""
 
 ARRIVED_RAD = 1e-3
-"""An axis so near its target [rad] has arrived."""
+"""Distance from its target [rad] within which an axis has arrived."""
 
 SMALL_MOVE_RAD = 0.2
-"""A move of both axes together [rad] from which on the whole budget is used, 0.02 rad of the joint; of a smaller one
-the share (move/GENTLE)²: one count of the joint's encoder is no reason for a kick of 8 V."""
+"""Move of both axes together [rad] that uses the whole voltage limit, 0.02 rad of the joint; a smaller one uses the
+share (move/SMALL_MOVE_RAD)²: one count of the joint encoder must not cause a kick of 8 V."""
 
 SMALL_MOVE_MIN_V = 0.05
-"""The smallest move is made with this [V]."""
+"""Voltage of the smallest move [V]."""
 
 STANDSTILL_RAD_S = 0.05
-"""A model whose axes are so slow [rad/s], and driven no faster, stands."""
+"""Speed of the axes, and of their voltages, below which the model is at rest [rad/s]."""
 
 
 class TrajectoryModel(NamedTuple):
-    """What the plan knows of the actuator.
+    """Model of the actuator.
 
     Motors (equation 17), torque per volt [N·m/V], joint (equations 5, 13), electrical lags [s] (equations 8, 9).
     """
@@ -307,17 +324,19 @@ class TrajectoryModel(NamedTuple):
 
 
 Window = tuple[float, float, float, float, float, float, float, float, float, float]
-"""Voltages of the last SMOOTHED ticks [V], the newest first."""
+"""Voltages of the last WINDOW_TICKS ticks [V], the newest first."""
 
 
 class TrajectoryState(NamedTuple):
-    """The model and its way.
+    """State of the model and its trajectory.
 
-    ``d``, ``c``: difference and common axis before smoothing; ``smooth_d``, ``smooth_c`` behind it and behind the
-    electrical lag, where the motors of the model are. ``share`` of the budget is the difference axis's; ``budget`` [V]
-    of it is what the tuning has, ``voltage_limit`` [V] what is in use: more where axes that move could not be stopped
-    in time with less. ``q`` [rad], ``q_dot`` [rad/s]: joint of the model. ``F_held`` [N]: tension that the motor loops'
-    integrators carry already.
+    - ``d``, ``c``: difference and common axis before smoothing.
+    - ``smooth_d``, ``smooth_c``: the same after smoothing and electrical lag, the state of the model's motors.
+    - ``share``: the difference axis's share of the voltage limit.
+    - ``budget`` [V]: voltage limit of the tuning; ``voltage_limit`` [V]: the active one, larger while moving axes could
+      otherwise not be stopped in time.
+    - ``q`` [rad], ``q_dot`` [rad/s]: joint of the model.
+    - ``F_held_A``, ``F_held_B`` [N]: tensions that the integrators of the motor loops already hold.
     """
 
     goal_d: Goal
@@ -338,7 +357,10 @@ class TrajectoryState(NamedTuple):
 
 
 class AxisState(NamedTuple):
-    """The model now: motor angles [rad], their speeds [rad/s], joint and its equilibrium [rad], stiffness [N·m/rad]."""
+    """State of the model: angles [rad], motor speeds [rad/s], stiffness [N·m/rad].
+
+    Angles of motors and joint, and the joint's equilibrium ``q_e``.
+    """
 
     theta_A: float
     theta_B: float
@@ -350,7 +372,7 @@ class AxisState(NamedTuple):
 
 
 class Driven(NamedTuple):
-    """Voltages [V] that move the model in a tick, and whether it is still on its way."""
+    """Voltages [V] that move the model in a tick, and whether it still moves."""
 
     u_A: float
     u_B: float
@@ -361,10 +383,11 @@ class Driven(NamedTuple):
 def begin_trajectory(
     d: Decoupler, model: TrajectoryModel, q: float, S: float, omega_A: float, omega_B: float
 ) -> TrajectoryState:
-    """Return a model at ``q`` [rad] and ``S`` [N·m/rad] whose motors move at ``omega`` [rad/s], sent nowhere else.
+    """Return a model at ``q`` [rad], ``S`` [N·m/rad] with no other goal.
 
-    Its motors are where they hold its joint, moving or at rest. What the actuator's motors are off from there, because
-    of a push or of springs that are not as identified, is left to the loops: so nothing has to move.
+    Its motors move at ``omega_A``, ``omega_B`` [rad/s] and hold its joint, moving or at rest. The loops keep the offset
+    of the actuator's motors, caused by a push or by springs that differ from the identified ones, so nothing has to
+    move.
     """
     q_dot = d.r_m / d.r_j * 0.5 * (omega_A - omega_B)
     q_e = q + model.B_j * q_dot / S
@@ -394,7 +417,7 @@ def begin_trajectory(
 
 @compiled
 def compute_axis_state(d: Decoupler, state: TrajectoryState) -> AxisState:
-    """Return where the model is."""
+    """Return positions, speeds and stiffness of the model."""
     A, B = _combine_axes(state.smooth_d, state.smooth_c)
     q_e, S = decoupler.equilibrium(d, A.theta, B.theta), decoupler.stiffness(d, A.theta, B.theta)
     return AxisState(theta_A=A.theta, theta_B=B.theta, omega_A=A.omega, omega_B=B.omega, q=state.q, q_e=q_e, S=S)
@@ -402,7 +425,7 @@ def compute_axis_state(d: Decoupler, state: TrajectoryState) -> AxisState:
 
 @compiled
 def is_at_rest(model: TrajectoryModel, state: TrajectoryState) -> bool:
-    """Whether the model moves no more, or not yet."""
+    """Return whether the model is at rest."""
     K = min(model.K_A, model.K_B)
     speed = max(abs(state.smooth_d.omega), abs(state.smooth_c.omega))
     mean_voltage = max(
@@ -415,7 +438,10 @@ def is_at_rest(model: TrajectoryModel, state: TrajectoryState) -> bool:
 def step(
     d: Decoupler, model: TrajectoryModel, budget: float, state: TrajectoryState, at: AxisState, r: LoopReferences
 ) -> tuple[Driven, TrajectoryState]:
-    """One tick towards the references from ``at``, within ``budget`` [V] for both axes together; 0 V: to a stand."""
+    """Step from ``at`` towards the references; 0 V bring the model to rest.
+
+    ``budget`` [V] is the voltage limit of both axes together.
+    """
     K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
     if budget > 0.0:
         goal_d, goal_c = compute_goals(d, state.goal_d, state.goal_c, r, K * budget)
@@ -443,7 +469,7 @@ def step(
     tracking_d, tracking_c = abs(goal_d.rate) / K, abs(goal_c.rate) / K
     free = max(voltage_limit - tracking_d - tracking_c, 0.0)
     limit_d = tracking_d + share * free
-    if abs(goal_c.theta - state.c.theta) < NEAR_TARGET_RAD:  # what the common axis has no use for now
+    if abs(goal_c.theta - state.c.theta) < NEAR_TARGET_RAD:  # the voltage that the common axis does not use
         limit_d = max(limit_d, voltage_limit - abs(state.window_c[0]))
     limit_d = min(limit_d, voltage_limit)
     u_d = compute_approach_voltage(K, T, limit_d, state.d, goal_d)
@@ -501,10 +527,11 @@ def step(
 def compute_voltages(
     d: Decoupler, model: TrajectoryModel, state: TrajectoryState, at: AxisState
 ) -> tuple[float, float]:
-    """Voltages [V] of both motors for the axes' windows, and for the tension that was added since ``begin_trajectory``.
+    """Return the voltages [V] of both motors for the windows and the added tension.
 
-    The axes are driven as by one motor; each of the two needs what its own constants ask for at the same motion:
-    u − F r_m/K_t = (ω + (T + τ_e) dω/dt + T τ_e d²ω/dt²)/K, and a change of tension is answered ahead of the lag τ_e.
+    The tension counts from ``begin_trajectory``. The axes move as with one motor; each real motor needs the voltage
+    that its own constants require for the same motion: u − F r_m/K_t = (ω + (T + τ_e) dω/dt + T τ_e d²ω/dt²)/K, and a
+    change of tension is compensated ahead of the lag τ_e.
     """
     K, T, tau_e = min(model.K_A, model.K_B), max(model.T_A, model.T_B), max(model.tau_e_A, model.tau_e_B)
     turning_d = (K * state.smooth_d.u - state.smooth_d.omega) / T
@@ -526,7 +553,7 @@ def compute_voltages(
 
 @compiled
 def _compute_usable_voltage(budget: float, state: TrajectoryState, goal_d: Goal, goal_c: Goal) -> float:
-    """Voltage [V] of the budget that a move of this length is made with; all of it for goals that move."""
+    """Return the voltage [V] for a move of this length, all of it for moving goals."""
     if goal_d.rate != 0.0 or goal_c.rate != 0.0:
         return budget
     share = (abs(goal_d.theta - state.d.theta) + abs(goal_c.theta - state.c.theta)) / SMALL_MOVE_RAD
@@ -537,11 +564,11 @@ def _compute_usable_voltage(budget: float, state: TrajectoryState, goal_d: Goal,
 def share_budget(
     K: float, T: float, usable: float, budget: float, state: TrajectoryState, goal_d: Goal, goal_c: Goal
 ) -> tuple[float, float]:
-    """Share of the budget for the difference axis with which both axes arrive together, and what is allowed [V].
+    """Return the difference axis's share and the voltage limit [V].
 
-    Each keeps what it takes to stop where it was or is sent, whichever is farther, the common axis first: beyond lie
-    solid springs. So more than is ``usable`` of the ``budget`` [V], or than a budget that has just become less, may be
-    allowed for a while.
+    With this share both axes arrive together. Each axis gets at least the voltage that stops it at its old or new goal,
+    whichever is farther, the common axis first: beyond its goal springs become solid. The limit may therefore exceed
+    ``usable``, or a ``budget`` [V] that has just been reduced, for a while.
     """
     voltage_max = max(budget, state.voltage_limit)
     needs_c = _compute_stopping_voltage(K=K, T=T, axis=state.c, before=state.goal_c, goal=goal_c, U_max=voltage_max)
@@ -564,7 +591,10 @@ def share_budget(
 
 @compiled
 def _compute_stopping_voltage(K: float, T: float, axis: AxisMotion, before: Goal, goal: Goal, U_max: float) -> float:
-    """Least voltage [V] that still stops an axis where it was or is sent, whichever is farther on its way."""
+    """Return the least voltage [V] that stops an axis at its old or new goal.
+
+    Whichever is farther ahead counts.
+    """
     w = axis.omega - goal.rate
     s = 1.0 if w >= 0.0 else -1.0
     ahead = max(s * (before.theta - axis.theta), s * (goal.theta - axis.theta))
@@ -573,7 +603,7 @@ def _compute_stopping_voltage(K: float, T: float, axis: AxisMotion, before: Goal
 
 @compiled
 def _combine_axes(d: Lagged, c: Lagged) -> tuple[AxisMotion, AxisMotion]:
-    """Motors A and B of the two axes."""
+    """Return motors A and B from the two axes."""
     return AxisMotion(c.theta + d.theta, c.omega + d.omega), AxisMotion(c.theta - d.theta, c.omega - d.omega)
 
 
@@ -581,7 +611,10 @@ def _combine_axes(d: Lagged, c: Lagged) -> tuple[AxisMotion, AxisMotion]:
 def _advance_joint(
     model: TrajectoryModel, q: float, q_dot: float, q_e: float, S: float, q_e_next: float, S_next: float
 ) -> tuple[float, float]:
-    """Joint one tick later: J_j q'' = S (q_e − q) − B_j q', a Runge-Kutta step with q_e and S in between."""
+    """Return the joint one tick later: J_j q'' = S (q_e − q) − B_j q'.
+
+    A Runge-Kutta step with interpolated q_e and S.
+    """
     h, J, B = T_s, model.J_j, model.B_j
     q_e_half, S_half = 0.5 * (q_e + q_e_next), 0.5 * (S + S_next)
     v1, a1 = q_dot, (S * (q_e - q) - B * q_dot) / J
@@ -596,7 +629,10 @@ def _advance_joint(
 
 @compiled
 def _compute_tensions(d: Decoupler, q_e: float, S: float, q: float) -> tuple[float, float]:
-    """Tensions [N] with the joint q_e − q [rad] off rest: half of S (q_e − q)/r_j on top of one, off the other."""
+    """Return the tensions [N] with the joint q_e − q [rad] off its equilibrium.
+
+    Half of S (q_e − q)/r_j is added to one and subtracted from the other.
+    """
     F, pull = decoupler.tension_under(d, S), 0.5 * S * (q_e - q) / d.r_j
     return F + pull, F - pull
 
