@@ -1,4 +1,4 @@
-"""The 1 kHz loop process and the service's side of it: the only real-time code of the project."""
+"""The 1 kHz control loop process and the service's interface to it."""
 
 import lazy_loader
 

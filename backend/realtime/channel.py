@@ -1,4 +1,4 @@
-"""The two ends of the channel: packets over a local socket pair, each whole or not at all."""
+"""Packet channel between two processes over a local socket pair."""
 
 import select
 import socket
@@ -6,17 +6,17 @@ import socket
 from plant import SinewError
 
 MAX_BYTES = 16_384
-"""Longest packet: what is decoded within a third of a period."""
+"""Longest packet [bytes]: decoded within a third of a period."""
 
-_QUEUE_BYTES = 212_992  # what every kernel grants
+_QUEUE_BYTES = 212_992  # granted by every kernel
 
 
 class ChannelClosedError(SinewError):
-    """The other end is gone."""
+    """The other end is closed."""
 
 
 class Channel:
-    """One end of a SOCK_SEQPACKET pair; neither sending nor receiving ever waits."""
+    """One end of a SOCK_SEQPACKET pair, non-blocking in both directions."""
 
     def __init__(self, end: socket.socket) -> None:
         end.setblocking(False)
@@ -26,11 +26,14 @@ class Channel:
         self._waiting.register(end, select.POLLIN)
 
     def fileno(self) -> int:
-        """File descriptor, to wait on for packets."""
+        """Return the file descriptor, to wait for packets."""
         return self._socket.fileno()
 
     def send(self, packet: bytes) -> bool:
-        """Send one packet; False when the other end does not read and its queue is full. Raises ChannelClosedError."""
+        """Send one packet. Raises ChannelClosedError.
+
+        Returns False if the queue of the other end is full.
+        """
         try:
             self._socket.send(packet)
         except BlockingIOError:
@@ -40,8 +43,11 @@ class Channel:
         return True
 
     def receive(self) -> bytes | None:
-        """Take the next packet, None when there is none. Raises ChannelClosedError at the end of all packets."""
-        if not self._waiting.poll(0):  # as in nearly every tick: an exception would take longer
+        """Return the next packet, or None if there is none.
+
+        Raises ChannelClosedError after the last packet.
+        """
+        if not self._waiting.poll(0):  # the usual case; an exception would take longer
             return None
         try:
             length = self._socket.recv_into(self._buffer)
@@ -54,13 +60,13 @@ class Channel:
         return bytes(memoryview(self._buffer)[:length])
 
     def close(self) -> None:
-        """Close this end; the other one notices."""
+        """Close this end; the other one detects it."""
         self._socket.close()
 
 
 def channel_pair() -> tuple[Channel, socket.socket]:
-    """Return this side's channel and the socket to hand to the other process."""
+    """Return this side's channel and the socket for the other process."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    # The longest program has to find room as a whole; the kernel grants twice its usual limit.
+    # The queue must hold the longest program; the kernel grants twice its usual limit.
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _QUEUE_BYTES)
     return Channel(ours), theirs

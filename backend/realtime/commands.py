@@ -1,4 +1,4 @@
-"""Commands to the loop and its events, as plain data."""
+"""Commands to the control loop and events from it, as dataclasses."""
 
 from dataclasses import dataclass
 
@@ -15,16 +15,16 @@ from plant import Broken, ManualInput, Obstacle, Side
 
 # Play recording ------------------------------------------------------------------------------------
 #
-# What is asked of a recording that is played, and what is told of it, as plain data.
+# Commands to a replay and its events.
 
 
 SPEED_MIN, SPEED_MAX = 0.25, 4.0
-"""Samples of the recording for each tick: slower repeats samples, faster leaves some out."""
+"""Recorded samples per tick: a slower replay repeats samples, a faster one omits some."""
 
 
 @dataclass(frozen=True)
 class PlayRecording:
-    """Play or pause, set the speed [samples per tick], go to a sample; None leaves a thing as it is."""
+    """Play or pause, set the speed [samples per tick], or seek; None changes nothing."""
 
     playing: bool | None = None
     speed: float | None = None
@@ -33,9 +33,10 @@ class PlayRecording:
 
 @dataclass(frozen=True)
 class PlayerMoved:
-    """From ``tick`` on, which shows ``sample``, a recording of ``samples`` plays at ``speed``, or stands there.
+    """State of a replay from ``tick`` on, which shows ``sample``.
 
-    While it plays, the tick that comes n later shows the sample ``floor(sample + n * speed)``, at most the last one.
+    At ``speed`` the tick that comes n later shows the sample ``floor(sample + n * speed)`` of ``samples``, at most the
+    last one. While not ``playing`` the sample does not change.
     """
 
     tick: int
@@ -47,15 +48,14 @@ class PlayerMoved:
 
 # Commands ------------------------------------------------------------------------------------------
 #
-# What may be asked of the loop (imperatives) and what it tells (past tense), as plain data.
+# Commands to the control loop (imperatives) and its events (past tense).
 #
-# Both travel as JSON between the service and the loop process; ``backend.realtime.ipc`` writes and
-# reads them.
+# Both are sent as JSON between the service and the loop process; ``backend.realtime.ipc`` encodes and decodes them.
 
 
 @dataclass(frozen=True)
 class SetMode:
-    """Move to a mode; ``run`` is the stored run that the samples from there on belong to, 0 for none."""
+    """Enter a mode; ``run`` is the stored run of the samples from then on, 0 for none."""
 
     mode: Mode
     run: int = 0
@@ -63,7 +63,7 @@ class SetMode:
 
 @dataclass(frozen=True)
 class SetReferences:
-    """New references of the cascade, both at once."""
+    """Set both references of the cascade."""
 
     q_ref: float
     S_ref: float
@@ -71,7 +71,10 @@ class SetReferences:
 
 @dataclass(frozen=True)
 class RunProgram:
-    """Play a program in IDENTIFY (laws IDENTIFYING) or EXPERIMENT; back to PRETENSION when it has ended."""
+    """Play a program in IDENTIFY (laws IDENTIFYING) or EXPERIMENT.
+
+    The mode returns to PRETENSION when it has ended.
+    """
 
     program: Program
     run: int = 0
@@ -79,7 +82,10 @@ class RunProgram:
 
 @dataclass(frozen=True)
 class ApplyPush:
-    """Push the joint by an external force [N] for a time [s], where the plant can (the simulator); 0 N lets go."""
+    """Push the joint by an external force [N] for a time [s]; 0 N ends the push.
+
+    Only for a plant that can be pushed (the simulator).
+    """
 
     F_push: float
     duration_s: float
@@ -87,21 +93,24 @@ class ApplyPush:
 
 @dataclass(frozen=True)
 class Obstruct:
-    """Put a wall in the joint's way where the plant takes one (the simulator); None takes it away."""
+    """Set an obstacle, None removes it; only on the simulator."""
 
     obstacle: Obstacle | None
 
 
 @dataclass(frozen=True)
 class Inject:
-    """Break something where the plant can (the simulator), to try a reaction; None mends it."""
+    """Inject a fault, None clears it; only on the simulator."""
 
     broken: Broken | None
 
 
 @dataclass(frozen=True)
 class Zero:
-    """Say where joint and motors stand [rad]; OFF only. ``at_switch``: while the joint holds its end switch."""
+    """Set the positions of joint and motors [rad]; OFF only.
+
+    ``at_switch``: only while the joint holds its end switch.
+    """
 
     q: float
     theta_A: float
@@ -111,35 +120,44 @@ class Zero:
 
 @dataclass(frozen=True)
 class TryMotor:
-    """Turn one motor ("A" or "B") a little, by a small voltage that rises, and back; from OFF to OFF."""
+    """Turn one motor ("A" or "B") slightly and back by a small voltage; OFF to OFF."""
 
     motor: Side
 
 
 @dataclass(frozen=True)
 class TryModule:
-    """Hold the pretension, and keep commanding for a moment once the safety module trips; from PRETENSION only."""
+    """Hold the pretension and continue to drive briefly after the safety module trips.
+
+    From PRETENSION only.
+    """
 
 
 @dataclass(frozen=True)
 class Home:
-    """Drive the joint to its end switch, which holds it at ``position`` [rad], and take its zero there; OFF to OFF."""
+    """Move the joint to its end switch at ``position`` [rad] and set the zero.
+
+    From OFF to OFF.
+    """
 
     position: float
 
 
 @dataclass(frozen=True)
 class ProveDirections:
-    """Both motors turn as the wiring says: the plant may be controlled; OFF only. Withdrawn in any mode."""
+    """Confirm that both motors turn as in the wiring file; OFF only.
+
+    The confirmation can be withdrawn in any mode.
+    """
 
     proven: bool = True
 
 
 @dataclass(frozen=True)
 class SwitchDrives:
-    """Take the drives away while hands are at the rig, or give them back, in OFF only. Off, nothing starts.
+    """Lock the drives off while people work at the rig, or enable them in OFF.
 
-    To take them away is refused in no mode: what moves is stopped hard.
+    While they are off, no motion starts. Locking is accepted in every mode: a motion is stopped hard.
     """
 
     on: bool
@@ -147,16 +165,16 @@ class SwitchDrives:
 
 @dataclass(frozen=True)
 class SimulateManualInput:
-    """Let a hand act on a plant that is computed, as a person would at a rig."""
+    """Apply a simulated hand to a simulated plant."""
 
     hand: ManualInput
 
 
 @dataclass(frozen=True)
 class Stop:
-    """Stop and latch: hard (zero volts at once) or soft (joint to rest under tension, then zero volts).
+    """Stop and latch: hard (zero volts at once) or soft (rest under tension first).
 
-    ``detail`` is put on record with the fault: what was seen, or who ended what.
+    ``detail`` is recorded with the fault: the observation, or who ended what.
     """
 
     fault: Fault = Fault.STOP_PRESSED
@@ -166,17 +184,17 @@ class Stop:
 
 @dataclass(frozen=True)
 class Reset:
-    """Clear the latched fault, if its cause is gone."""
+    """Clear the latched fault if its cause is gone."""
 
 
 @dataclass(frozen=True)
 class Heartbeat:
-    """The service is alive."""
+    """Sign that the service is alive."""
 
 
 @dataclass(frozen=True)
 class Shutdown:
-    """Zero volts, close the plant, end the process."""
+    """Write zero volts, close the plant, end the process."""
 
 
 Command = (
@@ -205,7 +223,7 @@ Command = (
 
 @dataclass(frozen=True)
 class Accepted:
-    """The command numbered ``sequence`` was carried out in ``tick``."""
+    """The command numbered ``sequence`` was executed in ``tick``."""
 
     sequence: int
     tick: int
@@ -213,7 +231,7 @@ class Accepted:
 
 @dataclass(frozen=True)
 class Refused:
-    """The command numbered ``sequence`` was not carried out; nothing changed."""
+    """The command numbered ``sequence`` was rejected; nothing changed."""
 
     sequence: int
     tick: int
@@ -223,7 +241,7 @@ class Refused:
 
 @dataclass(frozen=True)
 class ModeChanged:
-    """The loop moved between modes."""
+    """The mode changed."""
 
     tick: int
     before: Mode
@@ -233,14 +251,14 @@ class ModeChanged:
 
 @dataclass(frozen=True)
 class PretensionReached:
-    """Both tendons hold the pretension: the moves towards motion are granted from here on."""
+    """Both tendons hold the pretension; the modes with motion are now permitted."""
 
     tick: int
 
 
 @dataclass(frozen=True)
 class PushReleased:
-    """The loop has let go of a push that was ordered, by itself, and ``why``."""
+    """The loop ended an operator's push; ``why`` gives the reason."""
 
     tick: int
     why: str
@@ -248,7 +266,7 @@ class PushReleased:
 
 @dataclass(frozen=True)
 class Stopped:
-    """The proof of a stop: the tick it arrived, the tick the outputs were zero, and the time between."""
+    """Record of a stop: ticks of its arrival and of zero volts, and the time between."""
 
     fault: Fault
     hard: bool
@@ -260,7 +278,10 @@ class Stopped:
 
 @dataclass(frozen=True)
 class RunEnded:
-    """A run or, with ``run`` 0, a program without one ended, after its last sample; ``completed`` if not cut short."""
+    """A run, or with ``run`` 0 a program without one, ended after its last sample.
+
+    ``completed``: it was not cut short.
+    """
 
     tick: int
     run: int
@@ -271,7 +292,7 @@ class RunEnded:
 
 @dataclass(frozen=True)
 class TuningChanged:
-    """A program has put its tuning ``number`` into use, 0: the one from before it, which is back; λ in s."""
+    """A program activated its tuning ``number``, 0 for the one before it; λ in s."""
 
     tick: int
     number: int
@@ -281,7 +302,10 @@ class TuningChanged:
 
 @dataclass(frozen=True)
 class WallChanged:
-    """Another wall stands in the joint's way, None: no one; ``number`` is the program's, 0 for the operator's."""
+    """The obstacle changed, None for no obstacle.
+
+    ``number`` is that in the program, 0 for the operator's.
+    """
 
     tick: int
     number: int
@@ -290,7 +314,7 @@ class WallChanged:
 
 @dataclass(frozen=True)
 class PlantFailing:
-    """The plant cannot be read or written since ``tick``; told once, whatever else is latched."""
+    """The plant cannot be read or written since ``tick``; reported once."""
 
     tick: int
     reason: str
@@ -298,16 +322,16 @@ class PlantFailing:
 
 @dataclass(frozen=True)
 class PlantAnswers:
-    """The plant has been read and written without a failure for a while."""
+    """The plant has been read and written without failure for a while."""
 
     tick: int
 
 
 @dataclass(frozen=True)
 class ReadinessChanged:
-    """``unready`` is what has to come before pretension on what is driven, empty where nothing has; told at start.
+    """``unready`` says what must precede pretension, empty for nothing; sent at start.
 
-    ``drives_off``: the drives are locked off, as hands may be at the rig.
+    ``drives_off``: the drives are locked off because people may be working at the rig.
     """
 
     tick: int

@@ -1,4 +1,4 @@
-"""Motions of the commissioning: direction of a motor, homing, trip of the safety module."""
+"""Motions of commissioning: motor direction, homing, trip of the safety module."""
 
 import math
 from collections.abc import Callable
@@ -11,37 +11,36 @@ from plant import Measurement, T_s
 
 # Homing --------------------------------------------------------------------------------------------
 #
-# The joint driven to its end switch: slowly, with little voltage and little tension, and no further
-# than it may.
+# The joint moves to its end switch slowly, with small voltage, tension and travel.
 #
-# Both tendons are wound to a low tension first; then one motor winds what the other lets out, so
-# that the joint moves and the tension stays. The switch is met twice, the second time slower, and
-# the joint is brought back to its middle. Any surprise ends it at zero volts, each with its name.
+# Both tendons are first wound to a low tension; then one motor winds by what the other unwinds, so the joint moves at
+# constant tension. The switch is reached twice, the second time more slowly, and the joint returns to its centre. Any
+# failure ends the motion at zero volts, each with its own cause.
 
 
 HOMING_MAX_V = 1.5
-"""Largest voltage [V]; 0.9 V are enough for what is asked of the motors."""
+"""Largest voltage [V]; the motion needs 0.9 V."""
 
 FAST_RAD_PER_S, SLOW_RAD_PER_S = 0.15, 0.03
-"""Speed of the joint on its way, and when it meets the switch again: a fiftieth of a count of its encoder a tick."""
+"""Joint speed towards the switch, and when it reaches it again [rad/s]: a fiftieth of an encoder count per tick."""
 
 HOMING_TENSION_N = 4.0
 TENSION_MAX_N = 10.0
 SLACK_N = 1.0
-"""Tension [N] in both tendons on the way; above the largest something holds the joint, below the least one is slack."""
+"""Tension of both tendons in motion [N]; above the maximum the joint is blocked, below SLACK_N a tendon is slack."""
 
 TRAVEL_MARGIN_RAD = 0.3
-"""The joint may go so much further than from its middle to the switch [rad]."""
+"""Permitted travel beyond the distance from the centre to the switch [rad]."""
 
 RETREAT_RAD = 0.05
 STUCK_RAD = 0.2
-"""So far from the switch it is met again; so far on the way back it may stay closed [rad]."""
+"""Distance from which the switch is approached again, and travel back within which it must open [rad]."""
 
 JOINT_ERROR_MAX_RAD, MOTOR_ERROR_MAX_RAD = 0.1, 1.0
-"""So far may the joint be from where the motors bring it, and a motor from where it is sent [rad]."""
+"""Permitted deviations of the joint from its commanded travel, and of a motor from its reference [rad]."""
 
 WOUND_MAX_RAD = 3.0
-"""A tendon that is slack after so much winding [rad] is off its reel, or is not what the load cell is at."""
+"""Winding after which a slack tendon is off its reel, or not connected to the load cell [rad]."""
 
 TIME_MAX_S = 60.0
 _NEAR_N, _NEAR_S, _SLACK_S = 0.7, 0.2, 0.1
@@ -56,14 +55,15 @@ class _Phase(Enum):
 
 
 def compute_switch_travel(position: float) -> float:
-    """Return how far the joint may be driven at most to a switch at ``position`` [rad]."""
+    """Return the largest travel of the joint to a switch at ``position`` [rad]."""
     return abs(position) + TRAVEL_MARGIN_RAD
 
 
 class Homing(CommissioningMotion):
-    """``position`` [rad] is where the switch holds the joint, ``ratio`` what a motor turns for a radian of the joint.
+    """Motion to the end switch at ``position`` [rad].
 
-    ``at_end`` tells whether the switch was held in the newest reading.
+    ``ratio`` is the rotation of a motor per radian of the joint; ``at_end`` returns whether the switch was held in the
+    newest reading.
     """
 
     def __init__(
@@ -90,17 +90,17 @@ class Homing(CommissioningMotion):
         self._start_q = self._wound_q = m.q
         self._ticks = 0
         self._near_s = self._slack_s = 0.0
-        self._commanded_travel = 0.0  # of the joint since it was wound, as the motors are sent [rad]
-        self._phase_start = 0.0  # way at the begin of this phase
+        self._commanded_travel = 0.0  # joint travel since winding, as commanded by the motors [rad]
+        self._phase_start = 0.0  # commanded travel at the start of this phase [rad]
         self._open_from: float | None = None
         self._contact_q = 0.0
 
     def compute_joint_position(self, q: float) -> float:
-        """Return where the joint is [rad] that reads ``q`` in the encoder's counts so far."""
+        """Return the joint position [rad] for a reading ``q`` of its encoder."""
         return self._position + q - self._contact_q
 
     def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
-        """One tick: look for surprises, then go on."""
+        """Check for failures, then advance by a step."""
         self._ticks += 1
         self.end = self._find_failure(m) or self._advance(m)
         if self.end is not None:
@@ -111,7 +111,7 @@ class Homing(CommissioningMotion):
         return self.follow(tuning._replace(u_max=min(tuning.u_max, HOMING_MAX_V)), m, theta_A, theta_B)
 
     def _find_failure(self, m: Measurement) -> HomingEnd | None:
-        """Return what has gone wrong; a reading that is no number is wrong."""
+        """Return the failure, if any; NaN in a reading is a failure."""
         if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
             return HomingEnd.TENSION
         if not abs(m.q - self._start_q) <= self._travel:
@@ -134,7 +134,7 @@ class Homing(CommissioningMotion):
         return None
 
     def _advance(self, m: Measurement) -> HomingEnd | None:
-        """Go on by a period; return an end that has been reached."""
+        """Advance by a period; return the end if it is reached."""
         is_closed, travelled = self._at_end(), abs(self._commanded_travel - self._phase_start)
         match self._phase:
             case _Phase.WINDING:
@@ -184,7 +184,7 @@ class Homing(CommissioningMotion):
             self._begin(_Phase.LEAVING if is_closed else _Phase.SEEKING)
 
     def _leave(self, is_closed: bool) -> None:
-        """Go back until the switch has been open all the way of BACK_OFF_RAD: contacts bounce."""
+        """Move back until the switch has been open for RETREAT_RAD: contacts bounce."""
         if is_closed:
             self._open_from = None
         elif self._open_from is None:
@@ -197,33 +197,31 @@ class Homing(CommissioningMotion):
 
 # Motor trial ---------------------------------------------------------------------------------------
 #
-# Turning one motor a little, before anybody knows which way it turns: a voltage that rises, and the
-# same backwards.
+# One motor turns slightly before its direction is known: by a rising voltage, then by the same in reverse.
 #
-# No loop is closed here: whichever way the motor goes, and whatever its sensors say, the voltages
-# are bounded in size and time, so that even with nothing to be seen the joint goes less than 0.1
-# rad.
+# No loop is closed: whatever the direction of the motor and the readings of its sensors, the voltage is bounded in size
+# and time, so the joint moves less than 0.1 rad even if no reading changes.
 
 
 TRIAL_MAX_V = 1.0
-"""Largest voltage [V]: a tenth of what the motors bear."""
+"""Largest voltage [V]: a tenth of the motors' maximum."""
 
 MOTOR_TRIAL_RISE_V_PER_S = 1.0
 TRAVEL_RAD = 0.2
-"""A motor that has turned so far [rad] has shown its direction; it runs on by about as much, 0.03 rad at the joint."""
+"""Rotation of a motor that shows its direction [rad]; it coasts by about as much, 0.03 rad at the joint."""
 
 JOINT_RAD = 0.02
 MOTOR_TRIAL_TENSION_N = 3.0
-"""So much at the joint [rad], or in a tendon [N], ends the way out too, whatever the motors' encoders say."""
+"""Changes of joint [rad] or tension [N] that also end the outward motion, whatever the motor encoders read."""
 
 COAST_S = 0.2
-"""At zero volts between the ways out and back [s]: what has moved is read then."""
+"""Pause at zero volts between outward and return motion [s]; the result is read then."""
 
 END_PAUSE_S = 0.3
 
 
 class MotorTrial(CommissioningMotion):
-    """One motor out and back; the other one gets nothing."""
+    """Motion of one motor out and back; the other gets zero volts."""
 
     cause = Cause.MOTOR_TRIED
 
@@ -235,7 +233,7 @@ class MotorTrial(CommissioningMotion):
         self._forward_ticks = 0
 
     def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
-        """One tick of the way out, of standing, of the way back."""
+        """Execute a step of outward motion, pause or return."""
         self._ticks += 1
         if not self._forward_ticks and (
             self._has_moved(m) or self._ticks * T_s >= TRIAL_MAX_V / MOTOR_TRIAL_RISE_V_PER_S
@@ -277,31 +275,29 @@ class MotorTrial(CommissioningMotion):
             and abs(m.F_A - start.F_A) < MOTOR_TRIAL_TENSION_N
             and abs(m.F_B - start.F_B) < MOTOR_TRIAL_TENSION_N
         )
-        return not is_within  # more volts for a reading that is no number: never
+        return not is_within  # NaN never increases the voltage
 
 
 # Module trial --------------------------------------------------------------------------------------
 #
-# Trying the safety module: a trip that is provoked at the pretension, with the loop going on to
-# drive for a moment.
+# Test of the safety module: a trip is provoked at pretension while the loop continues to drive briefly.
 #
-# Only so does it show whether the module itself cuts the drives, or merely says so and the loop
-# lets go.
+# Only this shows whether the module itself disables the drives, or only reports a trip to which the loop reacts.
 
 
 DRIVE_TIME_S = 0.3
-"""So long after the trip the motors are driven [s]; then come zero volts."""
+"""Time after the trip for which the motors are driven [s]; zero volts follow."""
 
 MODULE_TRIAL_RISE_V_PER_S = 3.0
 RISE_MAX_N = 3.0
-"""A tendon that gets tauter by more [N] meanwhile ends it at once."""
+"""Increase of a tension [N] that ends the test at once."""
 
 
 class ModuleTrial(PythonMotion):
-    """Hold the motors; from the module's trip on drive them with a voltage that rises, and be done after DRIVEN_S.
+    """Hold the motors; after the trip drive them with rising voltage for DRIVE_TIME_S.
 
-    Friction holds a motor within a band of voltages, at whose lower end it creeps back although it has its drive. The
-    rise makes the difference: what has its drive winds up, and what lost it is turned back by its tendon.
+    Friction holds a motor within a band of voltages, at whose lower end it creeps back although its drive is enabled.
+    The rise makes the difference: a motor with drive winds up, one without is turned back by its tendon.
     """
 
     def __init__(self, motor_loops: MotorLoopState, target: Setpoint, m: Measurement) -> None:
@@ -311,7 +307,7 @@ class ModuleTrial(PythonMotion):
         self._tension_max = max(m.F_A, m.F_B) + RISE_MAX_N
 
     def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
-        """One tick of holding, or of driving."""
+        """Execute a step of holding, or of driving."""
         if not (self._ticks or m.safety_trip):
             output = self.follow(tuning, m, self._motor_loops.theta_A_ref, self._motor_loops.theta_B_ref)
             self._u_A, self._u_B = output.u_A, output.u_B

@@ -1,4 +1,4 @@
-"""``python -m backend.realtime.compile_ahead``: compiles at the installation what the loop process would wait for."""
+"""``python -m backend.realtime.compile_ahead``: compiles the loop at installation."""
 
 from backend.realtime.gains import make_tuning_command
 from backend.realtime.process import warm_up
@@ -9,7 +9,7 @@ PARAMETERS = "lab"
 
 
 def compile_ahead() -> None:
-    """Go through what the loop compiles, with gains from geometry."""
+    """Compile what the loop executes, with geometric gains."""
     parameters = load_parameters(PARAMETERS)
     warm_up(parameters, make_tuning_command(parameters, TuningParameters()))
 

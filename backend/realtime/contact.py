@@ -1,4 +1,4 @@
-"""Contacts and pushes: compliance after a contact, pushes of an operator, loads and walls of a program."""
+"""Contact reaction, manual pushes, and loads and obstacles of a program."""
 
 import math
 from contextlib import suppress
@@ -36,23 +36,21 @@ from plant import NO_LOAD, Measurement, Obstacle, Obstructed, Plant, PlantError,
 
 # Contact -------------------------------------------------------------------------------------------
 #
-# What comes of an outside force that is a contact: the joint gives way, until somebody says
-# otherwise.
+# Reaction to an external force that counts as a contact: the joint yields until an operator chooses a mode.
 #
-# The reaction is the loop's own and takes one tick: position loop open, reference where the joint
-# is. Once it stands it goes to the lowest stiffness. A program is played no further; TAIL_S of what
-# follows still belong to its run. It stays so until an operator chooses a mode again.
+# The loop reacts within one tick: position loop open, reference at the joint's position. At rest it goes to the lowest
+# stiffness. A program is aborted; TAIL_S of what follows still belong to its run.
 #
-# A program may have contacts of its own (``ContactDetection``): they end a part of it, for the rest of whose
-# time the joint gives way, and then the program goes on, no later than without. What the operator
-# gives way to goes before that.
+# A program may have its own contact detection (``ContactDetection``): a contact then ends one part, for the rest of
+# whose time the joint yields, and the program continues at the time at which it would have continued without. The
+# operator's threshold takes precedence.
 
 
 SETTLING_S = 0.15
-"""How long the motors have to themselves for bringing the joint to a stand [s], before it gets soft."""
+"""Time in which the motors only stop the joint, before its stiffness is reduced [s]."""
 
 TAIL_S = 0.5
-"""How long a program's run goes on after a contact [s], so that it holds what came of it."""
+"""Time for which a program's run continues after a contact, so that it contains the reaction [s]."""
 
 SETTLING_TICKS, TAIL_TICKS = round(SETTLING_S / T_s), round(TAIL_S / T_s)
 
@@ -60,7 +58,10 @@ MAX_POINTS = 64
 
 
 class ActiveInputs(NamedTuple):
-    """Push [N], loads [N·m] and numbers of tuning, wall and touch as a program has them in force, if any."""
+    """Push [N], loads [N·m] and numbers of tuning, obstacle, contact detection.
+
+    As set by a program; 0 where it sets none.
+    """
 
     F_push: float
     load: ShaftLoad
@@ -73,9 +74,9 @@ NO_ACTIVE_INPUTS = ActiveInputs(0.0, NO_LOAD, 0, 0, 0)
 
 
 class Contact:
-    """Whether contacts are reacted to, from what force on [N], and whether one has been felt.
+    """Contact detection and the state of the reaction.
 
-    ``paused`` is what of a program is still to be played, where one of its own contacts has ended a part of it.
+    ``is_active``: the loop is reacting to a contact. ``paused`` is the rest of a program after a contact of its own.
     """
 
     def __init__(self, step: StepContext, events: list[Event], tunings: ActiveGains) -> None:
@@ -91,9 +92,9 @@ class Contact:
         self._events = events
 
     def configure(self, command: ConfigureContactDetection) -> None:
-        """Use another bias and threshold.
+        """Set bias and threshold.
 
-        Raises OutOfRangeError, ValueError, CommandRejectedError: nothing has changed.
+        Raises OutOfRangeError, ValueError or CommandRejectedError, without any change.
         """
         check_range("points", len(command.bias), 0, MAX_POINTS, "1", words="number of points of the bias")
         bias = np.array(command.bias, dtype=np.float64).reshape(-1, 2)
@@ -114,7 +115,7 @@ class Contact:
         self._apply_bias()
 
     def reset(self, tick: int) -> None:
-        """Reset bias and threshold, as the encoders' zeros have changed."""
+        """Reset bias and threshold after the encoders' zeros have changed."""
         self._tunings.disable_feedforward()
         if len(self._operator_bias) or self._threshold_N != math.inf:
             self._operator_bias, self._threshold_N = np.zeros((0, 2)), math.inf
@@ -122,7 +123,7 @@ class Contact:
         self.end()
 
     def require_program(self, program: Program) -> None:
-        """Raise CommandRejectedError or OutOfRangeError for a program's own contacts that cannot be given way to."""
+        """Raise CommandRejectedError or OutOfRangeError for impossible contact detections."""
         detections = program.touches
         words = "number of changes of what is given way to"
         check_range("touches", len(detections), None, MAX_TOUCHES, "1", words=words)
@@ -148,11 +149,14 @@ class Contact:
             )
 
     def begin(self, program: Program) -> None:
-        """Be ready for a program's touches, numbered from 1 on."""
+        """Store the contact detections of a program, numbered from 1."""
         self._program_detections = program.touches
 
     def use(self, number: int) -> None:
-        """Give way to what a program's touch says from now on; where nothing was learned, to nothing."""
+        """Activate a contact detection of the program.
+
+        Without a calibrated bias no contact is detected.
+        """
         detection = self._program_detections[number - 1] if number else ContactDetection()
         if detection.learns:
             self._calibrate_bias()
@@ -160,7 +164,7 @@ class Contact:
         self._program_threshold_N = detection.contact_N if is_reliable and detection.contact_N else math.inf
 
     def end(self) -> None:
-        """Forget what a program has learned and given way to: what the operator did is in force."""
+        """Discard the program's bias and threshold; the operator's become active."""
         self.paused, self._program_threshold_N, self._program_bias, self._noise_N, self._program_detections = (
             None,
             math.inf,
@@ -181,11 +185,11 @@ class Contact:
         self._apply_bias()
 
     def _apply_bias(self) -> None:
-        """Take off what a program has learned itself, else what the operator has."""
+        """Use the bias that the program has calibrated, else the operator's."""
         self._step.set_bias(np.array(self._program_bias).reshape(-1, 2) if self._program_bias else self._operator_bias)
 
     def compute_threshold(self, motion: object) -> float:
-        """Force [N] from which on a contact counts now; inf where none does, or one is being reacted to."""
+        """Return the force [N] of a contact now, inf while none is detected."""
         return (
             min(self._threshold_N, self._program_threshold_N)
             if isinstance(motion, Tracking) and not self.is_active
@@ -193,7 +197,7 @@ class Contact:
         )
 
     def require_none(self, legal: tuple[Mode, ...]) -> None:
-        """Raise CommandRejectedError while one is being reacted to."""
+        """Raise CommandRejectedError while the loop reacts to a contact."""
         if self.is_active:
             raise CommandRejectedError("the joint gives way to a contact: choose a mode to go on, then move it", legal)
 
@@ -205,25 +209,29 @@ class Contact:
         return is_new
 
     def pause(self, program: Program | None, motion: object) -> int:
-        """Take note of a contact that a program gives way to itself; for how many ticks, 0 where it is none."""
+        """Pause a program after a contact of its own; return for how many ticks.
+
+        0 if the contact is the operator's.
+        """
         is_program_contact = abs(self._step.F_ext_hat) <= self._threshold_N
         if program is None or not is_program_contact or self.is_active or not isinstance(motion, Tracking):
             return 0
         player = motion.current.state.player
         ticks, self.paused = _split_program(program, player.position, player.elapsed)
         self.is_active = True
-        return max(ticks - 1, 1)  # in one more it is told that they are over
+        return max(ticks - 1, 1)  # one tick more reports their end
 
     def resume(self, paused: Program) -> Program:
-        """Return what of a program is still to be played, now that the joint has given way."""
+        """Return the rest of a program after the reaction to its contact."""
         self.paused, self.is_active, self._program_threshold_N = None, False, math.inf
         return paused
 
 
 def _split_program(program: Program, position: int, elapsed: int) -> tuple[int, Program]:
-    """Return how many ticks are left up to the next touch, behind ``elapsed`` of a segment, and the rest from there.
+    """Return the ticks until the next contact detection, and the program from there.
 
-    The rest begins with the tuning and the wall that would be in force there.
+    ``elapsed`` ticks of the segment at ``position`` have passed. The rest begins with the tuning and the obstacle that
+    would be active there.
     """
     segments = program.segments
     ends = range(position + 1, len(segments))
@@ -246,9 +254,10 @@ def make_yielding_motion(
     active: ActiveInputs,
     ticks: int = TAIL_TICKS,
 ) -> Tracking:
-    """Return the motion that yields at the present position under the ``active`` inputs; it ends after ``ticks``.
+    """Return a motion that yields at the current position and ends after ``ticks``.
 
-    The joint stops first and gets soft then: both at once would share the motors' voltage.
+    The ``active`` inputs continue. The joint first stops and then reduces its stiffness: both together would share the
+    motors' voltage.
     """
     F_push, (load_A, load_B), number, obstacle, detection = active
     q = min(max(m.q, bounds.q_min), bounds.q_max)
@@ -273,22 +282,21 @@ def make_yielding_motion(
 
 # Hand push -----------------------------------------------------------------------------------------
 #
-# A push on the joint that an operator orders, where the plant can push (the simulator): held for a
-# time and let go.
+# An operator's push on the joint of a plant that can be pushed (the simulator), for a limited time.
 #
-# The loop itself lets go when the time is over and whenever it leaves the modes in which a hand may
-# push, so that no push outlives the page, the service or the control that ordered it.
+# The loop itself ends the push when its time is over, and when it leaves the modes for manual pushes, so no push
+# outlives the page, the service or the control lease of its operator.
 
 
 PUSH_MAX_S = 10.0
-"""Longest push [s]: what is to last is ordered again."""
+"""Longest push [s]; it can be renewed."""
 
 PUSH_MODES = (Mode.RUN, Mode.COMPLIANCE)
-"""Modes in which an operator may push: the joint is under control, and no program pushes by itself."""
+"""Modes in which an operator may push: the joint is under control, and no program applies pushes."""
 
 
 class ManualDisturbance:
-    """At most one push at a time; a new one takes the place of the one before."""
+    """Push of an operator; a new one replaces the previous one."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
@@ -296,13 +304,13 @@ class ManualDisturbance:
 
     @property
     def is_idle(self) -> bool:
-        """Whether nothing is pushed by hand."""
+        """Whether there is no manual push."""
         return self._until is None
 
     def begin(self, command: ApplyPush, tick: int, mode: Mode) -> None:
-        """Push from ``tick`` on; 0 N lets go.
+        """Push from ``tick`` on; 0 N ends the push.
 
-        Raises CommandRejectedError in another mode, OutOfRangeError, and PlantError where nothing can push.
+        Raises CommandRejectedError in other modes, OutOfRangeError, and PlantError for a plant that cannot be pushed.
         """
         if command.F_push != 0.0 and mode not in PUSH_MODES:
             modes = " and ".join(PUSH_MODES)
@@ -319,31 +327,32 @@ class ManualDisturbance:
             remedy="order it again to push for longer",
         )
         if command.F_push == 0.0 and self._until is None:
-            return  # a program's push is not an operator's to let go of
+            return  # a program's push is not the operator's to end
         self._plant.push(command.F_push)
         self._until = tick + round(command.duration_s / T_s) if command.F_push != 0.0 else None
 
     def step(self, tick: int, mode: Mode) -> tuple[PushReleased, ...]:
-        """At the start of a tick: let go when the time is over or the mode is another, and tell so."""
+        """End the push at the end of its time or of the mode; return the event."""
         if self._until is None or (mode in PUSH_MODES and tick < self._until):
             return ()
         self._until = None
         try:
             self._plant.push(0.0)
-        except PlantError:  # whoever pushes the plant has let go of it with it
+        except PlantError:  # a plant that cannot be reached no longer pushes
             return ()
         return (PushReleased(tick, "its time is over" if mode in PUSH_MODES else f"the mode is {mode}"),)
 
 
 # Program push --------------------------------------------------------------------------------------
 #
-# What a program does to the joint and the shafts, where the plant can push, load and be obstructed.
+# Disturbances of a program on a plant that can be pushed, loaded and obstructed.
 
 
 class ProgramDisturbances:
-    """``F_push`` [N], ``load`` [N·m], numbers of the ``wall`` and of the ``touch`` in force by a program.
+    """``F_push`` [N], ``load`` [N·m], numbers of obstacle and contact detection.
 
-    What can do none of these is not asked to. The operator's wall, number 0, is back where a program has ended.
+    As activated by a program. A method of the plant is called only for a change. The operator's obstacle, number 0, is
+    restored at the end of a program.
     """
 
     def __init__(self, plant: Plant, events: list[Event], contact: Contact) -> None:
@@ -351,12 +360,12 @@ class ProgramDisturbances:
         self._events = events
         self._contact = contact
         self.F_push, self.load, self.obstacle, self.contact_detection = 0.0, NO_LOAD, 0, 0
-        self._obstacles: tuple[Obstacle | None, ...] = (None,)  # the operator's first
+        self._obstacles: tuple[Obstacle | None, ...] = (None,)  # index 0: the operator's
 
     def set_obstacle(self, obstacle: Obstacle | None, tick: int) -> None:
-        """Put an operator's wall in the joint's way, None takes it away.
+        """Set an operator's obstacle, None removes it.
 
-        Raises CommandRejectedError while a program puts up its own and on a plant that takes none, PlantError.
+        Raises CommandRejectedError during a program with obstacles and on a plant without, PlantError.
         """
         if len(self._obstacles) > 1:
             raise CommandRejectedError("the program puts up walls by itself: wait for its end or stop it")
@@ -364,7 +373,10 @@ class ProgramDisturbances:
         self._obstacles = (obstacle,)
 
     def require_program(self, program: Program) -> None:
-        """Raise CommandRejectedError or OutOfRangeError for walls and contact reactions that are not possible."""
+        """Raise CommandRejectedError or OutOfRangeError for impossible disturbances.
+
+        Of the program's obstacles and contact detections.
+        """
         self._contact.require_program(program)
         obstacles = program.walls
         check_range("walls", len(obstacles), None, MAX_WALLS, "1", words="number of changes of the obstacle")
@@ -377,12 +389,15 @@ class ProgramDisturbances:
                 raise CommandRejectedError(f"a segment wants wall {segment.wall} of the program's {len(obstacles)}")
 
     def begin(self, program: Program) -> None:
-        """Be ready for a program's walls and touches, numbered from 1 on."""
+        """Store a program's obstacles and contact detections, numbered from 1."""
         self._obstacles = (self._obstacles[0], *program.walls)
         self._contact.begin(program)
 
     def apply_setpoint(self, setpoint: Setpoint, tick: int) -> None:
-        """Apply push, loads, obstacle and contact detection of a setpoint. Raises PlantError."""
+        """Apply push, loads, obstacle and contact detection of a setpoint.
+
+        Raises PlantError.
+        """
         if setpoint.contact_detection != self.contact_detection:
             self.contact_detection = setpoint.contact_detection
             self._contact.use(setpoint.contact_detection)
@@ -403,8 +418,11 @@ class ProgramDisturbances:
             self._plant.push(F_push)
 
     def end(self, tick: int) -> None:
-        """End all disturbances; an operator's obstacle is not restored where the joint is inside it."""
-        with suppress(PlantError):  # whoever pushes the plant has let go of it with it
+        """End all disturbances.
+
+        The operator's obstacle is not restored if the joint is inside it.
+        """
+        with suppress(PlantError):  # a plant that cannot be reached no longer pushes
             self._apply_force_and_load(0.0, NO_LOAD)
         self.contact_detection = 0
         self._contact.end()
@@ -419,7 +437,7 @@ class ProgramDisturbances:
                     self._set_obstacle(None, 0, tick)
 
     def set_state(self, F_push: float, load: ShaftLoad) -> None:
-        """Set push and load as a batch of steps has left them."""
+        """Set push and load to their values after a batch of steps."""
         self.F_push, self.load = F_push, load
 
     def _set_obstacle(self, obstacle: Obstacle | None, number: int, tick: int) -> None:

@@ -1,4 +1,4 @@
-"""The control loop: one control step, the commands between two steps, zero volts at every exit."""
+"""The control loop: steps, commands between them, zero volts at every exit."""
 
 import logging
 import math
@@ -87,11 +87,11 @@ from plant import (
 
 # Bring up ------------------------------------------------------------------------------------------
 #
-# What bringing a rig up asks of the loop: at zero volts, or with little of them.
+# Commands of commissioning, executed at zero or small voltages.
 
 
 MIN_SWITCH_TRAVEL_RAD = 0.1
-"""An end switch nearer to the joint's middle than this [rad] is none."""
+"""Least distance of an end switch from the joint's centre [rad]."""
 
 CommissioningCommand = Zero | TryMotor | TryModule | Home | ProveDirections | SwitchDrives | SimulateManualInput
 
@@ -99,7 +99,7 @@ CommissioningCommand = Zero | TryMotor | TryModule | Home | ProveDirections | Sw
 def execute_commissioning(
     command: CommissioningCommand, mode_manager: ModeManager, plant: Plant, context: TickContext
 ) -> None:
-    """Carry out a command. Raises CommandRejectedError, and PlantError where the plant has no such thing."""
+    """Execute a command. Raises CommandRejectedError, and PlantError if unsupported."""
     match command:
         case Zero():
             _require_off(mode_manager, "a zero is set")
@@ -107,7 +107,7 @@ def execute_commissioning(
         case TryMotor(motor):
             _require_off_with_drives(mode_manager, "a motor is tried")
             if isinstance(plant, SupportsDirectionCheck):
-                plant.prove_directions(proven=False)  # until the step has come to its end
+                plant.prove_directions(proven=False)  # until the test of the direction has succeeded
             mode_manager.start_commissioning_motion(
                 lambda motor_loops: MotorTrial(motor_loops, NO_REFERENCE, context.m, motor), Cause.MOTOR_TRIAL, context
             )
@@ -131,7 +131,10 @@ def execute_commissioning(
 
 
 def _switch_drives(mode_manager: ModeManager, plant: Plant, context: TickContext, *, on: bool) -> None:
-    """Off in any mode, and with it zero volts; on in off only. What the card does not obey leaves the loop locked."""
+    """Disable the drives in any mode, with zero volts, or enable them in OFF.
+
+    If the card does not obey, the loop stays locked.
+    """
     if not isinstance(plant, SupportsDriveEnable):
         raise PlantError("this plant has no drives that could be switched off")
     if on:
@@ -145,13 +148,16 @@ def _switch_drives(mode_manager: ModeManager, plant: Plant, context: TickContext
 
 
 def set_zero(zero: Zero, mode_manager: ModeManager, plant: Plant) -> None:
-    """Set the encoders' zeros from a given position of joint and motors. Raises PlantError."""
+    """Set the encoders' zeros from a given position of joint and motors.
+
+    Raises PlantError.
+    """
     plant.zero(zero.q, zero.theta_A, zero.theta_B, at_switch=zero.at_switch)
-    mode_manager.zeros.reset()  # pretension finds the motors' zeros
+    mode_manager.zeros.reset()  # pretension sets the motors' zeros
 
 
 def set_homed_zero(motion: Motion, mode_manager: ModeManager, plant: Plant, step: StepContext) -> None:
-    """Set the zero that a motion has found, if it was a homing that has. Raises PlantError."""
+    """Set the zero that a successful homing has found. Raises PlantError."""
     if isinstance(motion, Homing) and motion.end is HomingEnd.HOMED:
         zero = Zero(motion.compute_joint_position(step.m.q), 0.0, 0.0)
         set_zero(zero, mode_manager, plant)
@@ -172,7 +178,7 @@ def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, cont
         )
     ratio, at_end = mode_manager.turns_per_joint, lambda: plant.at_end
     if not plant.zeroed:
-        mode_manager.zeros.set_joint_centre(m.q)  # that is what the person who started it has said
+        mode_manager.zeros.set_joint_centre(m.q)  # the operator confirmed this before the start
     mode_manager.start_commissioning_motion(
         lambda motor_loops: Homing(
             motor_loops=motor_loops, target=NO_REFERENCE, m=m, position=position, ratio=ratio, at_end=at_end
@@ -199,14 +205,14 @@ def _require_off_with_drives(mode_manager: ModeManager, what: str) -> None:
 
 
 def make_step_inputs(mode_manager: ModeManager) -> StepInputs:
-    """Collect the inputs of the next control step."""
+    """Return the inputs of the next control step."""
     zeros, lambdas, push, motion = (
         mode_manager.zeros,
         mode_manager.tunings.lambdas,
         mode_manager.disturbances,
         mode_manager.motion,
     )
-    trial = isinstance(motion, ModuleTrial)  # the trip that it provokes is heard when it is done, and then in any case
+    trial = isinstance(motion, ModuleTrial)  # the provoked trip is evaluated at the end of the trial, then always
     return StepInputs(
         offset_A=zeros.offset_A,
         offset_B=zeros.offset_B,
@@ -233,16 +239,18 @@ def make_step_inputs(mode_manager: ModeManager) -> StepInputs:
 
 # Plant watch ---------------------------------------------------------------------------------------
 #
-# Whether the plant can be read and written: told when that begins and when it is over, not in every
-# tick.
+# Monitoring of the plant: failures are reported at their beginning and end, not at every tick.
 
 
 RECOVERY_S = 1.0
-"""So long without a failure [s] and the plant answers again: one that fails now and then is told of once."""
+"""Time without a failure [s] after which the plant counts as healthy: occasional failures are reported once."""
 
 
 class PlantHealthMonitor:
-    """Counts ticks without a failure. ``failure`` is what went wrong in the present tick, empty when nothing did."""
+    """Monitors failures of the plant.
+
+    ``failure`` is the message of a failure in the current tick, empty without one.
+    """
 
     def __init__(self) -> None:
         self.failure = ""
@@ -251,7 +259,7 @@ class PlantHealthMonitor:
 
     @property
     def is_healthy(self) -> bool:
-        """Whether no failure of the plant is being reported."""
+        """Whether no failure of the plant is active."""
         return not self._is_failing
 
     def begin(self) -> None:
@@ -259,7 +267,7 @@ class PlantHealthMonitor:
         self.failure = ""
 
     def end(self, tick: int) -> list[Event]:
-        """End a tick; return what has changed."""
+        """End a tick; return the events of a change."""
         self._good_ticks = 0 if self.failure else self._good_ticks + 1
         if self.failure and not self._is_failing:
             self._is_failing = True
@@ -272,7 +280,7 @@ class PlantHealthMonitor:
 
 # Sensor checks -------------------------------------------------------------------------------------
 #
-# What is said of readings that cannot be true; ``backend.control.fault_detection`` finds them.
+# Messages for implausible readings that ``backend.control.fault_detection`` finds.
 
 
 _NAMES: Final = ("q", "theta_A", "theta_B", "F_A", "F_B")
@@ -282,9 +290,10 @@ _UNITS: Final = ("rad", "rad", "rad", "N", "N")
 def describe_fault(
     fault: DetectedFault, previous: Measurement, raw: Measurement, m: Measurement, command: MotorCommand
 ) -> tuple[Fault, str]:
-    """Fault and words of readings that cannot be true.
+    """Return fault and message for implausible readings.
 
-    ``previous`` and ``raw`` are as read, before and now; ``m`` has the zeros; ``command`` was written in between.
+    ``previous`` and ``raw`` are as read, before and now; in ``m`` the motors count from their zeros; ``command`` was
+    written in between.
     """
     side, unchanged = fault.which, fault.still
     if fault.verdict == fault_detection.JUMPED:
@@ -309,12 +318,11 @@ def describe_fault(
 
 # Checks --------------------------------------------------------------------------------------------
 #
-# Names the fault that the control step has found, and says what was seen
-# (``backend.control.fault_detection``).
+# Messages for faults that the control step detects (``backend.control.fault_detection``).
 
 
 class FaultDescriber:
-    """Names faults of one plant."""
+    """Describes the faults of one plant."""
 
     def __init__(self, parameters: PlantParameters) -> None:
         self._bounds = compute_bounds(parameters)
@@ -329,10 +337,10 @@ class FaultDescriber:
         card_reading: RawReading,
         missed: int,
     ) -> tuple[Fault, str]:
-        """Return the fault and what was seen.
+        """Return the fault and a description of its observation.
 
-        ``m`` has the motors' zeros, ``checked`` is that from the joint's middle; ``card_reading`` is what they were
-        made from, ``missed`` the deadlines since the last tick.
+        In ``m`` the motors count from their zeros, in ``checked`` the joint from its centre as well; ``card_reading``
+        are the raw values, ``missed`` the deadlines missed since the last tick.
         """
         match fault.kind:
             case fault_detection.NOT_FINITE | fault_detection.OUT_OF_BOUNDS:
@@ -354,11 +362,11 @@ class FaultDescriber:
                 return Fault.DEADLINES_MISSED, f"{missed} periods of 1 ms missed in a row"
 
     def find_static_fault(self, m: Measurement, card_reading: RawReading = NO_RAW) -> tuple[Fault, str]:
-        """Return the fault that one measurement shows by itself, without what came before."""
+        """Return the fault that one measurement shows without its history."""
         bounds = self._bounds
         if not math.isfinite(m.q + m.theta_A + m.theta_B + m.F_A + m.F_B):
             invalid = [name for name, value in zip(m._fields[:5], m[:5], strict=True) if not math.isfinite(value)]
-            volts = {"F_A": card_reading.V_A, "F_B": card_reading.V_B}  # a number there, and yet no newtons
+            volts = {"F_A": card_reading.V_A, "F_B": card_reading.V_B}  # finite volts without a valid tension
             saturated = [
                 f"{name} reads {volts[name]:.2f} V" for name in invalid if math.isfinite(volts.get(name, math.nan))
             ]
@@ -369,20 +377,20 @@ class FaultDescriber:
             beyond, within = _format_tensions(m, lambda F: bounds.F_max < F)
             return Fault.FORCE_LIMIT, f"{beyond} above the bound of {bounds.F_max:g} N{within}"
         if abs(m.q) > bounds.q_trip:
-            q, q_trip = in_digits(m.q), in_digits(bounds.q_trip)  # whoever reads degrees is to read 90
+            q, q_trip = in_digits(m.q), in_digits(bounds.q_trip)  # all digits, so that a conversion to degrees gives 90
             return Fault.JOINT_LIMIT, f"q = {q} rad; the bound is {q_trip} rad to either side"
         return Fault.NONE, ""
 
 
 def _format_reading(name: str, value: float, digits: str, unit: str) -> str:
-    """Return a reading in words; one that is no number has no unit."""
+    """Return a reading as text; one that is not finite has no unit."""
     if not math.isfinite(value):
         return f"no number from {name}"
     return f"{name} = {format(value, digits) if digits else in_digits(value)} {unit}"
 
 
 def _format_tensions(m: Measurement, is_beyond: Callable[[float], bool]) -> tuple[str, str]:
-    """Return in words the tensions that are beyond a bound, and behind a semicolon the other one, if any."""
+    """Return the tensions beyond a limit as text, and after a semicolon the other one."""
     tensions = {"F_A": m.F_A, "F_B": m.F_B}
     beyond = [f"{name} = {F:.2f} N" for name, F in tensions.items() if is_beyond(F)]
     within = [f"; {_format_reading(name, F, '.2f', 'N')}" for name, F in tensions.items() if not is_beyond(F)]
@@ -391,10 +399,10 @@ def _format_tensions(m: Measurement, is_beyond: Callable[[float], bool]) -> tupl
 
 # Loop ----------------------------------------------------------------------------------------------
 #
-# The control loop: one tick, the commands between two ticks, and zero volts at every way out.
+# The control loop: one tick, commands between two ticks, and zero volts at every exit.
 #
-# The same class runs live in the loop process and headless for the command line; what differs is
-# who calls ``tick``.
+# The same class runs live in the loop process and headless for the command line; they differ only in who calls
+# ``tick``.
 
 
 _FAULTS_WITHOUT_MOTION = (Fault.SAFETY_MODULE, Fault.SENSOR_INVALID, Fault.SENSOR_SATURATED)
@@ -404,7 +412,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class Loop:
-    """Control of one plant. ``finished`` tells that a Shutdown has been asked for."""
+    """Control of one plant. ``finished``: a Shutdown was received."""
 
     def __init__(self, plant: Plant, parameters: PlantParameters, ring: SampleRing, tuning: SetTuning) -> None:
         self._plant, self._ring, self.finished = plant, ring, False
@@ -413,12 +421,13 @@ class Loop:
         self.bounds = plant_model.bounds
         self._fault_describer, self._plant_watch = FaultDescriber(parameters), PlantHealthMonitor()
         self._tick = self._newest_tick = self._overruns = 0
-        self._command = ZERO_VOLTS  # what was written last
-        self._inputs_outdated = True  # whether the step may not know yet what has become of the machine
+        self._command = ZERO_VOLTS  # last command written
+        self._inputs_outdated = True  # whether the step's inputs may differ from the mode manager
         self._manual_disturbance, self._row = ManualDisturbance(plant), np.zeros(len(FIELDS))
         self._events: list[Event] = []
         gains = build_cascade_tuning(tuning, self._plant_model)
-        self._step = StepContext(parameters, plant.unattended_max_s, gains)  # once open, a card waits for 50 ms at most
+        # before the plant opens: a card waits for at most 50 ms then
+        self._step = StepContext(parameters, plant.unattended_max_s, gains)
         try:
             plant.open()
             self._step.begin(plant.read())
@@ -430,37 +439,37 @@ class Loop:
                 lambdas=TuningParameters(tuning.lam_q, tuning.lam_S),
                 events=self._events,
             )
-        except BaseException:  # the drives may be on already, and nobody else has this plant to close
+        except BaseException:  # the drives may be on, and only this object can close the plant
             self.close()
             raise
 
     @property
     def mode(self) -> Mode:
-        """What the loop is doing."""
+        """Current mode."""
         return self._mode_manager.mode
 
     @property
     def fault(self) -> Fault:
-        """The latched fault, or NONE."""
+        """Latched fault, or NONE."""
         return self._mode_manager.fault
 
     @property
     def is_pretension_done(self) -> bool:
-        """Whether the moves out of pretension towards motion are granted now."""
+        """Whether the transitions from pretension to motion are permitted."""
         return self._mode_manager.is_pretension_done
 
     @property
     def readiness(self) -> tuple[str, bool]:
-        """What has to come before pretension, empty where nothing has; and whether the drives are locked off."""
+        """What must precede pretension, empty for nothing; whether drives are locked off."""
         return self._mode_manager.unready, self._mode_manager.drives_off
 
     def drain_events(self) -> list[Event]:
-        """Events since the last call, oldest first."""
+        """Return the events since the last call, oldest first."""
         events, self._events[:] = list(self._events), []
         return events
 
     def handle(self, sequence: int, command: Command) -> None:
-        """Carry out a command between two ticks, or refuse it whole; the answer is queued as an event."""
+        """Execute or reject a command between two ticks; the reply is queued as an event."""
         events, tick = self._events, self._tick
         self._inputs_outdated = True
         try:
@@ -469,9 +478,9 @@ class Loop:
             events.append(Refused(sequence, tick, str(refused), refused.legal))
         except (ValueError, PlantError) as error:
             events.append(Refused(sequence, tick, str(error)))
-        except AssertionError:  # of assert_never: a service of another version, which no type checker has seen
+        except AssertionError:  # from assert_never: a service of another version
             events.append(Refused(sequence, tick, f"this loop knows no command {type(command).__name__}"))
-        except Exception as error:  # a mistake of the program: no voltage is decided on what it has left behind
+        except Exception as error:  # a programming error; the state it left must not produce voltages
             self._trip_on_internal_error(error)
             events.append(Refused(sequence, tick, f"{type(command).__name__} ended in {_describe_error(error)}"))
         else:
@@ -538,13 +547,13 @@ class Loop:
         mode_manager.reset(TickContext(self._newest_tick, self._step.m))
 
     def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
-        """One period: read, check, compute, write, store the row. Zero volts on any way out by an error."""
+        """Execute a period: read, check, compute, write, store. Zero volts on any error."""
         self._make_tick(None, lateness_s, overruns)
 
     def run(self, ticks: int) -> int:
-        """Make at most so many ticks, and at least one: in a batch where nobody has to be asked in between; how many.
+        """Execute at least one and at most ``ticks`` ticks; return how many.
 
-        A batch ends in the tick that something comes of, which is made by itself from there on.
+        Runs a batch if no tick needs Python code. An event ends the batch, and its tick is completed in Python.
         """
         plant, ring, mode_manager, step = self._plant, self._ring, self._mode_manager, self._step
         is_quiet = self._plant_watch.is_healthy and not mode_manager.has_unreported_stop
@@ -568,7 +577,10 @@ class Loop:
         return done + 1
 
     def _make_tick(self, computed: tuple[int, float, float] | None, lateness_s: float, overruns: int) -> None:
-        """Make a tick, or the rest of one that a batch has ``computed``: what came of it so far, and voltages [V]."""
+        """Execute a tick, or the rest of one that a batch has ``computed``.
+
+        ``computed`` are its events so far and its voltages [V].
+        """
         mode_manager, missed = self._mode_manager, overruns - self._overruns
         self._newest_tick = self._tick
         self._plant_watch.begin()
@@ -588,7 +600,7 @@ class Loop:
             command = ZERO_VOLTS
             self._step.output = AT_REST
             self._trip_on_plant_error(error)
-        except Exception as error:  # a mistake of the program is a trip, never an end with a voltage on
+        except Exception as error:  # a programming error trips; it never leaves a voltage on
             command = ZERO_VOLTS
             self._step.output = AT_REST
             self._trip_on_internal_error(error)
@@ -646,7 +658,7 @@ class Loop:
         return output.u_A, output.u_B
 
     def _handle_fault(self, missed: int) -> None:
-        """Stop because of a detected fault, unless the motors are off and the fault allows it."""
+        """Stop because of a fault, unless the motors are off and only motion matters."""
         mode_manager, step, m, command = self._mode_manager, self._step, self._step.m, self._command
         if mode_manager.mode is Mode.TRIPPED:
             return
@@ -661,9 +673,9 @@ class Loop:
         mode_manager = self._mode_manager
         try:
             self._plant.write(command)
-            self._command = command  # what cannot be written leaves the outputs as they were
+            self._command = command  # a failed write leaves the outputs unchanged
         except (WatchdogExpiredError, WatchdogDeadError) as error:
-            # The drives are off already: this is zero volts, and stays so until somebody resets.
+            # The drives are off already: this is zero volts, and stays so until a reset.
             self._command = ZERO_VOLTS
             self._inputs_outdated = True
             if mode_manager.mode is not Mode.TRIPPED:
@@ -675,7 +687,7 @@ class Loop:
         mode_manager.report_stopped(self._tick)
 
     def _require_valid_voltages(self, u_A: float, u_B: float) -> None:
-        """Raise InvariantError for a voltage that the control step must not decide, nan among them."""
+        """Raise InvariantError for a voltage beyond ±u_max or NaN."""
         u_max = self._u_max
         if not (-u_max <= u_A <= u_max and -u_max <= u_B <= u_max):
             raise InvariantError(f"the control step decided {u_A} V and {u_B} V, beyond ±{u_max:g} V")
@@ -689,7 +701,7 @@ class Loop:
         _LOG.critical("The control loop failed: %s", _describe_error(error), exc_info=error)
         stop = Stop(Fault.INTERNAL_ERROR)
         self._mode_manager.begin_stop(stop, _describe_error(error), TickContext(self._newest_tick, self._step.m))
-        self._mode_manager.fault = Fault.INTERNAL_ERROR  # by which the service knows that a reset starts a new loop
+        self._mode_manager.fault = Fault.INTERNAL_ERROR  # shows the service that a reset must start a new loop
 
     def _trip_on_plant_error(self, error: PlantError) -> None:
         self._plant_watch.failure = str(error)
@@ -700,7 +712,7 @@ class Loop:
             )
 
     def close(self) -> None:
-        """Zero volts and let go of the plant. Safe to call twice."""
+        """Write zero volts and close the plant. Safe to call twice."""
         try:
             self._plant.write(ZERO_VOLTS)
         except PlantError:

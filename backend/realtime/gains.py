@@ -1,4 +1,4 @@
-"""The tuning of the loop: between the cascade's gains and the command that carries them."""
+"""Gains of the loop: conversion from commands, and the active tuning."""
 
 from collections.abc import Sequence
 from dataclasses import astuple
@@ -26,7 +26,7 @@ from plant import PlantParameters
 
 # Tuned ---------------------------------------------------------------------------------------------
 #
-# Between the cascade's tuning and the command that carries it to the loop process.
+# Conversion between the cascade's tuning and the command that transfers it to the loop process.
 
 
 def make_tuning_command(
@@ -38,7 +38,10 @@ def make_tuning_command(
     u_plan: float = 0.0,
     k_ext: float = 0.0,
 ) -> SetTuning:
-    """Command with the gains of ``backend.tuning.gains.make_cascade_tuning``. Raises TuningError."""
+    """Return the command with the gains of ``make_cascade_tuning``.
+
+    Raises TuningError.
+    """
     tuning = make_cascade_tuning(parameters, lambdas, points, motor, interpolate)
     return SetTuning(
         lam_q=lambdas.lam_q,
@@ -53,7 +56,10 @@ def make_tuning_command(
 
 
 def build_cascade_tuning(command: SetTuning, plant_model: PlantModel) -> cascade.CascadeTuning:
-    """Build the tuning of a command. Raises ValueError for a bank without entries and for gains that are not finite."""
+    """Build the tuning of a command.
+
+    Raises ValueError for a bank without entries, a gain that is not finite, or an invalid limit.
+    """
     if not command.entries:
         raise ValueError("a bank needs at least one entry: no gain was changed")
     rows = [astuple(entry) for entry in sorted(command.entries, key=lambda entry: entry.S_nominal)]
@@ -77,8 +83,7 @@ def build_cascade_tuning(command: SetTuning, plant_model: PlantModel) -> cascade
 
 # Tunings -------------------------------------------------------------------------------------------
 #
-# The tuning in force in the loop: the operator's, or the one that a program has put into use until
-# it ends.
+# The active tuning of the loop: the operator's, or one of a program until its end.
 
 
 BIAS_NOT_CALIBRATED = (
@@ -88,34 +93,37 @@ BIAS_NOT_CALIBRATED = (
 
 
 class GainsInUse(NamedTuple):
-    """Gains, and the λ that they are of."""
+    """Gains and their λ."""
 
     gains: CascadeTuning
     lambdas: TuningParameters
 
 
 class ActiveGains:
-    """Keeps the step to the tuning in force; ``number`` is that of the program's, 0 where it is the operator's."""
+    """Active tuning of the control step.
+
+    ``number`` is that of the program's tuning, 0 for the operator's.
+    """
 
     def __init__(self, step: StepContext, events: list[Event], gains: CascadeTuning, lambdas: TuningParameters) -> None:
         self.gains, self.lambdas = _without_feedforward(gains), lambdas
         self.number = 0
         self._step = step
         self._events = events
-        self._program_gains: tuple[GainsInUse, ...] = ()  # the operator's first
-        step.retune(self.gains)  # as nothing is learned yet
+        self._program_gains: tuple[GainsInUse, ...] = ()  # index 0: the operator's
+        step.retune(self.gains)  # no bias is calibrated yet
 
     def replace(self, gains: CascadeTuning, lambdas: TuningParameters) -> None:
-        """Put an operator's tuning into use. Raises CommandRejectedError while a program changes it."""
+        """Apply an operator's tuning. Raises CommandRejectedError if a program sets it."""
         if self._program_gains:
             raise CommandRejectedError("the program changes the tuning by itself: wait for its end or stop it")
         self._require_bias(gains)
         self._apply(GainsInUse(gains, lambdas))
 
     def build_for_program(self, program: Program, plant_model: PlantModel) -> tuple[GainsInUse, ...]:
-        """Return the tunings of a program, ready to be used.
+        """Return the tunings of a program.
 
-        Raises CommandRejectedError, OutOfRangeError, ValueError.
+        Raises CommandRejectedError, OutOfRangeError or ValueError.
         """
         tunings = build_program_tunings(program, plant_model)
         for tuning in tunings:
@@ -123,29 +131,29 @@ class ActiveGains:
         return tunings
 
     def _require_bias(self, gains: CascadeTuning) -> None:
-        """Raise CommandRejectedError for a rejection of what is not known."""
+        """Raise CommandRejectedError for a disturbance rejection without calibrated bias."""
         if gains.disturbance_feedforward.k_ext > 0.0 and not self._step.has_bias:
             raise CommandRejectedError(BIAS_NOT_CALIBRATED)
 
     def disable_feedforward(self) -> None:
-        """Leave pushes to the position loop: what was learned of the outside force is gone."""
+        """Disable the disturbance rejection, as the bias is no longer valid."""
         self._program_gains = tuple(
             GainsInUse(_without_feedforward(one.gains), one.lambdas) for one in self._program_gains
         )
         self._apply(GainsInUse(_without_feedforward(self.gains), self.lambdas))
 
     def begin(self, tunings: Sequence[GainsInUse]) -> None:
-        """Be ready for a program that puts ``tunings`` into use, numbered from 1 on."""
+        """Prepare for a program with ``tunings``, numbered from 1."""
         self._program_gains = (GainsInUse(self.gains, self.lambdas), *tunings) if tunings else ()
 
     def use(self, number: int, tick: int) -> None:
-        """Put a tuning of the program into use."""
+        """Activate a tuning of the program."""
         self.number = number
         self._apply(self._program_gains[number])
         self._events.append(TuningChanged(tick, number, self.lambdas.lam_q, self.lambdas.lam_S))
 
     def end(self, tick: int) -> None:
-        """Put the operator's back into use, where a program has changed it."""
+        """Restore the operator's tuning if a program has changed it."""
         if self.number:
             self.use(0, tick)
         self._program_gains = ()
@@ -160,7 +168,10 @@ def _without_feedforward(gains: CascadeTuning) -> CascadeTuning:
 
 
 def build_program_tunings(program: Program, plant_model: PlantModel) -> tuple[GainsInUse, ...]:
-    """Return the tunings of a program, ready to be used. Raises CommandRejectedError, OutOfRangeError, ValueError."""
+    """Return the tunings of a program.
+
+    Raises CommandRejectedError, OutOfRangeError or ValueError.
+    """
     check_range("tunings", len(program.tunings), None, MAX_TUNINGS, "1", words="number of changes of the tuning")
     if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
         raise CommandRejectedError(

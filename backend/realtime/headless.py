@@ -1,4 +1,4 @@
-"""The loop stepped in this process as fast as it goes: experiments from the command line, dry runs, tests."""
+"""The loop without real time: for the command line, dry runs and tests."""
 
 import asyncio
 from collections.abc import Callable
@@ -17,8 +17,8 @@ _BATCH_TICKS = 1000
 class SimulatedLoop:
     """A ``LoopClient`` without clock, process or heartbeat.
 
-    ``each_batch`` is called after at most 1000 ticks and at the end of each advance: to record, to show progress.
-    ``learned`` tells that the loop knows what the outside force reads with nothing outside.
+    ``each_batch`` is called after at most 1000 ticks and at the end of each advance, to record or to show progress.
+    ``learned``: the bias of the external force is calibrated.
     """
 
     def __init__(
@@ -37,12 +37,12 @@ class SimulatedLoop:
         self.learned = False
 
     def listen(self, listener: EventListener) -> Callable[[], None]:
-        """Call ``listener`` with each event from now on; return what to call to end that."""
+        """Call ``listener`` with each event; return a function that removes it."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 
     async def send(self, command: Command) -> Accepted | Refused:
-        """Hand over a command between two ticks and return the loop's answer."""
+        """Execute a command between two ticks and return the loop's reply."""
         self._sequence += 1
         self._loop.handle(self._sequence, command)
         answer = next(event for event in self._deliver() if isinstance(event, Accepted | Refused))
@@ -51,7 +51,7 @@ class SimulatedLoop:
         return answer
 
     async def advance(self, seconds: float) -> None:
-        """Step the loop for so many seconds of its time."""
+        """Step the loop for a duration of its time [s]."""
         left = round(seconds / T_s)
         while left > 0:
             batch = min(left, _BATCH_TICKS)
@@ -62,7 +62,7 @@ class SimulatedLoop:
             await self._end_batch()
 
     async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
-        """Step the loop until ``reached()``, asked after every tick. Raises TimeoutError."""
+        """Step the loop until ``reached()``, called before each tick. Raises TimeoutError."""
         for tick in range(1, round(timeout_s / T_s) + 1):
             if reached():
                 break
@@ -76,7 +76,7 @@ class SimulatedLoop:
 
     async def _end_batch(self) -> None:
         self._each_batch(self.ring)
-        await asyncio.sleep(0)  # whoever else waits on this event loop gets its turn, however short the advance
+        await asyncio.sleep(0)  # other tasks of this event loop get their turn, however short the advance
 
     def _deliver(self) -> list[Event]:
         events = self._loop.drain_events()
@@ -87,5 +87,5 @@ class SimulatedLoop:
         return events
 
     def close(self) -> None:
-        """Zero volts and let go of the plant."""
+        """Write zero volts and close the plant."""
         self._loop.close()

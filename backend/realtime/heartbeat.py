@@ -1,4 +1,4 @@
-"""The service's heartbeat to the loop process, and its own check of the card's registers."""
+"""Heartbeat from the service to the loop process, and monitoring of the watchdog."""
 
 import asyncio
 import logging
@@ -22,7 +22,7 @@ from plant import WATCHDOG_S, Card, Stillness, cache_compiled
 
 # Card guard ----------------------------------------------------------------------------------------
 #
-# The service's own look at the card's registers, which it shares with the loop and the watchdog.
+# The service's own monitoring of the card's registers, which it shares with the loop and the watchdog.
 
 
 WATCHDOG_MONITOR_PART = Part(
@@ -30,20 +30,20 @@ WATCHDOG_MONITOR_PART = Part(
 )
 
 POLL_S = 0.05
-"""How often the service looks [s]."""
+"""Polling period of the service [s]."""
 
 LAST_RESORT_S = WATCHDOG_S + 0.1
-"""The outputs of a dead loop are cleared by the service after so long without a write [s]: the watchdog comes first."""
+"""Time without a write [s] after which the service clears the outputs of a dead loop: later than the watchdog."""
 
 _LOG = logging.getLogger(__name__)
 
 
 class WatchdogMonitor:
-    """Looks at one card; ``problem`` says what is wrong with its watchdog.
+    """Monitors the watchdog of one card; ``problem`` describes its failure.
 
-    Clearing the outputs is the last resort where the loop and the watchdog are both dead. It works because the service
-    holds the simulator's registers. Into a rig's card nobody but the loop can look: what is shown of it is a mirror,
-    and what is left behind a dead loop is that card's own watchdog and the safety module.
+    Clearing the outputs is the last resort if loop and watchdog are both dead. It works because the service shares the
+    simulator's registers. Only the loop can access a rig's card: its registers here are a mirror, and if the loop dies,
+    that card's own watchdog and the safety module remain.
     """
 
     def __init__(self, card: Card) -> None:
@@ -54,25 +54,25 @@ class WatchdogMonitor:
 
     @property
     def watchdog_silent_s(self) -> float:
-        """For how long the watchdog has not been seen to look [s]."""
+        """Time since the watchdog's last observed poll [s]."""
         return self._polls.still_s
 
     @property
     def is_watchdog_lost(self) -> bool:
-        """Whether nobody would take the drives away if the loop died: found by the loop, or seen here."""
+        """Whether the watchdog is dead, as detected by the loop or here."""
         state = self._card.state()
         seen_dead = state.armed and state.drive_enabled and self._polls.still_s > WATCHDOG_S
         return state.watchdog_dead or (seen_dead and not state.mirror)
 
     def poll(self, loop_ended: bool) -> bool:
-        """Look once, at the times LOOK_S apart; return whether there is anything left to guard."""
+        """Check once, called every POLL_S; return whether monitoring must continue."""
         state = self._card.state()
         self._polls.update(state.polls)
         unwritten_s = self._writes.update(state.writes)
         if self.is_watchdog_lost and not self.problem:
             self._set_problem("the card's watchdog is dead: reset starts a new loop with a new one")
         if loop_ended and state.drive_enabled and unwritten_s > LAST_RESORT_S:
-            if state.mirror:  # it stays as it is: what was last known
+            if state.mirror:  # a mirror keeps the last known state
                 if not self.problem:
                     self._set_problem(
                         f"the loop is dead: the rig's card cuts the drives by its watchdog, {state.watchdog_s:g} s "
@@ -87,7 +87,10 @@ class WatchdogMonitor:
         return not loop_ended or self._card.state().drive_enabled
 
     async def run(self, loop: Process | None) -> None:
-        """Look until the loop process has ended, or is known to have ended, and the drives are off."""
+        """Monitor until the loop process has ended and the drives are off.
+
+        ``loop`` None: it has ended.
+        """
         while self.poll(loop_ended=loop is None or loop.returncode is not None):
             await asyncio.sleep(POLL_S)
 
@@ -98,24 +101,22 @@ class WatchdogMonitor:
 
 # Heartbeat -----------------------------------------------------------------------------------------
 #
-# The service's heartbeat to the loop process, from a thread that needs neither the event loop nor
-# Python's lock.
+# Heartbeat to the loop process, from a thread that needs neither the event loop nor the GIL.
 #
-# An event loop on a busy machine can be late by tenths of a second without being in trouble, and
-# linear algebra in another thread can keep Python's lock for longer than the loop waits; a stop of
-# the actuator for that would teach operators to ignore stops. So the thread runs compiled code,
-# ahead of ordinary programs where that is granted. It falls silent once the event loop has not
-# shown itself for STALE_S. A process that is killed or stopped falls silent at once.
+# On a busy machine an event loop can be late by tenths of a second without a fault, and linear algebra in another
+# thread can hold the GIL for longer than the loop's timeout; stopping the actuator for that would teach operators to
+# ignore stops. The thread therefore runs compiled code, with real-time priority if it is granted. It stops sending when
+# the event loop has not refreshed it for STALE_S. If the process is killed or stopped, it stops at once.
 
 
 HEARTBEAT_S = 0.05
-"""So often that the loop, which stops when it hears nothing for the worker's SILENCE_S, bears six that come late."""
+"""Period of the heartbeat [s]; the loop, whose timeout is the worker's SILENCE_S, tolerates six late ones."""
 
 STALE_S = 3.0
-"""An event loop that has not shown itself for so long [s] hangs."""
+"""Time without a refresh after which the event loop is considered hung [s]."""
 
 _PRIORITY = 50
-"""Of SCHED_FIFO: below the loop's own."""
+"""SCHED_FIFO priority, below the loop's."""
 
 _NS = 1_000_000_000
 _PERIOD_NS, _STALE_NS = round(HEARTBEAT_S * _NS), round(STALE_S * _NS)
@@ -123,7 +124,7 @@ _MONOTONIC = time.CLOCK_MONOTONIC
 _FLAGS = int(socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
 _STOPPED, _REFRESHED, _SILENT_UNTIL, _SENT = range(4)
 
-# libc's by name, not by address, so that the compiled code can be kept; pointers as whole numbers of their size.
+# By name, not address, so that numba can cache the code; pointers are integers of their size.
 _send: Any = ExternalFunction("send", intp(int32, intp, uintp, int32))
 _sleep: Any = ExternalFunction("clock_nanosleep", int32(int32, int32, intp, intp))
 _now: Any = ExternalFunction("clock_gettime", int32(int32, intp))
@@ -139,13 +140,16 @@ def _send_beats(fd: int, packet: NDArray[np.uint8], words: NDArray[np.int64]) ->
         _now(_MONOTONIC, clock.ctypes.data)
         now_ns = clock[0] * _NS + clock[1]
         if now_ns - words[_REFRESHED] < _STALE_NS and now_ns >= words[_SILENT_UNTIL]:
-            # A full queue or a closed end is for others to notice.
+            # A full queue or a closed end is detected elsewhere.
             _send(fd, packet.ctypes.data, packet.size, _FLAGS)
             words[_SENT] = now_ns
 
 
 class HeartbeatSender:
-    """Beats on a channel: ``run`` is the work of a thread. ``refresh`` is called by the event loop while it lives."""
+    """Sends heartbeats on a channel.
+
+    ``run`` is the work of a thread; the event loop calls ``refresh`` while it is alive.
+    """
 
     def __init__(self, channel: Channel) -> None:
         self._words = np.zeros(4, np.int64)
@@ -155,7 +159,7 @@ class HeartbeatSender:
         self._is_stopped = False
 
     def run(self) -> None:
-        """Beat until ``stop``, after which the channel may be closed; may be run anew when it has failed."""
+        """Send until ``stop``, after which the channel may be closed; may run again."""
         self._words[_STOPPED] = int(self._is_stopped)
         compile_heartbeat()
         with suppress(PermissionError):
@@ -165,25 +169,25 @@ class HeartbeatSender:
             raise RuntimeError("the heartbeat ended without being told to")
 
     def refresh(self) -> None:
-        """Take note that the event loop lives."""
+        """Record that the event loop is alive."""
         self._words[_REFRESHED] = time.monotonic_ns()
 
     @property
     def age_s(self) -> float:
-        """Time since the last beat [s]."""
+        """Time since the last heartbeat [s]."""
         return float(time.monotonic_ns() - self._words[_SENT]) / _NS
 
     def pause(self, duration_s: float) -> None:
-        """Do not beat for so long."""
+        """Send no heartbeat for a duration [s]."""
         self._words[_SILENT_UNTIL] = time.monotonic_ns() + round(duration_s * _NS)
 
     def stop(self) -> None:
-        """Let ``run`` return."""
+        """End ``run``."""
         self._is_stopped = True
         self._words[_STOPPED] = 1
 
 
 def compile_heartbeat() -> None:
-    """Compile the heartbeat, which takes a second the first time, before there is a loop that waits for it."""
+    """Compile the heartbeat, which takes a second at first, before a loop needs it."""
     stopped = np.array([1, 0, 0, 0])
     _send_beats(-1, np.zeros(1, np.uint8), stopped)

@@ -1,4 +1,4 @@
-"""The channel between service and loop process: JSON messages in packets over a local socket pair."""
+"""IPC protocol: JSON messages in packets between service and loop process."""
 
 import re
 from dataclasses import dataclass, field, replace
@@ -15,25 +15,25 @@ from plant import NOT_BROUGHT_UP, BroughtUp, ErrorCode, PlantChoice, SinewError
 
 # Channel -------------------------------------------------------------------------------------------
 #
-# The command road: one JSON message per packet of ``channel_ends``, decoded strictly.
+# One JSON message per packet of ``channel_pair``, strictly validated.
 #
-# Unknown fields, wrong types, nan and infinities are refused, on both ends; a packet arrives whole
-# or not at all.
+# Both ends reject unknown fields, wrong types, NaN and infinities; a packet arrives whole or not at all.
 
 
 PART_SEGMENTS = 24
-"""Most segments in one packet, 10 kB with every digit of every number; a longer program comes in several."""
+"""Most segments in one packet, 10 kB with all digits of every number; a longer program is sent in parts."""
 
 Entry = str | float | list[float] | list[list[float]]
-"""What a parameter file says of an entry: its unit and source; its value, a polynomial or points."""
+"""Unit, source or value of an entry of a parameter file; a value may be a polynomial or points."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """First message to the loop process: the plant to open, with what parameters, tuning and findings of a bring-up.
+    """First message to the loop process: plant, parameters, tuning.
 
-    ``drives_off``: hands may be at the rig, so the drives stay off until somebody has them switched on. ``identified``
-    is put over the parameters: sections of what the controller knows, as a parameter file has them.
+    ``brought_up`` are the commissioning results. ``drives_off``: people may be working at the rig, so the drives stay
+    off until they are switched on. ``identified``: sections of identified parameters, as in a parameter file, that
+    replace those of the file.
     """
 
     plant: PlantChoice
@@ -47,9 +47,9 @@ class Setup:
 
 @dataclass(frozen=True)
 class Ready:
-    """First message of the loop process: it ticks now and drives ``driven``, with what the machine granted.
+    """First message of the loop process: it runs and drives ``driven``.
 
-    ``wired`` is the fingerprint of the wiring file that it has read; empty where there is none.
+    ``granted`` is what the machine granted; ``wired`` the fingerprint of the loaded wiring file, empty without one.
     """
 
     granted: RealTimeStatus
@@ -66,7 +66,10 @@ class Failed:
 
 @dataclass(frozen=True)
 class ProgramPart:
-    """Segments or tunings of a program that is too long for one packet; all its packets have the same number."""
+    """Segments or tunings of a program too long for one packet.
+
+    All its packets have the same sequence number.
+    """
 
     segments: tuple[Segment, ...] = ()
     tunings: tuple[SetTuning, ...] = ()
@@ -74,7 +77,10 @@ class ProgramPart:
 
 @dataclass(frozen=True)
 class LongProgram:
-    """The rest of a program whose ``segments`` segments and ``tunings`` tunings came ahead in parts, in order."""
+    """Rest of a program whose segments and tunings were sent before, in order.
+
+    ``segments`` and ``tunings`` are their numbers.
+    """
 
     command: RunProgram
     segments: int
@@ -86,7 +92,10 @@ FromLoop = Ready | Failed | Event
 
 
 class ChannelError(SinewError):
-    """A message that cannot be sent or understood; ``sequence`` is its number, 0 when even that is not legible."""
+    """A message that cannot be sent or decoded.
+
+    ``sequence`` is its number, 0 if that cannot be decoded either.
+    """
 
     category = ErrorCode.BAD_VALUE
 
@@ -97,8 +106,8 @@ class ChannelError(SinewError):
 
 def _envelope(member: type) -> type[BaseModel]:
     kind: Any = Literal[member.__name__]
-    # Plain dataclasses inside an envelope take over its strictness. What is no number is written as such and refused:
-    # as null it would arrive as None where None is a value, too.
+    # Plain dataclasses in an envelope inherit its strictness. NaN and infinities are written as constants and rejected:
+    # as null they would arrive as None, which some fields accept.
     return create_model(
         member.__name__,
         __config__=ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, ser_json_inf_nan="constants"),
@@ -122,7 +131,7 @@ _FROM_LOOP = _adapter(FromLoop)
 
 
 def encode(message: ToLoop | FromLoop, sequence: int = 0) -> bytes:
-    """Write a message as one packet. Raises ChannelError when it is too long for one."""
+    """Encode a message as one packet. Raises ChannelError if it is too long."""
     packet = _ENVELOPES[type(message)].model_construct(sequence=sequence, body=message).model_dump_json().encode()
     if len(packet) > MAX_BYTES:
         raise ChannelError(
@@ -133,7 +142,7 @@ def encode(message: ToLoop | FromLoop, sequence: int = 0) -> bytes:
 
 
 def packets(command: Command, sequence: int) -> list[bytes]:
-    """Write a command as packets that follow each other. Raises OutOfRangeError, ChannelError."""
+    """Encode a command as consecutive packets. Raises OutOfRangeError, ChannelError."""
     if not isinstance(command, RunProgram):
         return [encode(command, sequence)]
     segments, tunings = command.program.segments, command.program.tunings
@@ -149,12 +158,12 @@ def packets(command: Command, sequence: int) -> list[bytes]:
 
 
 def decode_to_loop(packet: bytes) -> tuple[int, ToLoop]:
-    """Read what the service sent: (sequence, message). Raises ChannelError."""
+    """Decode a message of the service: (sequence, message). Raises ChannelError."""
     return _decode(_TO_LOOP, packet)
 
 
 def decode_from_loop(packet: bytes) -> tuple[int, FromLoop]:
-    """Read what the loop process sent: (sequence, message). Raises ChannelError."""
+    """Decode a message of the loop process: (sequence, message). Raises ChannelError."""
     return _decode(_FROM_LOOP, packet)
 
 
@@ -162,7 +171,7 @@ def _decode(adapter: TypeAdapter[Any], packet: bytes) -> tuple[int, Any]:
     try:
         envelope = adapter.validate_json(packet)
     except ValidationError as error:
-        # Without its number the sender would wait for an answer in vain.
+        # Without the sequence number the sender would wait for a reply in vain.
         number = re.search(rb'"sequence":\s*(\d{1,15})\b', packet)
         problems = (f"{'.'.join(map(str, detail['loc']))}: {detail['msg']}" for detail in error.errors())
         raise ChannelError("; ".join(problems), int(number.group(1)) if number else 0) from None
@@ -171,11 +180,14 @@ def _decode(adapter: TypeAdapter[Any], packet: bytes) -> tuple[int, Any]:
 
 # Program parts -------------------------------------------------------------------------------------
 #
-# Puts a program together that came in parts.
+# Assembles a program that was sent in parts.
 
 
 class ProgramParts:
-    """What has come ahead of one program. Parts of another one, whose rest never came, are dropped."""
+    """Parts of one program.
+
+    Parts of another program whose rest never arrived are discarded.
+    """
 
     def __init__(self) -> None:
         self._sequence = 0
@@ -183,7 +195,7 @@ class ProgramParts:
         self._tunings: list[SetTuning] = []
 
     def add(self, sequence: int, part: ProgramPart) -> None:
-        """Add a part of a program; parts beyond the largest program are dropped."""
+        """Add a part of a program; parts beyond the largest program are discarded."""
         if sequence != self._sequence:
             self._sequence, self._segments, self._tunings = sequence, [], []
         if len(self._segments) <= MAX_SEGMENTS:
@@ -192,7 +204,7 @@ class ProgramParts:
             self._tunings += part.tunings
 
     def whole(self, sequence: int, rest: LongProgram) -> RunProgram:
-        """Return the program with all its parts. Raises CommandRejectedError where one is missing."""
+        """Return the complete program. Raises CommandRejectedError if a part is missing."""
         self.add(sequence, ProgramPart())
         segments, tunings = tuple(self._segments), tuple(self._tunings)
         self._segments, self._tunings = [], []

@@ -1,4 +1,4 @@
-"""Launches a loop process that loads its modules while the service does, and waits for its first message."""
+"""Start of a loop process, which loads its modules while the service starts."""
 
 import asyncio
 import sys
@@ -11,9 +11,9 @@ from plant import Card
 
 
 class LoopProcess:
-    """A loop process that nobody has told yet what to drive, with the memory that it shares; outputs untouched.
+    """Loop process without a plant yet, with its shared memory; outputs untouched.
 
-    ``take`` it, or ``discard`` it.
+    Call ``take`` or ``discard``.
     """
 
     def __init__(self, process: Process, ring: Ring, card: Card, channel: Channel) -> None:
@@ -21,7 +21,7 @@ class LoopProcess:
         self._taken = False
 
     def take(self) -> "LoopProcess | None":
-        """Own the process from now on; None where somebody does, or where it has ended."""
+        """Take ownership; return None if it was taken before or the process has ended."""
         if self._taken or self.process.returncode is not None:
             return None
         self._taken = True
@@ -38,13 +38,16 @@ class LoopProcess:
 
 
 async def launch_loop(parameters: str) -> LoopProcess:
-    """Start a loop process; it gets ready for a plant of ``parameters`` before it is told which."""
+    """Start a loop process and prepare it for a plant with ``parameters``.
+
+    The plant itself is selected later.
+    """
     ring, card = Ring.create(), Card.create()
     channel, theirs = channel_pair()
     with theirs:
         process = await asyncio.create_subprocess_exec(
             sys.executable,
-            "-P",  # the working directory may hold a signal.py, or another package called backend
+            "-P",  # the working directory may contain a signal.py, or another package called backend
             *("-m", "backend.realtime.process", str(ring.fd), str(theirs.fileno()), str(card.fd), parameters),
             stdin=DEVNULL,
             pass_fds=(ring.fd, theirs.fileno(), card.fd),

@@ -1,4 +1,4 @@
-"""The mode manager: granted transitions, motions they start, pending stops, zeros of the encoders."""
+"""Mode manager: transitions, motions they start, pending stops, encoder offsets."""
 
 import time
 from collections.abc import Callable
@@ -42,11 +42,11 @@ from plant import InvariantError, Measurement, Plant, PlantParameters, SupportsD
 
 # Now -----------------------------------------------------------------------------------------------
 #
-# When something is done to the loop: after which tick, and after what was measured.
+# Context of a command or an event.
 
 
 class TickContext(NamedTuple):
-    """The newest tick, and what was measured in it."""
+    """The newest tick and its measurement."""
 
     tick: int
     m: Measurement
@@ -54,12 +54,12 @@ class TickContext(NamedTuple):
 
 # Pending stop --------------------------------------------------------------------------------------
 #
-# A stop between its order and its proof.
+# A stop between its request and the report of zero volts.
 
 
 @dataclass(frozen=True)
 class StopRequest:
-    """A stop on its way to zero volts: what asked for it, in which tick, at which reading of the clock."""
+    """Pending stop: request, tick and time [s] of its arrival."""
 
     stop: Stop
     arrived_tick: int
@@ -69,14 +69,14 @@ class StopRequest:
 
 # Zeros ---------------------------------------------------------------------------------------------
 #
-# Where joint and motors count from, beside what their encoders say.
+# Offsets of the encoders of joint and motors.
 
 
 class EncoderOffsets:
-    """The zeros that the loop has found of one plant.
+    """Offsets that the loop has determined for one plant.
 
-    ``is_motor_zero_known`` tells that those of the motor encoders are known, ``joint_centre`` [rad] is where the joint
-    reads that is said to be in its middle.
+    ``is_motor_zero_known``: the zeros of the motor encoders are known. ``joint_centre`` [rad]: reading at the joint's
+    centre.
     """
 
     def __init__(self) -> None:
@@ -85,11 +85,14 @@ class EncoderOffsets:
         self.offset_A = self.offset_B = 0.0
 
     def subtract_joint_centre(self, m: Measurement) -> Measurement:
-        """Return the measurement with the joint from its middle, also where its encoder counts from elsewhere."""
+        """Return the measurement with the joint relative to its centre."""
         return m._replace(q=m.q - self.joint_centre) if self.joint_centre else m
 
     def shift_motors(self, by_A: float, by_B: float) -> None:
-        """Take the motors' zeros as found where they read more by so many rad."""
+        """Shift the motors' readings by ``by_A``, ``by_B`` [rad].
+
+        Their zeros are then known.
+        """
         self.offset_A += by_A
         self.offset_B += by_B
         self.is_motor_zero_known = True
@@ -103,25 +106,24 @@ class EncoderOffsets:
         self.joint_centre = q
 
     def reset(self) -> None:
-        """Forget all of it: the encoders themselves count from elsewhere now."""
+        """Reset all offsets, as the encoders themselves have new zeros."""
         self.offset_A = self.offset_B = self.joint_centre = 0.0
         self.is_motor_zero_known = False
 
 
 # Mode machine --------------------------------------------------------------------------------------
 #
-# The moves between modes: which are granted, what starts with them, and what follows when a motion
-# has ended.
+# Transitions between modes: which are permitted, which motion they start, and what follows its end.
 
 
 _FAULTS_THAT_INVALIDATE_ZEROS = (Fault.SENSOR_JUMP, Fault.SENSOR_STUCK, Fault.IMPLAUSIBLE, Fault.MOTOR_REVERSED)
-"""After these the encoders' zeros may be wrong: pretension winds up from slack again and finds them anew."""
+"""Faults after which the encoders' zeros may be wrong: pretension winds from slack again and determines them."""
 
 
 class ModeManager:
-    """Mode, motion and latched fault of one loop; what happens to them is told to ``events``.
+    """Mode, motion and latched fault of one loop; changes are added to ``events``.
 
-    ``drives_off`` tells that hands may be at the rig, ``zeros`` where joint and motors count from.
+    ``drives_off``: people may be working at the rig. ``zeros``: encoder offsets.
     """
 
     def __init__(
@@ -151,7 +153,7 @@ class ModeManager:
 
     @property
     def motion(self) -> Motion | None:
-        """The motion that is under way."""
+        """Active motion."""
         return self._motion
 
     @motion.setter
@@ -168,14 +170,14 @@ class ModeManager:
 
     @property
     def unready(self) -> str:
-        """What has to come before pretension; empty where nothing has."""
+        """What must precede pretension; empty for nothing."""
         return DRIVES_OFF if self.drives_off else self._plant.unready
 
     @property
     def requires_tension(self) -> bool:
-        """Whether slack would be a fault now: everywhere under control but on the way to pretension.
+        """Whether slack would be a fault: under control, except while winding.
 
-        Voltage steps are made with slack tendons on purpose.
+        Voltage steps are made with slack tendons deliberately.
         """
         is_winding = self.mode is Mode.PRETENSION and not self.is_completion_reported
         allows_slack = isinstance(self.motion, MotorSteps | CommissioningMotion)
@@ -184,11 +186,11 @@ class ModeManager:
 
     @property
     def has_unreported_stop(self) -> bool:
-        """Whether a stop has reached zero volts and was not reported yet."""
+        """Whether a stop has reached zero volts and has not been reported."""
         return self._pending_stop is not None and self.mode is Mode.TRIPPED
 
     def require_consistent(self) -> None:
-        """Raise InvariantError where mode, motion and latched fault do not belong together."""
+        """Raise InvariantError if mode, motion and latched fault are inconsistent."""
         if (self.mode in (Mode.OFF, Mode.TRIPPED)) is not (self.motion is None):
             raise InvariantError(f"mode {self.mode} with motion {type(self.motion).__name__}")
         if self.mode is Mode.TRIPPED and self.fault is Fault.NONE:
@@ -197,7 +199,7 @@ class ModeManager:
             raise InvariantError(f"mode {self.mode} with fault {self.fault}")
 
     def set_mode(self, command: SetMode, context: TickContext) -> None:
-        """Carry out an operator's move. Raises CommandRejectedError."""
+        """Execute an operator's transition. Raises CommandRejectedError."""
         mode = command.mode
         self._require_legal(mode)
         if isinstance(self.motion, CommissioningMotion) and mode is not Mode.STOPPING:
@@ -220,7 +222,10 @@ class ModeManager:
             raise CommandRejectedError(f"{mode} starts with a program, not by itself", LEGAL[self.mode])
 
     def run_program(self, command: RunProgram, context: TickContext) -> None:
-        """Start a program. Raises CommandRejectedError or OutOfRangeError before anything has moved."""
+        """Start a program.
+
+        Raises CommandRejectedError or OutOfRangeError before any motion.
+        """
         program, mode = command.program, program_mode(command.program.law)
         self._require_legal(mode)
         self._require_taut(mode)
@@ -240,17 +245,20 @@ class ModeManager:
     def start_commissioning_motion(
         self, make_motion: Callable[[MotorLoopState], Motion], cause: Why, context: TickContext
     ) -> None:
-        """Play what the bring-up asks for, from OFF."""
+        """Start a commissioning motion from OFF."""
         self._enter(context, Mode.IDENTIFY, make_motion(self._get_motor_loops(context.m)), cause)
 
     def start_module_trial(self, context: TickContext) -> None:
-        """Provoke the safety module's trip at the pretension. Raises CommandRejectedError."""
+        """Provoke the safety module's trip at pretension. Raises CommandRejectedError."""
         if not self.is_pretension_done or self.motion is None:
             raise CommandRejectedError("the safety module is tried once both tendons hold the pretension")
         self.motion = ModuleTrial(self.motion.get_motor_loops(), NO_REFERENCE, context.m)
 
     def set_tuning(self, tuning: CascadeTuning, lambdas: TuningParameters) -> None:
-        """Replace all gains of the cascade. Raises CommandRejectedError while a law without them plays."""
+        """Replace all gains of the cascade.
+
+        Raises CommandRejectedError during a baseline law.
+        """
         if isinstance(self.motion, Baseline):
             raise CommandRejectedError(
                 "the gains of a baseline are fixed while its program plays: wait for its end or stop it"
@@ -258,7 +266,10 @@ class ModeManager:
         self.tunings.replace(tuning, lambdas)
 
     def set_references(self, command: SetReferences) -> None:
-        """Move the operator's references. Raises CommandRejectedError or OutOfRangeError."""
+        """Set the operator's references.
+
+        Raises CommandRejectedError or OutOfRangeError.
+        """
         self.contact.require_none(LEGAL[self.mode])
         if self.mode not in (Mode.RUN, Mode.COMPLIANCE) or not isinstance(self.motion, Tracking):
             raise CommandRejectedError(
@@ -268,7 +279,10 @@ class ModeManager:
         self.motion.set_setpoint(Setpoint(float(command.q_ref), float(command.S_ref), 0.0))
 
     def react_to_contact(self, context: TickContext) -> None:
-        """React to a contact: the joint yields where it is, permanently unless a program's run continues."""
+        """React to a contact: the joint yields at its position.
+
+        Permanently, or for a limited time while a program's run continues.
+        """
         has_program, ticks = self._program is not None, self.contact.pause(self._program, self.motion)
         run_continues = bool(ticks) or (self.contact.begin_reaction(context.tick) and has_program)
         active = self.disturbances.get_active_inputs(self.tunings.number) if run_continues else NO_ACTIVE_INPUTS
@@ -286,13 +300,19 @@ class ModeManager:
             self._enter(context, Mode.COMPLIANCE, motion, Cause.CONTACT, 0 if has_program else self.run)
 
     def reset(self, context: TickContext) -> None:
-        """Leave TRIPPED; the loop has made sure that the cause is gone. Raises CommandRejectedError or PlantError."""
+        """Leave TRIPPED; the caller has checked that the cause is gone.
+
+        Raises CommandRejectedError or PlantError.
+        """
         self._plant.acknowledge()
         self.fault = Fault.NONE
         self._enter(context, Mode.OFF, None, Cause.RESET)
 
     def begin_stop(self, stop: Stop, detail: str, context: TickContext) -> None:
-        """Latch the fault and go to zero volts at once (hard) or after braking (soft). Never refused."""
+        """Latch the fault; zero volts at once (hard) or after braking (soft).
+
+        Never rejected.
+        """
         if self._pending_stop is None or stop.hard:
             self._pending_stop = StopRequest(stop, context.tick, time.perf_counter(), detail)
         if self.mode is Mode.TRIPPED:
@@ -326,7 +346,7 @@ class ModeManager:
         self._pending_stop = None
 
     def end_motion(self, context: TickContext) -> Measurement:
-        """Go on from a motion that has reached its end by itself; return what is measured, from zeros just found."""
+        """Continue after a motion has ended; return the measurement with current zeros."""
         if isinstance(self.motion, PretensionMotion):
             return self._set_motor_zeros(self.motion, context)
         if isinstance(self.motion, CommissioningMotion):
@@ -405,7 +425,7 @@ class ModeManager:
         self._enter(context, Mode.PRETENSION, motion, cause, completed=completed)
 
     def _set_motor_zeros(self, winding: PretensionMotion, context: TickContext) -> Measurement:
-        """Set the encoders' zeros from the tensions: incremental encoders do not know where slack ends."""
+        """Set the motors' zeros from the tensions, as incremental encoders have none."""
         m = context.m
         move_A, move_B = self._programs.compute_encoder_errors(winding.tensions, m)
         self.contact.reset(context.tick)
@@ -419,9 +439,7 @@ class ModeManager:
         return m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
 
     def _brake(self, context: TickContext, cause: Why) -> None:
-        if isinstance(
-            self.motion, CommissioningMotion
-        ):  # which way it turns is not known: to brake could be to drive on
+        if isinstance(self.motion, CommissioningMotion):  # the direction is unknown: braking could accelerate
             self._enter(context, Mode.OFF, None, cause)
             return
         self._enter(

@@ -1,4 +1,4 @@
-"""The modes of the loop, the transitions between them as a table, and their causes."""
+"""Modes of the loop, the table of transitions between them, and their causes."""
 
 from enum import StrEnum
 
@@ -7,11 +7,11 @@ from plant import ErrorCode, SinewError
 
 # Causes --------------------------------------------------------------------------------------------
 #
-# Why the loop has moved between modes: what decides hangs on these, their words are for people.
+# Causes of mode changes: code depends on the members, people read their values.
 
 
 class Cause(StrEnum):
-    """What led from one mode to the next, where nothing went wrong."""
+    """Cause of a mode change without a fault."""
 
     ASKED_FOR = "asked for"
     PROGRAM = "program"
@@ -25,7 +25,7 @@ class Cause(StrEnum):
 
 
 class HomingEnd(StrEnum):
-    """How it ended; HOMED alone sets a zero."""
+    """Result of homing; only HOMED sets a zero."""
 
     HOMED = "homed at the end switch"
     NOT_REACHED = "homing: the end switch did not close"
@@ -39,16 +39,16 @@ class HomingEnd(StrEnum):
 
 
 Why = Cause | HomingEnd | Fault
-"""A fault, where it was one that stopped the loop."""
+"""Cause of a mode change; a fault if it stopped the loop."""
 
 
 # Mode ----------------------------------------------------------------------------------------------
 #
-# The modes of the loop and the moves between them, as an explicit table.
+# Modes of the loop and the permitted transitions between them.
 
 
 class Mode(StrEnum):
-    """What the loop is doing. The position in this enum is the code in the sample."""
+    """Mode of the loop. The position in this enum is the code in the sample."""
 
     OFF = "off"
     PRETENSION = "pretension"
@@ -75,21 +75,19 @@ LEGAL: dict[Mode, tuple[Mode, ...]] = {
     Mode.STOPPING: (),
     Mode.TRIPPED: (),
 }
-"""Moves that an operator may ask for. TRIPPED is left by reset (to OFF) only; a hard stop leads there from anywhere.
-
-STOPPING ends in OFF by itself. The moves out of PRETENSION towards motion are granted once both tendons hold the
-pretension (``Refused`` says so before that).
-"""
+"""Transitions that an operator may request. Only reset leaves TRIPPED (to OFF); a hard stop leads to TRIPPED from any
+mode. STOPPING ends in OFF. The transitions from PRETENSION to motion are permitted once both tendons hold the
+pretension (before that the command is answered by ``Refused``)."""
 
 
 DRIVES_OFF = (
     "the drives are switched off, as hands may be at the rig: take them off, then switch the drives on in the bring-up"
 )
-"""Why nothing starts while hands are at the rig."""
+"""Reason why no motion starts while people may be working at the rig."""
 
 
 class CommandRejectedError(SinewError):
-    """A command that cannot be carried out now; ``legal`` lists the modes that could be asked for instead."""
+    """A command that cannot be executed now; ``legal`` lists the modes to choose from."""
 
     category = ErrorCode.NOT_NOW
 

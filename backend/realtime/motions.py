@@ -1,4 +1,4 @@
-"""The motion of each mode, and the arrays from which the control step plays a program."""
+"""Motions of the modes, and their construction from programs."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -34,7 +34,7 @@ from plant import Measurement, Plant, PlantParameters, StateBlock, T_s, spring_e
 
 # Program arrays ------------------------------------------------------------------------------------
 #
-# What a program plays, as the compiled tick reads it.
+# Programs in the form that the compiled step reads.
 
 
 _SHAPES = {
@@ -48,7 +48,7 @@ _SHAPES = {
 
 
 def make_segment_player(segments: Sequence[Segment], first: Setpoint) -> setpoint_player.SetpointPlayer:
-    """Play segments from a target on."""
+    """Return a player of segments that starts from a setpoint."""
     rows = [
         (
             _SHAPES[segment.shape],
@@ -81,7 +81,10 @@ def make_segment_player(segments: Sequence[Segment], first: Setpoint) -> setpoin
 def make_tension_hold_state(
     program: Program, excitation: Excitation, motor_loops: MotorLoopState, theta_A: float
 ) -> motion_primitives.TensionHoldState:
-    """Hold the program's tension, which ``theta_A`` [rad] of motor A gives about, settle, and excite."""
+    """Return a state that holds the program's tension, settles and excites.
+
+    ``theta_A`` [rad] of motor A gives approximately this tension.
+    """
     amplitude = excitation.amplitude_rad
     levels = np.array([amplitude if level == "+" else -amplitude for level in excitation.levels])
     chip_ticks = max(round(excitation.chip_s / T_s), 1)
@@ -96,7 +99,10 @@ def make_tension_hold_state(
 def make_tension_sweep_state(
     program: Program, goals: Sequence[tuple[float, float]]
 ) -> motion_primitives.TensionSweepState:
-    """Sweep along ``goals``: theta_A and theta_B [rad] of the start and of each leg's end."""
+    """Return a state that sweeps along ``goals``.
+
+    These are theta_A and theta_B [rad] at the start and at the end of each leg.
+    """
     ticks = np.array([max(round(leg.duration_s / T_s), 1) for leg in program.legs], dtype=np.int64)
     return motion_primitives.TensionSweepState(np.array(goals), ticks, round(program.settle_s / T_s), -1, 0)
 
@@ -104,7 +110,7 @@ def make_tension_sweep_state(
 def make_voltage_steps_state(
     program: Program, margin: motion_primitives.VoltageMargin
 ) -> motion_primitives.VoltageStepsState:
-    """Make the program's steps within ``margin``."""
+    """Return a state that executes the program's steps within ``margin``."""
     rows = [(step.theta_start, step.u, round(step.duration_s / T_s), step.travel_rad) for step in program.steps]
     steps = np.array(rows, dtype=np.float64).reshape(-1, 4)
     brake = motion_primitives.BrakeState(0.0, 0.0, 0.0, 0.0)
@@ -124,17 +130,15 @@ def make_voltage_steps_state(
 
 # Motion --------------------------------------------------------------------------------------------
 #
-# What the loop does with the motors in each mode: a motion, begun here and stepped by the compiled
-# tick.
+# Motions of the motors in each mode: constructed here and stepped by the compiled step.
 #
-# Every motion hands the state of the motor loops on to the next one, so that no change of mode
-# makes the voltages jump.
+# Each motion passes the state of the motor loops to the next, so the voltages do not jump when the mode changes.
 
 
 class Motion:
-    """One way of moving. ``done`` tells that it has reached its end; it goes on holding there.
+    """A motion. ``done``: it has reached its end, where it holds.
 
-    It begins with ``first`` and goes on in the cell where it is laid.
+    Its state is ``initial`` until it is bound to a block, then the content of the block.
     """
 
     def __init__(self, motor_loops: MotorLoopState, state: Any, setpoint: Setpoint = NO_REFERENCE) -> None:
@@ -143,13 +147,13 @@ class Motion:
         self._block: StateBlock[Moving] | None = None
 
     def bind(self, block: StateBlock[Moving]) -> None:
-        """Go on in a cell of its kind, in which nothing else moves any more."""
+        """Continue in a block of the motion's kind, which no other motion uses now."""
         block.set(self.initial)
         self._block = block
 
     @property
     def current(self) -> Moving:
-        """Present state of the motion."""
+        """Current state of the motion."""
         return self.initial if self._block is None else self._block.get()
 
     def get_motor_loops(self) -> MotorLoopState:
@@ -157,20 +161,20 @@ class Motion:
         return self.current.motor_loops
 
     def set_setpoint(self, setpoint: Setpoint) -> None:
-        """Go for another target from the next tick on."""
+        """Set another setpoint from the next tick on."""
         if self._block is not None:
             self._block.field("setpoint").set(setpoint)
 
 
 def _compute_holding_voltages(motor_loops: MotorLoopState, m: Measurement, u_max: float) -> tuple[float, float]:
-    """Voltages [V] that the motor loops would go on with."""
+    """Return the voltages [V] with which the motor loops would continue."""
     references = motor_loops.theta_A_ref, motor_loops.theta_B_ref
     voltages, _ = pid.step_motor_pair(motor_loops.gains, motor_loops.state, *references, m.theta_A, m.theta_B, u_max)
     return voltages.u_A, voltages.u_B
 
 
 class IdleMotion(Motion):
-    """None: zero volts."""
+    """No motion: zero volts."""
 
     def __init__(self, gains: pid.MotorPairGains) -> None:
         super().__init__(
@@ -179,7 +183,7 @@ class IdleMotion(Motion):
 
 
 class PretensionMotion(Motion):
-    """Pretension from slack: both motors wind until both load cells read the pretension."""
+    """Pretension from slack: both motors wind until the load cells read its tension."""
 
     def __init__(self, motor_loops: MotorLoopState) -> None:
         super().__init__(motor_loops, motion_primitives.begin_winding(motor_loops))
@@ -192,14 +196,14 @@ class PretensionMotion(Motion):
 
 
 class PointToPointMotion(Motion):
-    """Walk the motor references along a straight line to (theta_A, theta_B) [rad] and hold there."""
+    """Move the motor references straight to (theta_A, theta_B) [rad] and hold there."""
 
     def __init__(self, motor_loops: MotorLoopState, theta_A: float, theta_B: float) -> None:
         super().__init__(motor_loops, motion_primitives.TravelState(theta_A, theta_B, 0.0))
 
 
 class Braking(Motion):
-    """Soft stop: brake both motors and keep braking until the joint has come to rest under tension."""
+    """Soft stop: brake both motors until the joint is at rest under tension."""
 
     def __init__(self, motor_loops: MotorLoopState, m: Measurement, u_max: float) -> None:
         super().__init__(
@@ -208,7 +212,7 @@ class Braking(Motion):
 
 
 class ForceHold(Motion):
-    """Actuator identification: tension held by motor A, the excitation on top (figure 5)."""
+    """Actuator identification: tension held by motor A, excitation added (figure 5)."""
 
 
 class TensionSweep(Motion):
@@ -233,7 +237,7 @@ class Tracking(Motion):
         *,
         yields: bool = False,
     ) -> None:
-        """Begin where nothing has to move; a joint that ``yields`` is to rest where it is now."""
+        """Start without motion; with ``yields`` the reference is the joint's position."""
         start = tracking.find_resting_setpoint(tuning, m, bounds, position_loop=position_loop or yields)
         player = make_segment_player(() if program is None else program.segments, start)
         references = motor_loops.theta_A_ref, motor_loops.theta_B_ref
@@ -263,11 +267,12 @@ BASELINES: dict[Law, Callable[[PlantParameters, TuningParameters, tuple[float, f
     Law.SINGLE_LOOP: _make_single_loop,
     Law.FEEDBACK_LINEARIZATION: _make_feedback_linearization,
 }
-"""Laws without cascade: kind, tuning from parameters and λ, and the state that takes over from voltages [V]."""
+"""Laws without cascade: kind of motion, tuning from parameters and λ, and the state that continues from voltages
+[V]."""
 
 
 class Baseline(Motion):
-    """A law without cascade playing a program's segments; its gains stay as they were at the start."""
+    """Law without cascade that plays a program; its gains do not change during it."""
 
     def __init__(
         self,
@@ -279,7 +284,7 @@ class Baseline(Motion):
         m: Measurement,
         bounds: Bounds,
     ) -> None:
-        """Raise TuningError where the law has no gains for these λ."""
+        """Raise TuningError if the law has no gains for these λ."""
         start = tracking.find_resting_setpoint(tuning, m, bounds)
         kind, law_tuning, law = BASELINES[program.law](
             parameters, lambdas, _compute_holding_voltages(motor_loops, m, tuning.u_max), m
@@ -288,7 +293,7 @@ class Baseline(Motion):
 
 
 class PythonMotion(Motion):
-    """What a bring-up plays: rare, short, and stepped by the interpreter."""
+    """Motion of commissioning: rare and short, stepped in Python."""
 
     def __init__(self, motor_loops: MotorLoopState, setpoint: Setpoint) -> None:
         self.done = False
@@ -296,7 +301,7 @@ class PythonMotion(Motion):
         self._motor_loops = motor_loops
 
     def step(self, tuning: cascade.CascadeTuning, m: Measurement) -> ControlOutput:
-        """One tick: measurement to voltages."""
+        """Execute a step: measurement to voltages."""
         raise NotImplementedError
 
     def get_motor_loops(self) -> MotorLoopState:
@@ -306,7 +311,7 @@ class PythonMotion(Motion):
     def follow(
         self, tuning: cascade.CascadeTuning, m: Measurement, theta_A_ref: float, theta_B_ref: float
     ) -> ControlOutput:
-        """One tick of both motor loops towards motor references [rad]."""
+        """Step both motor loops towards motor references [rad]."""
         output, self._motor_loops = track_motors(
             tuning=tuning,
             motor_loops=self._motor_loops,
@@ -320,9 +325,9 @@ class PythonMotion(Motion):
 
 
 class CommissioningMotion(PythonMotion):
-    """What the bring-up plays, from OFF to OFF: never braked, as nothing is proven yet, but ended at zero volts.
+    """Motion of commissioning, from OFF to OFF.
 
-    ``cause`` says how it ended.
+    Never braked, as directions are not proven yet, but ended at zero volts. ``cause`` says how it ended.
     """
 
     cause: Why = Cause.ASKED_FOR
@@ -330,8 +335,7 @@ class CommissioningMotion(PythonMotion):
 
 # Program motions -----------------------------------------------------------------------------------
 #
-# From a program to the motion that plays it: what it asks for is looked at whole before anything
-# moves.
+# Motions of programs: a program is checked completely before any motion.
 
 
 class ProgramMotions:
@@ -352,11 +356,11 @@ class ProgramMotions:
         tuning: CascadeTuning,
         lambdas: TuningParameters,
     ) -> Motion:
-        """Return what plays the program from here on. Raises CommandRejectedError or OutOfRangeError."""
+        """Return the motion of a program. Raises CommandRejectedError or OutOfRangeError."""
         if program.law is Law.FORCE_HOLD:
             if program.excitation is None:
                 raise ValueError("a force-hold program needs an excitation")
-            # Motor B stays at zero: what motor A winds stretches both springs.
+            # Motor B stays at zero: the rotation of motor A stretches both springs.
             theta_A = sum(self.compute_motor_angles(program.tension_N))
             return ForceHold(motor_loops, make_tension_hold_state(program, program.excitation, motor_loops, theta_A))
         if program.law is Law.MOTOR_STEPS:
@@ -394,12 +398,12 @@ class ProgramMotions:
         return A / r_m - m.theta_A, B / r_m - m.theta_B
 
     def compute_motor_angles(self, F: float) -> tuple[float, float]:
-        """theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
+        """Return theta_A, theta_B [rad] that hold F [N] in both tendons at q = 0."""
         r_m = self._geometry.r_m
         return spring_elongation(self._spring_A, F) / r_m, spring_elongation(self._spring_B, F) / r_m
 
     def require_references(self, q_ref: float, S_ref: float) -> None:
-        """Raise OutOfRangeError unless the joint may be brought to q_ref [rad] and S_ref [N·m/rad]."""
+        """Raise OutOfRangeError unless q_ref [rad] and S_ref [N·m/rad] are in range."""
         check_range("q_ref", q_ref, self._bounds.q_min, self._bounds.q_max, "rad")
         check_range("S_ref", S_ref, self._bounds.S_min, self._bounds.S_max, "N·m/rad")
 
@@ -407,7 +411,7 @@ class ProgramMotions:
         require_few(program.segments)
         q_min, q_max, S_min, S_max = self._bounds.q_min, self._bounds.q_max, self._bounds.S_min, self._bounds.S_max
         for segment in program.segments:
-            # Most are plain and good, and a thousand calls would take half a period.
+            # Most segments pass this check; a thousand calls would take half a period.
             is_valid = q_min <= segment.q_ref <= q_max and S_min <= segment.S_ref <= S_max
             if not is_valid or segment.F_push or segment.load_A or segment.load_B:
                 self._require_segment(segment)
@@ -419,7 +423,8 @@ class ProgramMotions:
     def _make_motor_steps(self, program: Program, motor_loops: MotorLoopState) -> MotorSteps:
         if not program.steps:
             raise CommandRejectedError("a program of voltage steps needs at least one step")
-        theta_max = self._geometry.r_j / self._geometry.r_m * self._bounds.q_trip  # what the joint's range winds up
+        # winding over the whole range of the joint
+        theta_max = self._geometry.r_j / self._geometry.r_m * self._bounds.q_trip
         for step in program.steps:
             check_range(
                 "theta_start",

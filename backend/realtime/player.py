@@ -1,7 +1,7 @@
-"""A recording in place of control: a row each tick as it was recorded, and no more than a player's commands.
+"""Replay in place of control: writes one recorded row per tick.
 
-It stands where ``Loop`` stands in the loop process, so that the loop that controls knows nothing of it. Nothing is
-measured, checked, decided or written here: no fault can come of what is played, and no stop has anything to stop.
+It replaces ``Loop`` in the loop process, so the control loop has no code for replays. Nothing is measured, checked,
+computed or written to a plant: a replay cannot cause a fault, and a stop only pauses it.
 """
 
 import math
@@ -33,16 +33,16 @@ UNREADY = "a recording is played: nothing real moves, and no mode starts"
 REFUSED = "a recording is played: nothing real moves, so it takes no commands but play, pause, speed and position"
 
 PRESENT = frozenset({"tick", "t", "mode", "run", "fault", "bank_entry", "lateness_s", "overruns"})
-"""What a row says of the loop that plays, not of what was recorded."""
+"""Columns of the replaying loop, not of the recording."""
 
 _NOTHING = frozenset({"mode", "run", "fault", "bank_entry", "limits", "F_push"})
-"""Columns that are 0 where nothing is known; the others are nan."""
+"""Columns that are 0 if unknown; the others are NaN."""
 
 
 class PlayerLoop:
-    """Plays one recording, beginning as it is made; at its end it stands at the last sample.
+    """Plays one recording from its construction on.
 
-    ``finished`` tells that a Shutdown has been asked for.
+    Stays at the last sample at the end. ``finished``: a Shutdown was received.
     """
 
     mode = Mode.OFF
@@ -56,17 +56,17 @@ class PlayerLoop:
         self._ring, self.finished = ring, False
         self._tick, self._samples = 0, len(recording)
         self._playing, self._speed = True, 1.0
-        self._since, self._from = 0, 0.0  # a tick and the sample that it shows: it goes on from there
-        self._moved = True  # what the service was not told of yet
+        self._since, self._from = 0, 0.0  # a tick and the sample that it shows, from which the others follow
+        self._moved = True  # whether the service must be informed
         self._events: list[Event] = []
 
     def drain_events(self) -> list[Event]:
-        """Events since the last call, oldest first."""
+        """Return the events since the last call, oldest first."""
         events, self._events = self._events, []
         return events
 
     def handle(self, sequence: int, command: Command) -> None:
-        """Carry out a command between two ticks, or refuse it; the answer is queued as an event."""
+        """Execute or reject a command between two ticks; the reply is queued as an event."""
         match command:
             case PlayRecording():
                 refused = self._play(command)
@@ -82,7 +82,7 @@ class PlayerLoop:
         self._events.append(Refused(sequence, tick, refused) if refused else Accepted(sequence, tick))
 
     def tick(self, lateness_s: float = 0.0, overruns: int = 0) -> None:
-        """One period: the row of where the player stands, and one step on while it plays."""
+        """Execute a period: write the current row, and advance while playing."""
         if self._moved:
             self._events.append(PlayerMoved(self._tick, self._playing, self._speed, self._sample, self._samples))
             self._moved = False
@@ -95,11 +95,11 @@ class PlayerLoop:
             self._go(False, self._speed, self._samples - 1)
 
     def close(self) -> None:
-        """Nothing is driven, nothing to let go of."""
+        """Do nothing: no plant is open."""
 
     @property
     def _sample(self) -> float:
-        """Sample that the next tick shows, and how far it is on the way to the one after it."""
+        """Position in samples that the next tick shows, with its fraction."""
         return self._from + (self._tick - self._since) * self._speed if self._playing else self._from
 
     def _go(self, playing: bool, speed: float, sample: float) -> None:
@@ -107,7 +107,7 @@ class PlayerLoop:
         self._moved = True
 
     def _play(self, order: PlayRecording) -> str:
-        """Carry out an order; return why it is refused, "" where it is not."""
+        """Execute a command; return the reason of a rejection, "" if it is accepted."""
         last = self._samples - 1
         if order.sample is not None and not 0 <= order.sample <= last:
             return f"sample {order.sample} is outside the recording: it has the samples 0 to {last}"
@@ -115,13 +115,16 @@ class PlayerLoop:
             return f"a speed of {order.speed:g} is outside {SPEED_MIN:g} to {SPEED_MAX:g}"
         sample = self._sample if order.sample is None else float(order.sample)
         if order.playing and order.sample is None and sample >= last:
-            sample = 0.0  # played again after its end
+            sample = 0.0  # from the start, as it was at its end
         playing = self._playing if order.playing is None else order.playing
         self._go(playing and sample < last, self._speed if order.speed is None else order.speed, sample)
         return ""
 
     def _stop(self, stop: Stop) -> str:
-        """Pause. Whoever pressed STOP has to hear of it: that nothing was driven is told by who knows the plant."""
+        """Pause. STOP pressed by a person is answered with ``Stopped``.
+
+        The service adds that no plant was driven.
+        """
         begun_s = time.perf_counter()
         self._go(False, self._speed, self._sample)
         if stop.fault is Fault.STOP_PRESSED:

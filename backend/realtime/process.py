@@ -1,4 +1,4 @@
-"""The loop process: its entry point, and the rehearsal of every mode before the first deadline."""
+"""Loop process: its entry point, and the rehearsal before the first deadline."""
 
 import gc
 import select
@@ -64,8 +64,7 @@ from plant import (
 
 # Rehearsal -----------------------------------------------------------------------------------------
 #
-# Go through every mode once on a simulator, so that nothing is compiled or loaded after the first
-# real deadline.
+# Execute every mode once on a simulator, so that nothing is compiled or loaded after the first real deadline.
 
 
 _PRETENSION_TICKS = 20_000
@@ -82,14 +81,17 @@ _IDENTIFYING = (
 
 
 class WarmUpError(SinewError):
-    """The loop cannot even work on the simulator with these parameters and this tuning."""
+    """The loop fails on the simulator with these parameters and this tuning."""
 
 
 def warm_up(parameters: PlantParameters, tuning: SetTuning) -> None:
-    """Run pretension, run, compliance, every kind of program, a soft stop and a homing. Raises WarmUpError."""
+    """Execute pretension, run, compliance, all programs, soft stop and homing.
+
+    Raises WarmUpError.
+    """
     ring = Ring.create(capacity=16)
     loop = Loop(Simulator(parameters), parameters, ring, tuning)
-    plain = replace(tuning, k_ext=0.0)  # nothing is learned here
+    plain = replace(tuning, k_ext=0.0)  # no bias is calibrated here
     S_ref = 0.5 * (loop.bounds.S_min + loop.bounds.S_max)
     _send_command(loop, SetMode(Mode.PRETENSION))
     _run_pretension(loop)
@@ -97,7 +99,7 @@ def warm_up(parameters: PlantParameters, tuning: SetTuning) -> None:
         _send_command(loop, RunProgram(program))
         _run_while(loop, Mode.IDENTIFY)
         _run_pretension(loop)
-    # The single loop does not take each λ of the cascade: any λ of its range calls the same compiled code.
+    # The single loop does not accept every λ of the cascade; any λ in its range runs the same compiled code.
     short = 4.0 * min(motor_model(parameters, "A").T_m, motor_model(parameters, "B").T_m)
     brisk = replace(plain, lam_q=min(tuning.lam_q, short), lam_S=min(tuning.lam_S, short))
     for law in (Law.CASCADE, *BASELINES):
@@ -114,7 +116,7 @@ def warm_up(parameters: PlantParameters, tuning: SetTuning) -> None:
 
 
 def _warm_up_homing(parameters: PlantParameters, tuning: SetTuning) -> None:
-    """Step what the interpreter steps; of what is compiled, a homing takes all that the bring-up does."""
+    """Execute a homing step, which calls all compiled code of commissioning motions."""
     plant = Simulator(parameters)
     gains = build_cascade_tuning(tuning, collect_plant_knowledge(parameters))
     homing = Homing(
@@ -150,30 +152,31 @@ def _run_while(loop: Loop, mode: Mode) -> None:
 
 # Worker --------------------------------------------------------------------------------------------
 #
-# The loop process: ``python -m backend.realtime.process RING_FD CHANNEL_FD CARD_FD PARAMETERS``,
-# see ``launching.py``.
+# The loop process: ``python -m backend.realtime.process RING_FD CHANNEL_FD CARD_FD PARAMETERS``, see ``launching.py``.
 #
-# Nothing here waits for the service. Whatever ends this process, its last act is zero volts; when
-# the service falls silent the loop brings the joint to a soft stop by itself.
+# It never waits for the service. However it ends, its last action is zero volts; without heartbeat from the service the
+# loop stops softly on its own.
 
 
 SILENCE_S = 0.34
-"""Without a word from the service for so long [s], the loop stops softly.
-
-Braking takes 0.14 s: the joint stands within 0.5 s of the last word."""
+"""Time without a message from the service [s] after which the loop stops softly. Braking takes 0.14 s, so the joint
+stands within 0.5 s of the last message."""
 
 MAX_COUNTED_GAP_S = 0.02
-"""Longest time between two ticks that counts as silence [s]: when the whole machine pauses, nobody can speak."""
+"""Longest time between two ticks that counts as silence [s]: if the whole machine pauses, no message can arrive."""
 
 COMMANDS_PER_TICK = 4
 BYTES_PER_TICK = 4000
-"""More wait for the next tick, so that no burst of commands and no long program makes a tick late."""
+"""Limits per tick; the rest waits for the next one, so that no burst of commands and no long program delays a tick."""
 
 _MOTIONLESS_MODES = (Mode.OFF, Mode.TRIPPED)
 
 
 class Worker:
-    """One loop and its channel to the service; ``drives_off``: somebody may be at the rig already."""
+    """One loop and its channel to the service.
+
+    ``drives_off``: people may be working at the rig already.
+    """
 
     def __init__(self, plant: Plant, loop: Loop | PlayerLoop, channel: Channel, *, drives_off: bool = False) -> None:
         self._plant = plant
@@ -187,7 +190,7 @@ class Worker:
         self._readiness: tuple[str, bool] | None = None
         self._parts = ProgramParts()
         self._paused = False
-        if drives_off:  # a line that does not fall leaves the loop locked all the same
+        if drives_off:  # a drive-enable line that stays on still leaves the loop locked
             loop.handle(0, SwitchDrives(on=False))
 
     def terminate(self) -> None:
@@ -199,7 +202,7 @@ class Worker:
         self._outbox.append(encode(message))
 
     def run(self, pacer: Pacer, now_s: Callable[[], float] = time.monotonic) -> None:
-        """Tick until told to end, or until the service is gone and the outputs are zero."""
+        """Run until terminated, or until the service is lost and the outputs are zero."""
         before_s = now_s()
         while not (self._terminated or self._loop.finished or self._is_abandoned()):
             lateness_s = pacer.met() if self._plant.paces_loop else pacer.wait()
@@ -214,7 +217,8 @@ class Worker:
             self._tick += 1
             if (readiness := self._loop.readiness) != self._readiness:
                 self._readiness = readiness
-                self.queue_message(ReadinessChanged(self._tick, *readiness))  # before the answer to what has changed it
+                # before the reply to the command that changed it
+                self.queue_message(ReadinessChanged(self._tick, *readiness))
             for event in self._loop.drain_events():
                 self.queue_message(event)
             if self._outbox:
@@ -259,7 +263,7 @@ class Worker:
                     self.queue_message(Refused(sequence, self._tick, str(refused)))
             case command:
                 self._loop.handle(sequence, command)
-                # The card's watchdog may have been tried, at zero volts, which takes its time.
+                # The proof test of the watchdog may have run, at zero volts, which takes time.
                 self._paused = self._paused or (isinstance(command, SwitchDrives) and command.on)
 
     def _send(self) -> None:
@@ -287,7 +291,7 @@ def _run_loop(ring: Ring, channel: Channel, card: Card) -> None:
     parameters = load_parameters(setup.parameters).with_identified(setup.identified)
     plant = make_plant(setup.plant, parameters, setup.seed, card, setup.brought_up, drives_off=setup.drives_off)
     warm_up(parameters, setup.tuning)
-    # Takes a while: before the loop arms the card's watchdog, which waits for the first tick from then on.
+    # These take a while, so they precede opening: an opened card's watchdog waits for the first tick.
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -307,19 +311,19 @@ def _run_loop(ring: Ring, channel: Channel, card: Card) -> None:
 
 def main() -> int:
     """Run the loop on the descriptors of the command line; return the exit status."""
-    # Ctrl-C in a terminal and its closing reach every process: the service decides, and tells this one.
+    # Ctrl-C and the closing of a terminal reach every process: the service decides and commands this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     ring = Ring.attach(int(sys.argv[1]))
     channel = Channel(socket.socket(fileno=int(sys.argv[2])))
-    with suppress(Exception):  # what is wrong with it is told when it is needed, if it is
-        Simulator(load_parameters(sys.argv[4]))  # loads what is compiled, while the service is not there yet
+    with suppress(Exception):  # an error is reported when the parameters are needed
+        Simulator(load_parameters(sys.argv[4]))  # loads compiled code while the service is starting
     try:
         _run_loop(ring, channel, Card(int(sys.argv[3])))
     except ChannelClosedError:
         return 0
     except (PlantError, ParameterError) as error:
-        # Not a mistake of the program: the service tells it in a sentence.
+        # Not a programming error: the service reports the message.
         channel.send(encode(Failed(str(error))))
         return 1
     except Exception as error:

@@ -1,4 +1,4 @@
-"""Programs of the loop as plain data: modes, segments, tunings, touch, and causes of transitions."""
+"""Programs of the loop as dataclasses, with their tunings and contact detections."""
 
 import math
 from collections.abc import Collection
@@ -12,24 +12,24 @@ from plant import Obstacle
 
 # Set touch -----------------------------------------------------------------------------------------
 #
-# What is asked of touch, and what is told of it, as plain data.
+# Commands and events of contact detection.
 
 
 CONTACT_MIN_N, CONTACT_MAX_N = 1.0, 30.0
-"""Force that may count as a contact [N]: with less, the estimate's own error in a fast move could."""
+"""Range of the contact threshold [N]: below, the estimate's error in a fast move could exceed it."""
 
 NEIGHBOUR = 0.25
-"""Points nearer to each other than this [N·m/rad] are one, and the newer counts."""
+"""Distance below which two calibration points are merged [N·m/rad]; the newer one counts."""
 
 SIGMAS = 6.0
-"""The least force of a contact, in standard deviations of the estimate at rest."""
+"""Least contact threshold, in standard deviations of the estimate at rest."""
 
 
 @dataclass(frozen=True)
 class ConfigureContactDetection:
-    """What the estimate of the outside force has learned, and from what force on [N] a contact is reacted to, 0: never.
+    """Set the calibrated bias and the threshold of contacts [N], 0 for no reaction.
 
-    ``bias`` are points of S [N·m/rad], rising, and the force [N] that is estimated there with nothing outside.
+    ``bias`` are points of rising S [N·m/rad] and the force [N] that is estimated there without external force.
     """
 
     bias: tuple[tuple[float, float], ...] = ()
@@ -38,7 +38,10 @@ class ConfigureContactDetection:
 
 @dataclass(frozen=True)
 class ContactDetected:
-    """An outside force estimated at ``F_ext_hat`` [N] was a contact, as ``contact_N`` [N] says: the joint gives way."""
+    """The estimated external force ``F_ext_hat`` [N] exceeded ``contact_N`` [N].
+
+    The joint yields.
+    """
 
     tick: int
     F_ext_hat: float
@@ -47,20 +50,22 @@ class ContactDetected:
 
 @dataclass(frozen=True)
 class BiasLost:
-    """The motors' zeros were found anew: what the outside force had learned is gone, and nothing is given way to."""
+    """The motors' zeros were set again: the bias is reset, contact reaction is off."""
 
     tick: int
 
 
 # Set tuning ----------------------------------------------------------------------------------------
 #
-# All gains of the cascade, as plain data: a command of its own, and part of a program that changes
-# them.
+# All gains of the cascade: a command, and part of programs that change them.
 
 
 @dataclass(frozen=True)
 class EntryGains:
-    """Gains of the two outer loops at one point of the bank, scaled for the decoupler (erratum E3)."""
+    """Gains of both outer loops at one operating point of the bank.
+
+    Scaled for the decoupler (erratum E3).
+    """
 
     S_nominal: float
     k_p_q: float
@@ -85,10 +90,9 @@ class MotorGains:
 class SetTuning:
     """Replace all gains at once, bumpless: the motor voltages do not jump.
 
-    The service computes gains from models and λ; the loop only applies them. ``interpolate`` chooses between gain
-    scheduling and switching with hysteresis when there is more than one entry. ``u_plan`` [V] is the voltage limit of
-    time-optimal motion, 0 for lambda motion. ``k_ext`` [1]: share of the outside force that is rejected by
-    feed-forward, where its bias was learned.
+    The service computes gains from models and λ; the loop only applies them. ``interpolate`` selects interpolation
+    instead of switching with hysteresis between several entries. ``u_plan`` [V] is the voltage limit of time-optimal
+    motion, 0 for lambda motion. ``k_ext`` [1]: gain of the disturbance rejection, which needs a calibrated bias.
     """
 
     lam_q: float
@@ -103,27 +107,26 @@ class SetTuning:
 
 # Program -------------------------------------------------------------------------------------------
 #
-# What the loop can play by itself: references over time, an excitation, an external push.
+# Programs that the loop plays: references over time, an excitation, an external push.
 #
-# A program is plain data, sent whole before it starts, so that its timing is the loop's own and no
-# message has to arrive in time while it plays.
+# A program is sent completely before it starts, so its timing depends on the loop alone and on no messages.
 
 
 MAX_SEGMENTS = 1000
-"""Most segments of a program: forty packets, each taken in a tick of its own."""
+"""Most segments of a program: forty packets, each received in its own tick."""
 
 MAX_TUNINGS = 50
-"""Most changes of the tuning in a program, each a packet of its own."""
+"""Most changes of the tuning in a program, each its own packet."""
 
 MAX_WALLS = 50
 """Most changes of the obstacle in a program."""
 
 MAX_TOUCHES = 200
-"""Most changes in a program of what is given way to."""
+"""Most changes of the contact detection in a program."""
 
 
 class Law(StrEnum):
-    """Which control law a program runs under."""
+    """Control law of a program."""
 
     CASCADE = "cascade"
     COMPLIANCE = "compliance"
@@ -135,7 +138,7 @@ class Law(StrEnum):
 
 
 IDENTIFYING = (Law.FORCE_HOLD, Law.MOTOR_STEPS, Law.TENSION_SWEEP)
-"""Laws that move the motors below the cascade, in the mode IDENTIFY."""
+"""Laws that move the motors without the cascade, in the mode IDENTIFY."""
 
 
 def program_mode(law: Law) -> Mode:
@@ -144,15 +147,16 @@ def program_mode(law: Law) -> Mode:
 
 
 def may_start_from(law: Law, mode: Mode) -> bool:
-    """Whether a program of this law may start from a mode.
+    """Return whether a program of this law may start from a mode.
 
-    Under ``COMPLIANCE`` from pretension only: no joint loop brings the joint gently to where the pushes begin.
+    ``COMPLIANCE`` only from pretension: without a position loop nothing moves the joint gently to the start of the
+    pushes.
     """
     return program_mode(law) in LEGAL[mode] and (law is not Law.COMPLIANCE or mode is Mode.PRETENSION)
 
 
 class Shape(StrEnum):
-    """How a segment moves from the previous segment's values to its own."""
+    """Transition of a segment from the previous segment's values to its own."""
 
     STEP = "step"
     RAMP = "ramp"
@@ -163,16 +167,16 @@ class Shape(StrEnum):
 
 
 OSCILLATING = (Shape.SINE, Shape.SWEEP, Shape.PRBS, Shape.MULTISINE)
-"""Shapes that move around the previous values, with the difference to their own as amplitude."""
+"""Shapes that oscillate around the previous values; the amplitude is the difference to their own."""
 
 
 @dataclass(frozen=True)
 class ContactDetection:
-    """What a program does about contacts from a segment on.
+    """Contact detection of a program from a segment on.
 
-    An outside force above ``contact_N`` [N] ends what is played up to the next change of this: for the rest of that
-    time the joint gives way, and then the program goes on. 0 is no contact of the program's own. ``learns``: what the
-    estimate reads as the segment begins, at rest before it, is what it reads with nothing outside.
+    An external force above ``contact_N`` [N] ends the current part up to the next change of contact detection: for the
+    rest of that time the joint yields, then the program continues. 0 disables detection. ``learns``: the estimate at
+    the start of the segment, after rest, is stored as bias.
     """
 
     contact_N: float = 0.0
@@ -181,16 +185,18 @@ class ContactDetection:
 
 @dataclass(frozen=True)
 class Segment:
-    """One stretch of a program.
+    """One segment of a program.
 
-    ``STEP`` jumps to the values at once and holds them; ``RAMP`` moves linearly and arrives at the end;
-    ``SINE`` oscillates around the previous values with the difference as amplitude and ``period_s``; ``SWEEP`` likewise
-    from ``period_s`` to ``period_end_s``, its frequency growing or falling by the same factor in equal times;
-    ``PRBS`` is a maximum-length sequence of a register of ``count`` bits with chips of ``period_s``; ``MULTISINE`` the
-    sum of the first ``count`` harmonics of ``period_s``, divided by its largest value ``peak``. After the last three
-    the references are back where they were before. ``load_A`` and ``load_B`` [N·m] load the motors' shafts, for the
-    whole of the segment whatever its shape. From its first tick on ``tuning`` is in force, a number in the program's
-    ``tunings`` from 1 on; 0 leaves what is. So are ``wall``, in the program's ``walls``, and ``touch``, in ``touches``.
+    ``STEP`` jumps to the values and holds them; ``RAMP`` moves linearly and arrives at the end; ``SINE`` oscillates
+    around the previous values with the difference as amplitude and ``period_s``; ``SWEEP`` likewise from ``period_s``
+    to ``period_end_s``, its frequency changing by the same factor in equal times; ``PRBS`` is a maximum-length sequence
+    of a register of ``count`` bits with chips of ``period_s``; ``MULTISINE`` the sum of the first ``count`` harmonics
+    of ``period_s``, divided by its largest value ``peak``. After the last three the references return to their values
+    before.
+
+    ``load_A`` and ``load_B`` [N·m] load the motors' shafts during the whole segment. ``tuning``, ``wall`` and ``touch``
+    are numbers from 1 in the program's ``tunings``, ``walls`` and ``touches``, active from the first tick of the
+    segment; 0 changes nothing.
     """
 
     duration_s: float
@@ -210,7 +216,7 @@ class Segment:
 
 
 def final_references(segment: Segment, q_ref: float, S_ref: float) -> tuple[float, float]:
-    """Return where a segment leaves the references [rad, N·m/rad] that were here before it."""
+    """Return the references [rad, N·m/rad] after a segment, from those before it."""
     if segment.shape is Shape.SINE:
         share = math.sin(2.0 * math.pi * segment.duration_s / segment.period_s)
     else:
@@ -230,9 +236,9 @@ NO_WALL = "no wall can be put in this joint's way by command: play it as a dry r
 
 
 def require_plant_ability(segment: Segment, *, pushes: bool, loads_shafts: bool) -> None:
-    """Raise CommandRejectedError for a push or load that this plant cannot give.
+    """Raise CommandRejectedError for a push or load that this plant cannot apply.
 
-    Raises OutOfRangeError for one that no plant can give.
+    Raises OutOfRangeError for one that is invalid on any plant.
     """
     check_range("F_push", segment.F_push, None, None, "N")
     if segment.F_push and not pushes:
@@ -247,8 +253,8 @@ def require_plant_ability(segment: Segment, *, pushes: bool, loads_shafts: bool)
 class Excitation:
     """Binary sequence added to theta_A_ref (method section 4).
 
-    ``levels`` is one period, a character per chip: "+" adds the amplitude, "-" subtracts it. It is repeated
-    ``periods`` times.
+    ``levels`` is one period, a character per chip: "+" adds the amplitude, "-" subtracts it. It is repeated ``periods``
+    times.
     """
 
     amplitude_rad: float
@@ -258,15 +264,15 @@ class Excitation:
 
     @property
     def duration_s(self) -> float:
-        """Length of the whole excitation [s]."""
+        """Duration of the whole excitation [s]."""
         return self.periods * len(self.levels) * self.chip_s
 
 
 @dataclass(frozen=True)
 class VoltageStep:
-    """Both motors, tendons slack, from rest at ``theta_start`` [rad] under ``u`` [V].
+    """Voltage ``u`` [V] on both motors with slack tendons, from rest.
 
-    It ends after ``duration_s``, or as soon as a motor has turned by ``travel_rad``.
+    It starts at ``theta_start`` [rad] and ends after ``duration_s``, or when a motor has turned by ``travel_rad``.
     """
 
     theta_start: float
@@ -277,7 +283,7 @@ class VoltageStep:
 
 @dataclass(frozen=True)
 class TensionLeg:
-    """Wind both motors evenly to the angles that hold ``tension_N`` in both tendons, within ``duration_s``."""
+    """Wind both motors evenly to ``tension_N`` in both tendons within ``duration_s``."""
 
     tension_N: float
     duration_s: float
@@ -285,15 +291,15 @@ class TensionLeg:
 
 @dataclass(frozen=True)
 class Program:
-    """A law and what it is fed.
+    """Control law with its inputs.
 
-    Under ``CASCADE``, ``COMPLIANCE`` and the two baselines the segments are played. Under ``FORCE_HOLD`` (actuator
-    identification, figure 5 of the paper) theta_B_ref is 0, a slow force loop holds ``tension_N``, and after
-    ``settle_s`` the excitation starts. Under ``MOTOR_STEPS`` both tendons are let slack, and each of ``steps`` starts
-    after ``settle_s`` at its angle. Under ``TENSION_SWEEP`` both motors wind to ``tension_N``, wait for ``settle_s``,
-    and go through ``legs``. ``tunings`` are those that segments put into use; the one from before the program is back
-    after it, however it ends. So are ``walls``, obstacles in the joint's way; None is a way without one. ``touches``
-    are what contacts are given way to on the way, and what is learned for it; an operator's are back after it.
+    ``CASCADE``, ``COMPLIANCE`` and both baselines play the segments. ``FORCE_HOLD`` (actuator identification, figure 5
+    of the paper): theta_B_ref is 0, a slow force loop holds ``tension_N``, and after ``settle_s`` the excitation
+    starts. ``MOTOR_STEPS``: both tendons are slack, and each of ``steps`` starts after ``settle_s`` at its angle.
+    ``TENSION_SWEEP``: both motors wind to ``tension_N``, wait for ``settle_s``, and follow ``legs``.
+
+    Segments activate ``tunings``, ``walls`` (obstacles, None for no obstacle) and ``touches`` (contact detections); the
+    tuning, obstacle and contact detection from before the program are restored after it, however it ends.
     """
 
     law: Law
@@ -309,7 +315,10 @@ class Program:
 
     @property
     def duration_s(self) -> float:
-        """Length of the whole program [s], without the way to where it starts; steps may end earlier."""
+        """Duration of the program [s], without the approach to its start.
+
+        Voltage steps may end earlier.
+        """
         if self.excitation is not None:
             return self.settle_s + self.excitation.duration_s
         if self.steps:

@@ -1,9 +1,9 @@
-"""The shared ring: one writer that never waits, any number of readers that notice when they were overtaken.
+"""Ring buffer in shared memory: one writer, any number of readers.
 
-Anonymous shared memory (memfd), so that nothing is left behind whoever dies. Layout: a header of 64-bit integers, then
-``capacity`` rows of float64, one per tick; row k lives in slot k modulo ``capacity``. A row is written first and
-counted afterwards, so that a counted row is whole (x86-64 and the like keep the order of stores). A header word is
-read and written in one access.
+The writer never waits; readers detect rows that were overwritten. Anonymous shared memory (memfd) is freed whichever
+process dies. Layout: a header of 64-bit integers, then ``capacity`` rows of float64, one per tick; row k is in slot k
+modulo ``capacity``. A row is written before it is counted, so a counted row is complete (x86-64 and similar processors
+keep the order of stores). A header word is read and written in one access.
 """
 
 import mmap
@@ -25,11 +25,11 @@ _WORD = 8
 
 
 class RingError(SinewError):
-    """The file descriptor does not hold a ring of this version's samples."""
+    """The file descriptor does not hold a ring buffer of this version's samples."""
 
 
 class SampleRing(Protocol):
-    """Where the loop leaves its samples: rows of len(FIELDS) numbers, one a tick."""
+    """Destination of the loop's samples: one row of len(FIELDS) numbers per tick."""
 
     def append(self, row: NDArray[np.float64]) -> None:
         """Publish one row."""
@@ -37,7 +37,7 @@ class SampleRing(Protocol):
 
 
 class Ring:
-    """Rows of ``WIDTH`` float64 (``backend.sample.FIELDS``), the newest ``capacity`` of them.
+    """The newest ``capacity`` rows of ``WIDTH`` float64 (``backend.sample.FIELDS``).
 
     ``rows`` (capacity, WIDTH) is the memory itself.
     """
@@ -53,7 +53,10 @@ class Ring:
 
     @classmethod
     def create(cls, capacity: int = 65536) -> "Ring":
-        """Make an empty ring of ``capacity`` rows (65 s at 1 kHz); ``fd`` may be handed to another process."""
+        """Create an empty ring of ``capacity`` rows (65 s at 1 kHz).
+
+        Its ``fd`` can be passed to another process.
+        """
         fd = os.memfd_create("sinew-ring")
         os.ftruncate(fd, _size(capacity))
         header = np.zeros(_HEADER_WORDS, np.int64)
@@ -63,7 +66,10 @@ class Ring:
 
     @classmethod
     def attach(cls, fd: int) -> "Ring":
-        """Map the ring behind ``fd`` and own the descriptor. Raises RingError when it is none, or of other samples."""
+        """Map the ring of ``fd`` and own the descriptor.
+
+        Raises RingError if it holds no ring, or one of other samples.
+        """
         header = np.frombuffer(os.pread(fd, _HEADER_WORDS * _WORD, 0), np.int64)
         if header.size < _HEADER_WORDS or header[_MAGIC] != _MAGIC_VALUE:
             raise RingError(f"file descriptor {fd} holds no ring of samples")
@@ -76,23 +82,23 @@ class Ring:
 
     @property
     def count(self) -> int:
-        """Rows appended since the ring was made."""
+        """Number of rows appended so far."""
         return int(self._header[_COUNT])
 
     def append(self, row: Sequence[float] | NDArray[np.float64]) -> None:
-        """Append one row of ``WIDTH`` values; the oldest is overwritten. For the one writer only.
+        """Append one row of ``WIDTH`` values over the oldest. For the writer only.
 
-        Raises InvariantError where another process has changed the count. The row is appended, and the count is right
-        again.
+        Raises InvariantError if another process has changed the count. The row is appended and the count corrected
+        nevertheless.
         """
         self.rows[self._appended % self.capacity] = row
         self.count_in(1)
 
     def count_in(self, rows: int) -> None:
-        """Count rows that the writer has put into ``rows``, each at its slot, without ``append``.
+        """Count rows that the writer has stored in ``rows``, each in its slot.
 
-        No reader may be so far behind as to need what they overwrite. Raises InvariantError as ``append`` does, and for
-        more rows than there are slots.
+        No reader may still need the rows that they overwrite. Raises InvariantError as ``append`` does, and for more
+        rows than slots.
         """
         if not 0 <= rows <= self.capacity:
             raise InvariantError(f"{rows} rows at once in a ring of {self.capacity}")
@@ -105,15 +111,15 @@ class Ring:
         """Copy rows ``since``, ``since + 1`` ... (at most ``limit``).
 
         Returns (index of the first row, rows [n, WIDTH], rows missed): rows that were overwritten before they could be
-        copied are left out at the front and counted as missed; the first row then is ``since + missed``.
-        Raises InvariantError for a row that was never appended: its reader would wait for ever.
+        copied are omitted at the front and counted as missed; the first row then is ``since + missed``. Raises
+        InvariantError for a row that was never appended: its reader would wait forever.
         """
         count = self.count
         if not 0 <= since <= count:
             raise InvariantError(f"row {since} of a ring into which {count} rows have been appended")
         first = max(since, count - self.capacity + 1, 0)
         rows = self._copy(first, min(count, first + limit))
-        # The writer went on meanwhile, and may be writing row `count` into the slot of row `count - capacity` now.
+        # The writer has continued and may now be writing row `count` into the slot of row `count - capacity`.
         intact = self.count - self.capacity + 1
         if intact > first:
             rows = rows[intact - first :]
@@ -134,16 +140,19 @@ class Ring:
         return np.concatenate((self.rows[start:], self.rows[:stop]))
 
     def close(self) -> None:
-        """Unmap and close the descriptor. Safe to call twice."""
+        """Unmap the memory and close the descriptor. Safe to call twice."""
         if self.fd >= 0:
-            # A mapping cannot be closed while views of it live.
+            # A mapping cannot be closed while views of it exist.
             del self._header, self.rows
             self._memory.close()
             os.close(self.fd)
             self.fd = -1
 
     def __del__(self) -> None:
-        """Let go with the last reader: a ring is replaced when the loop process is started anew."""
+        """Release the memory with the last reader.
+
+        A restarted loop process gets a new ring.
+        """
         if hasattr(self, "rows"):
             self.close()
 

@@ -1,4 +1,4 @@
-"""The compiled tick as the loop calls it: its memory, and the machine code for what moves at the moment."""
+"""Context of the compiled step: its memory, and the code for the active motion."""
 
 import math
 from collections.abc import Callable
@@ -50,10 +50,10 @@ _WriteRow = Callable[[NDArray[np.float64], int, MotorCommand, RawReading, float,
 
 
 class StepContext:
-    """The control state of one loop, and the motion that is under way.
+    """Control state of one loop, and its active motion.
 
-    ``unattended_max_s`` [s] is how long the plant may be left alone. ``detect_faults``, ``compute_control`` and
-    ``write_row`` are of ``backend.control.step``, for this state and the motion in it.
+    ``unattended_max_s`` [s]: how long the plant may be left without a write. ``detect_faults``, ``compute_control`` and
+    ``write_row`` are those of ``backend.control.step``, for this state and its motion.
     """
 
     def __init__(
@@ -98,12 +98,12 @@ class StepContext:
         )
 
     def begin(self, raw: Measurement) -> None:
-        """Take in what is measured before the first tick."""
+        """Initialise the state with the measurement before the first tick."""
         self._m.set(raw)
         self._velocity.set(motion_primitives.VelocityState(0.0, raw.q))
 
     def set_motion(self, motion: Motion) -> None:
-        """Make a motion the one that is under way."""
+        """Make a motion the active one."""
         kind = type(motion.initial.state)
         if kind not in self._motion_blocks:
             block = StateBlock(motion.initial)
@@ -113,14 +113,15 @@ class StepContext:
             )
         self.moving, self.compute_control = self._motion_blocks[kind]
         motion.bind(self.moving)
-        self._run: _Run | None = None  # on a clock there are no batches
+        self._run: _Run | None = None  # real-time loops run no batches
 
     def run(
         self, simulated: StateBlock[Simulated], m: Measurement, tick_range: TickRange, rows: NDArray[np.float64]
     ) -> _BatchResult:
-        """Make ticks in a batch (``backend.control.step``)."""
+        """Execute steps in a batch (``backend.control.step``)."""
         if self._run is None:
-            rows_like = np.zeros((1, len(FIELDS)))  # not the ring's own, which is to be closed before this is gone
+            # not the ring's own rows, since the ring is closed before this object
+            rows_like = np.zeros((1, len(FIELDS)))
             self._run = PrecompiledCall(step.run_batch, self.block, self.moving, simulated, m, tick_range, rows_like)
         result = self._run(self.block, self.moving, simulated, m, tick_range, rows)
         self._inputs = self._inputs_block.get()
@@ -139,7 +140,7 @@ class StepContext:
 
     @property
     def m(self) -> Measurement:
-        """What was measured, motors from their zeros."""
+        """Measurement with zeroed motors."""
         m: Measurement = self._m.get()
         return m
 
@@ -149,7 +150,7 @@ class StepContext:
 
     @property
     def output(self) -> ControlOutput:
-        """What was decided."""
+        """Control output of the last step."""
         output: ControlOutput = self._output.get()
         return output
 
@@ -159,19 +160,19 @@ class StepContext:
 
     @property
     def command(self) -> MotorCommand:
-        """What was written last."""
+        """Last command written."""
         command: MotorCommand = self._command.get()
         return command
 
     @property
     def detected_fault(self) -> fault_detection.DetectedFault:
-        """What the checks have found."""
+        """Fault that the checks have detected."""
         fault: fault_detection.DetectedFault = self._detected_fault.get()
         return fault
 
     @property
     def fault_state(self) -> fault_detection.FaultDetectionState:
-        """What the checks remember."""
+        """State of the checks."""
         state: fault_detection.FaultDetectionState = self._fault_state.get()
         return state
 
@@ -181,26 +182,29 @@ class StepContext:
 
     @property
     def F_ext_hat(self) -> float:
-        """Outside force as estimated [N]; nan where it is not known where the motors stand."""
+        """Estimated external force [N]; NaN unless the motors are zeroed."""
         F_ext_hat: float = self._F_ext_hat.get()
         return F_ext_hat
 
     @property
     def rest_statistics(self) -> tuple[float, float, float]:
-        """Stiffness [N·m/rad] now; mean and standard deviation [N] of the estimate over the last 0.3 s, no bias off."""
+        """Stiffness [N·m/rad]; mean and standard deviation [N] of the estimated force.
+
+        Over the last 0.3 s, without subtraction of the bias.
+        """
         observer_state, m, tuning = self._observer_state.get(), self.m, self._tuning.get()
         S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
         return S, observer_state.mean / tuning.decoupler.r_j, math.sqrt(observer_state.variance) / tuning.decoupler.r_j
 
     def set_bias(self, bias: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Take another bias (n, 2) of S [N·m/rad] and force [N] off the estimated outside force; the one before."""
+        """Set the bias (n, 2) of S [N·m/rad] and force [N]; return the previous one."""
         previous: NDArray[np.float64] = self._bias.get()
         self._bias.set(bias)
         return previous
 
     @property
     def has_bias(self) -> bool:
-        """Whether anything is known of that bias."""
+        """Whether a bias is set."""
         return len(self._bias.get()) > 0
 
     def reset_joint_position(self, q: float) -> None:

@@ -1,4 +1,4 @@
-"""The service's side of the loop process: starts it, commands it, notices its death, starts it anew."""
+"""Supervisor of the loop process in the service: start, commands, restart."""
 
 import asyncio
 import logging
@@ -38,19 +38,21 @@ from plant import Card, ErrorCode, SinewError, T_s, select_calibration
 
 # Access --------------------------------------------------------------------------------------------
 #
-# What whoever drives the loop may count on, be the loop live in its own process or stepped headless
-# in this one.
+# Interface to the loop, whether live in its own process or headless in this one.
 
 
 @dataclass(frozen=True)
 class LoopExited:
-    """The loop process ended unasked; nothing controls the plant until it is started again."""
+    """The loop process ended unexpectedly; nothing controls the plant until a restart."""
 
     reason: str
 
 
 class LoopExitedError(SinewError):
-    """There is no loop to command, or it died while it was waited for; the message says why."""
+    """There is no loop, or it ended while a reply was awaited.
+
+    The message says why.
+    """
 
     category = ErrorCode.UNAVAILABLE
 
@@ -59,10 +61,10 @@ _Result = TypeVar("_Result")
 
 
 async def wait_for_result(awaited: asyncio.Future[_Result], timeout_s: float) -> _Result:
-    """Wait for a result. Raises TimeoutError only where there is none yet when this process gets to look.
+    """Wait for a result. Raises TimeoutError only if none is there afterwards.
 
-    From Python 3.12 on ``asyncio.wait_for`` throws away a result that came while the event loop stood still for longer
-    than the timeout; a loop process was killed for that although it had answered.
+    Since Python 3.12 ``asyncio.wait_for`` discards a result that arrived while the event loop was blocked for longer
+    than the timeout; a loop process was killed for that although it had replied.
     """
     await asyncio.wait((awaited,), timeout=timeout_s)
     if not awaited.done():
@@ -74,48 +76,52 @@ EventListener = Callable[[Event | LoopExited], None]
 
 
 class LoopClient(Protocol):
-    """Commands in, events and samples out. Not for several threads: all calls from one event loop."""
+    """Client of the loop: commands, events and samples.
+
+    Not thread-safe: all calls must come from one event loop.
+    """
 
     @property
     def ring(self) -> Ring:
-        """Samples of the loop that runs at present; another ring after a new start."""
+        """Samples of the current loop; a new ring after each start."""
         ...
 
     @property
     def granted(self) -> RealTimeStatus | None:
-        """What the machine granted to the loop; None while there is no loop, and for one that keeps to no clock."""
+        """What the machine granted to the loop; None without a loop or real time."""
         ...
 
     def listen(self, listener: EventListener) -> Callable[[], None]:
-        """Call ``listener`` with each event from now on; return what to call to end that."""
+        """Call ``listener`` with each event; return a function that removes it."""
         ...
 
     async def send(self, command: Command) -> Accepted | Refused:
-        """Hand over a command and wait for the loop's answer. Raises LoopExitedError."""
+        """Send a command and wait for the loop's reply. Raises LoopExitedError."""
         ...
 
     async def advance(self, seconds: float) -> None:
-        """Let the loop tick for so many seconds of its own time. Raises LoopExitedError."""
+        """Wait for a duration of the loop's time [s]. Raises LoopExitedError."""
         ...
 
     async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
-        """Let the loop tick until ``reached()``; raises TimeoutError after ``timeout_s`` of its time, LoopExitedError.
+        """Wait until ``reached()``. Raises TimeoutError or LoopExitedError.
 
-        Headless it is asked after every tick, live a few times per 0.1 s: ask for what lasts, not for a passing moment.
+        ``timeout_s`` is in the loop's time. A headless loop calls ``reached`` after every tick, a live one a few times
+        per 0.1 s: a short condition may be missed.
         """
         ...
 
 
 # Answers -------------------------------------------------------------------------------------------
 #
-# Commands on their way to the loop process, each waiting for its answer.
+# Pending commands to the loop process.
 
 
 Answer = asyncio.Future[Accepted | Refused]
 
 
 class PendingReplies:
-    """Numbers commands and hands each answer to whoever waits for it."""
+    """Numbers commands and assigns their replies."""
 
     def __init__(self) -> None:
         self._waiting: dict[int, Answer] = {}
@@ -123,7 +129,7 @@ class PendingReplies:
 
     @contextmanager
     def expect(self) -> Iterator[tuple[int, Answer]]:
-        """Give a number and the answer that will come to it, for the block."""
+        """Return a number and the future of its reply, for the block."""
         self._sequence += 1
         sequence = self._sequence
         answer: Answer = asyncio.get_running_loop().create_future()
@@ -134,14 +140,14 @@ class PendingReplies:
             del self._waiting[sequence]
 
     def take(self, event: Event) -> None:
-        """Hand on an event that is an answer."""
+        """Assign an event that is a reply."""
         if isinstance(event, Accepted | Refused):
             answer = self._waiting.get(event.sequence)
             if answer is not None and not answer.done():
                 answer.set_result(event)
 
     def fail(self, died: LoopExitedError) -> None:
-        """Tell all who wait that no answer will come."""
+        """Fail all pending replies."""
         for answer in self._waiting.values():
             if not answer.done():
                 answer.set_exception(died)
@@ -149,15 +155,16 @@ class PendingReplies:
 
 # Ticking -------------------------------------------------------------------------------------------
 #
-# Whether the loop process ticks, as the service sees it in the ring.
+# Detection of a hung loop process, from the ring buffer.
 
 
 MAX_MISSED_BEATS = 16
-"""A loop that has not ticked for so many heartbeats hangs; it is killed, so that the card's watchdog takes over."""
+"""Heartbeat periods without a tick after which the loop counts as hung and is killed, so that the card's watchdog
+acts."""
 
 
 class LivenessMonitor:
-    """Looks at one loop process once a heartbeat."""
+    """Checks one loop process once per heartbeat."""
 
     def __init__(self) -> None:
         self._count = -1
@@ -166,9 +173,10 @@ class LivenessMonitor:
 
     @contextmanager
     def suspend(self, command: Command) -> Iterator[None]:
-        """Bear that it does not tick until it has answered: before drives come on it may have to try its watchdog.
+        """Suspend detection until the command is answered.
 
-        It waits for its card then, at zero volts; that it answers in time is seen to by whoever has sent the command.
+        Before the drives are enabled the loop may have to run the proof test of the watchdog, during which it waits for
+        its card at zero volts. The sender of the command enforces the timeout.
         """
         is_blocking = isinstance(command, SwitchDrives) and command.on
         self._suspensions += is_blocking
@@ -178,7 +186,7 @@ class LivenessMonitor:
             self._suspensions -= is_blocking
 
     def is_hung(self, count: int) -> bool:
-        """Compare the number of samples with the last one; return whether it has not changed for too long."""
+        """Return whether the sample ``count`` has not changed for too long."""
         self._unchanged = self._unchanged + 1 if count == self._count and not self._suspensions else 0
         self._count = count
         return self._unchanged >= MAX_MISSED_BEATS
@@ -186,11 +194,11 @@ class LivenessMonitor:
 
 # Supervisor ----------------------------------------------------------------------------------------
 #
-# The service's side of the loop process: start it, command it, notice its death, start it anew.
+# Supervisor of the loop process: start, commands, detection of its end, restart.
 
 
 START_TIMEOUT_S = 120.0
-"""Long enough to compile the control laws on a machine that has never done so."""
+"""Time for a start [s], including a first compilation of the control laws."""
 
 ANSWER_TIMEOUT_S = 2.0
 STOP_TIMEOUT_S = 3.0
@@ -201,7 +209,8 @@ _HEARTBEAT_PART = Part(
     "The heartbeat to the loop process", "The loop stops by itself when it hears nothing for 0.34 s."
 )
 PACKETS_AT_ONCE = 8
-"""Packets of a long program that are sent without waiting; the loop takes one in each tick, and a stop finds room."""
+"""Packets of a long program sent without a pause; the loop receives one per tick, and a stop still fits in the
+queue."""
 
 _POLL_S = 0.02
 _VOLTAGE_FREE_MODES = (Mode.OFF, Mode.TRIPPED)
@@ -210,18 +219,21 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Restart:
-    """A planned restart of the loop process: its purpose in words, and when it began (monotonic clock, s)."""
+    """Planned restart of the loop process: its purpose and start time.
+
+    ``began_s`` is on the monotonic clock [s].
+    """
 
     purpose: str
     began_s: float
 
 
 class Supervisor:
-    """A ``LoopClient`` to the loop process. Lives in one asyncio event loop.
+    """A ``LoopClient`` of the loop process. Bound to one asyncio event loop.
 
-    ``card`` holds the registers of the simulated card that the present loop process writes, or the last one wrote;
-    ``watchdog_monitor`` looks at them, ``supervision`` keeps what watches running. It goes by ``started_with`` of a
-    bring-up.
+    ``card`` holds the registers of the simulated card of the current or last loop process; ``watchdog_monitor``
+    monitors them, ``supervision`` restarts the monitoring tasks. ``started_with`` are the commissioning results that
+    apply.
     """
 
     def __init__(
@@ -236,7 +248,7 @@ class Supervisor:
         self.granted: RealTimeStatus | None = None
         self.plant_description = ""
         self.restarting: Restart | None = None
-        """The planned restart that is under way."""
+        """The active planned restart."""
         self._process: Process | None = None
         self._supervision = supervision or Supervision()
         self._heartbeat: HeartbeatSender | None = None
@@ -253,36 +265,42 @@ class Supervisor:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the loop process is there and ticking."""
+        """Whether the loop process is running and ready."""
         return self.granted is not None
 
     @property
     def beat_age_s(self) -> float | None:
-        """Time since the last heartbeat was sent to the loop process [s], None where there is none."""
+        """Time since the last heartbeat to the loop process [s], None without one."""
         return None if self._heartbeat is None else self._heartbeat.age_s
 
     def fall_silent(self, duration_s: float) -> None:
-        """Send no heartbeat for a while: what a service that hangs would be like."""
+        """Send no heartbeat for a while, as if the service hung."""
         if self._heartbeat is not None:
             self._heartbeat.pause(duration_s)
 
     def listen(self, listener: EventListener) -> Callable[[], None]:
-        """Call ``listener`` with each event from now on; return what to call to end that."""
+        """Call ``listener`` with each event; return a function that removes it."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
 
     async def start(self) -> RealTimeStatus:
-        """Start the loop process, outputs at zero volts, and wait until it ticks. Raises LoopExitedError."""
+        """Start the loop process and wait until it is ready. Raises LoopExitedError.
+
+        Outputs are at zero volts.
+        """
         async with self._lock:
             return await self._start()
 
     async def stop(self, cause: str = "service ended") -> None:
-        """Bring the joint to rest, outputs to zero volts, and end the process; ``cause`` is put on record."""
+        """Bring the joint to rest, set zero volts, end the process.
+
+        ``cause`` is recorded.
+        """
         async with self._lock:
             await self._stop(cause)
 
     async def restart(self, purpose: str) -> RealTimeStatus:
-        """End the loop process, if it is there, and start another one with the present ``setup``.
+        """End the loop process, if there is one, and start another with ``setup``.
 
         ``purpose`` describes the restart to people while it takes place. Raises LoopExitedError.
         """
@@ -297,18 +315,18 @@ class Supervisor:
     async def _start(self) -> RealTimeStatus:
         if self._process is not None:
             raise LoopExitedError("the loop process is there already: stop it first")
-        self.card.expire()  # the loop before may have been killed a moment ago, and it is one and the same card
+        self.card.expire()  # the previous loop on the same card may have been killed a moment ago
         if self._prepared is None or (launched := self._prepared.take()) is None:
             launched = await launch_loop(self.setup.parameters)
         self.ring, self.card = launched.ring, launched.card
         self.watchdog_monitor = WatchdogMonitor(self.card)
         self._ending, self._reason = False, "it is still starting"
         self._ready = asyncio.get_running_loop().create_future()
-        self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be given up
+        self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be abandoned
         self._process, self._channel = launched.process, (channel := launched.channel)
         self.started_with = self.setup.brought_up
         _LOG.info("Loop process %d started.", self._process.pid)
-        with suppress(ChannelClosedError):  # its end is noticed and told by _watch
+        with suppress(ChannelClosedError):  # _watch detects and reports its end
             channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
         self._heartbeat = HeartbeatSender(channel)
@@ -323,7 +341,7 @@ class Supervisor:
         ]
         await asyncio.to_thread(
             heartbeat.compile_heartbeat
-        )  # before anybody commands: the loop is off, and waits for no beat
+        )  # before any command: the loop is off and needs no heartbeat
         try:
             return await wait_for_result(self._ready, START_TIMEOUT_S)
         except TimeoutError:
@@ -332,12 +350,12 @@ class Supervisor:
 
     async def _stop(self, cause: str) -> None:
         if (process := self._process) is None:
-            await self.watchdog_monitor.run(None)  # a loop that was killed a moment ago: not before its outputs are off
+            await self.watchdog_monitor.run(None)  # the outputs of a loop that was killed must be off first
             return
         self._ending = True
         try:
             if self.is_alive:
-                if not self._is_voltageless():  # else there is nothing to stop, and a planned end is no trip
+                if not self._is_voltageless():  # otherwise there is nothing to stop, and a planned end is no trip
                     await self._stop_softly(cause)
                 await self.send(Shutdown())
             else:
@@ -349,14 +367,14 @@ class Supervisor:
             await task.ended()
 
     async def send(self, command: Command) -> Accepted | Refused:
-        """Hand over a command and wait for the loop's answer.
+        """Send a command and wait for the loop's reply.
 
-        Raises LoopExitedError; OutOfRangeError or ChannelError when it is too long.
+        Raises LoopExitedError; OutOfRangeError or ChannelError if it is too long.
         """
         channel = self._require_alive()
         with self._answers.expect() as (sequence, answer), self._liveness.suspend(command):
             parts = packets(command, sequence)
-            with suppress(ChannelClosedError):  # its end is noticed and told by _watch
+            with suppress(ChannelClosedError):  # _watch detects and reports its end
                 for part, packet in enumerate(parts):
                     if part and part % PACKETS_AT_ONCE == 0:
                         await asyncio.sleep(PACKETS_AT_ONCE * T_s)
@@ -370,14 +388,17 @@ class Supervisor:
                 raise LoopExitedError(f"the control loop is not running: {self._reason}") from None
 
     async def advance(self, seconds: float) -> None:
-        """Wait while the loop ticks for so many seconds of its time. Raises LoopExitedError."""
+        """Wait for a duration of the loop's time [s]. Raises LoopExitedError."""
         end = self.ring.count + round(seconds / T_s)
         while self.ring.count < end:
             self._require_alive()
             await asyncio.sleep(_POLL_S)
 
     async def advance_until(self, reached: Callable[[], bool], timeout_s: float) -> None:
-        """Wait until ``reached()``. Raises TimeoutError after ``timeout_s`` of the loop's time, LoopExitedError."""
+        """Wait until ``reached()``. Raises TimeoutError or LoopExitedError.
+
+        ``timeout_s`` is in the loop's time.
+        """
         end = self.ring.count + round(timeout_s / T_s)
         while not reached():
             self._require_alive()
@@ -391,7 +412,7 @@ class Supervisor:
         return self._channel
 
     def _is_voltageless(self) -> bool:
-        """Whether the newest sample is of a mode without voltages: off or tripped."""
+        """Return whether the newest sample is of a mode without voltages: off or tripped."""
         newest = self.ring.newest()
         return newest is not None and MODES[int(newest[INDEX["mode"]])] in _VOLTAGE_FREE_MODES
 
@@ -416,7 +437,7 @@ class Supervisor:
                 self._process.kill()
 
     def _receive(self) -> None:
-        """Take all packets that have arrived; called by the event loop."""
+        """Handle all packets that have arrived; called by the event loop."""
         channel = self._channel
         if channel is None:
             return
@@ -441,7 +462,7 @@ class Supervisor:
             case Failed(reason):
                 self._reason = reason
             case event:
-                if isinstance(event, ReadinessChanged):  # hands may be at the rig: the next loop has to know it, too
+                if isinstance(event, ReadinessChanged):  # people may be working at the rig: a restarted loop must know
                     self.setup = replace(self.setup, drives_off=event.drives_off)
                 self._answers.take(event)
                 self._notify(event)
@@ -462,7 +483,7 @@ class Supervisor:
             await asyncio.sleep(HEARTBEAT_S)
 
     async def _watch(self, process: Process) -> None:
-        """Wait for the end of the process and clear up after it."""
+        """Wait for the end of the process and clean up."""
         status = await process.wait()
         self._receive()
         channel, self._channel = self._channel, None

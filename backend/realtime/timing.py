@@ -1,4 +1,4 @@
-"""Absolute deadlines of the loop, and how well it keeps them."""
+"""Absolute deadlines of the loop, and statistics of its timing."""
 
 import ctypes
 import os
@@ -16,11 +16,10 @@ from plant import T_s
 
 # Pacer ---------------------------------------------------------------------------------------------
 #
-# Keep the beat: absolute deadlines on the monotonic clock, and what the machine grants to hold
-# them.
+# Absolute deadlines on the monotonic clock, and the real-time rights that the machine grants.
 #
-# A deadline that was missed by a whole period is skipped and counted as an overrun; it is never
-# made up for by ticking faster, which on hardware would be a burst of commands.
+# A deadline missed by a whole period is skipped and counted as an overrun; it is never made up for by faster ticks,
+# which on hardware would be a burst of commands.
 
 
 _LIBC = ctypes.CDLL(None, use_errno=True)
@@ -32,14 +31,15 @@ _MCL_ONFAULT = 4
 _NS = 1_000_000_000
 _TIMER_SLACK_NS = 1
 _PRIORITY = 60
-"""Of SCHED_FIFO: above the interrupt threads' default of 50, below the kernel's own watchdogs."""
+"""SCHED_FIFO priority: above the interrupt threads' default of 50, below the kernel's own watchdogs."""
 
 
 @dataclass(frozen=True)
 class RealTimeStatus:
-    """What the machine granted to the loop; ``refusals`` say what it did not, why, and the remedy.
+    """Real-time rights of the loop.
 
-    ``priority`` is that of SCHED_FIFO, 0 under ordinary scheduling.
+    ``refusals`` name what was not granted, and remedies. ``priority`` is that of SCHED_FIFO, 0 under ordinary
+    scheduling.
     """
 
     priority: int = field(metadata=described("of SCHED_FIFO, 0 under ordinary scheduling"))
@@ -49,7 +49,10 @@ class RealTimeStatus:
 
 
 def request_real_time() -> RealTimeStatus:
-    """Ask for FIFO scheduling, locked memory and a timer slack of 1 ns for this process; go on with what is granted."""
+    """Request FIFO scheduling, locked memory and 1 ns timer slack for this process.
+
+    Returns what was granted.
+    """
     refusals = []
     _LIBC.prctl(_PR_SET_TIMERSLACK, ctypes.c_ulong(_TIMER_SLACK_NS), 0, 0, 0)
     priority = 0
@@ -58,7 +61,7 @@ def request_real_time() -> RealTimeStatus:
         priority = _PRIORITY
     except OSError as error:
         refusals.append(f"FIFO priority {_PRIORITY}: {error.strerror}; allow rtprio in limits.conf or CAP_SYS_NICE")
-    # Under a finite limit a later allocation would fail instead of merely being unlocked.
+    # Under a finite limit a later allocation would fail instead of being unlocked.
     unlimited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY
     future = _MCL_FUTURE if unlimited else 0
     memory_locked = _LIBC.mlockall(_MCL_CURRENT | _MCL_ONFAULT | future) == 0
@@ -70,14 +73,14 @@ def request_real_time() -> RealTimeStatus:
 
 
 def _sleep_until(deadline_ns: int) -> None:
-    # To an absolute time within, and again after a signal; calling libc by ctypes would cost more.
+    # Sleeps until an absolute time, also after a signal; calling libc by ctypes would cost more.
     time.sleep(max(deadline_ns - time.monotonic_ns(), 0) / _NS)
 
 
 class Pacer:
-    """Waits for one deadline after the other, ``period_s`` apart.
+    """Waits for consecutive deadlines, ``period_s`` apart.
 
-    ``overruns`` counts the deadlines skipped so far. ``now_ns`` and ``sleep_until`` are the monotonic clock [ns].
+    ``overruns`` is the number of deadlines skipped so far. ``now_ns`` and ``sleep_until`` are the monotonic clock [ns].
     """
 
     def __init__(
@@ -93,13 +96,13 @@ class Pacer:
         self.overruns = 0
 
     def resume(self) -> None:
-        """Go on from now after a pause that was meant: what it took is no overrun."""
+        """Continue from now after an intended pause, which counts no overruns."""
         self._deadline_ns = self._now_ns()
 
     def met(self) -> float:
-        """Take note of a period that somebody else's clock has ended; return how late against the one before [s].
+        """Record a period ended by an external clock; return its lateness [s].
 
-        Periods that were missed are counted, by whole ones that went by beyond the one that was due.
+        Lateness is relative to the previous period. Each whole period beyond the one that was due counts as an overrun.
         """
         now_ns = self._now_ns()
         late_ns = max(now_ns - self._deadline_ns - self._period_ns, 0)
@@ -108,9 +111,10 @@ class Pacer:
         return late_ns / _NS
 
     def wait(self) -> float:
-        """Sleep until the next deadline; return how late it was met [s], always less than a period plus the wake-up.
+        """Sleep until the next deadline; return the lateness [s].
 
-        When the caller comes later than a whole period after the deadline, the deadlines that passed are skipped.
+        The lateness is always less than a period plus the wake-up time. If the caller is late by more than a whole
+        period, the missed deadlines are skipped.
         """
         self._deadline_ns += self._period_ns
         behind_ns = self._now_ns() - self._deadline_ns
@@ -125,7 +129,7 @@ class Pacer:
 
 # Timing --------------------------------------------------------------------------------------------
 #
-# How well the beat is kept, from the samples of the last seconds.
+# Timing of the loop, from the samples of the last seconds.
 
 
 WINDOW_TICKS = 5000
@@ -133,10 +137,10 @@ WINDOW_TICKS = 5000
 
 @dataclass(frozen=True)
 class Timing:
-    """Rate [Hz] and lateness [s] over the last ``WINDOW_TICKS`` samples; ``overruns`` since the loop started.
+    """Rate [Hz] and lateness [s] over the last ``WINDOW_TICKS`` samples.
 
-    The rate is what is left of the nominal one after skipped deadlines; all but ``overruns`` are nan before the first
-    samples.
+    ``overruns`` counts since the loop started. The rate accounts for skipped deadlines; all values except ``overruns``
+    are NaN before the first samples.
     """
 
     rate_Hz: float
@@ -146,7 +150,7 @@ class Timing:
 
 
 def compute_timing(ring: Ring) -> Timing:
-    """Compute the timing of the loop that writes ``ring``."""
+    """Return the timing of the loop that writes ``ring``."""
     end = ring.count
     _, rows, _ = ring.read(max(0, end - WINDOW_TICKS), WINDOW_TICKS)
     if len(rows) < 2:
@@ -158,11 +162,11 @@ def compute_timing(ring: Ring) -> Timing:
 
 
 LATENESS_EDGES_S = (0.0, 20e-6, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 5e-3, np.inf)
-"""Bounds of the histogram's classes [s]; the last class has no upper one."""
+"""Boundaries of the histogram's classes [s]; the last class has no upper one."""
 
 
 def count_lateness(ring: Ring) -> list[int]:
-    """Count the ticks that the ring still holds by how late they began, one number per class."""
+    """Return the number of ticks in the ring per class of lateness."""
     end = ring.count
     _, rows, _ = ring.read(max(0, end - ring.capacity), ring.capacity)
     counts, _ = np.histogram(np.maximum(rows[:, INDEX["lateness_s"]], 0.0), LATENESS_EDGES_S)

@@ -71,7 +71,7 @@ def test_silence_is_as_long_wherever_it_is_told() -> None:
 
 
 def test_docstrings_say_what_the_code_does() -> None:
-    assert "back to PRETENSION when it has ended" in said(commands.RunProgram)
+    assert "returns to PRETENSION when it has ended" in said(commands.RunProgram)
     assert set(re.findall(r"``(\w+)``", said(motion_types.ControlOutput))) <= set(motion_types.ControlOutput._fields)
     window = f"the last {timing.WINDOW_TICKS * T_s:g} s"
     for name in ("rate_Hz", "lateness_p50_ms", "lateness_p99_ms"):
