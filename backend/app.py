@@ -303,7 +303,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         event_log.add_entry(EventKind.NOTE, text, who)
         actuator.changed()
 
-    hand_over = ControlHandover(control, authentication.people, say_of_control)
+    hand_over = ControlHandover(control, authentication.active_users, say_of_control)
     keep(TOKENS, authentication.run)
     stack.push_async_callback(authentication.sessions.save)
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
@@ -405,7 +405,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         trigger=triggers.view,
         player=actuator.player.view,
         holder=control.view,
-        people=authentication.people.view,
+        people=authentication.active_users.view,
         wishes=hand_over.view,
         problems=problems,
     )

@@ -12,7 +12,7 @@ from fastapi.security import APIKeyCookie, HTTPBearer
 from pydantic import ValidationError
 from starlette.requests import HTTPConnection
 
-from backend.auth import BEARER, HEADER, OPEN, ControlHandover, ControlLease, User, read_stamp
+from backend.auth import BEARER, CONTROL_HEADER, OPEN, ControlHandover, ControlLease, User, parse_command_token
 from backend.errors import RequestRejectedError
 from backend.schemas import Ping, Pong, Role
 from backend.server import COOKIE, SHEETS, find_authentication, read_credentials
@@ -65,7 +65,7 @@ _SIGN_IN = "sign in again with the link that the service printed at its start, o
 
 def require_signed_in(connection: HTTPConnection) -> User:
     """Return the signed-in person. Raises RequestRejectedError for anybody else."""
-    person = find_authentication(connection).recognise(read_credentials(connection))
+    person = find_authentication(connection).authenticate(read_credentials(connection))
     if person is None:
         raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in: {_SIGN_IN}")
     return person
@@ -73,7 +73,7 @@ def require_signed_in(connection: HTTPConnection) -> User:
 
 def may_stop(connection: HTTPConnection) -> User:
     """Return who presses STOP: also somebody whose session is not live any more. Raises RequestRejectedError."""
-    person = find_authentication(connection).recognise_for_stop(read_credentials(connection))
+    person = find_authentication(connection).authenticate_for_stop(read_credentials(connection))
     if person is None:
         raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in, nothing was stopped: {_SIGN_IN}")
     return person
@@ -268,7 +268,7 @@ ServiceInUse = Annotated[Service, Depends(_service_in_use)]
 
 
 Stamped = Annotated[
-    str | None, Header(alias=HEADER, max_length=40, description="page.sequence of the page that holds control")
+    str | None, Header(alias=CONTROL_HEADER, max_length=40, description="page.sequence of the page that holds control")
 ]
 
 
@@ -276,7 +276,7 @@ async def _holds_control(
     request: Request, service: ServiceInUse, person: Operator, stamp: Stamped = None
 ) -> AsyncIterator[User]:
     request.state.commanding = person, await request.body()  # the log tells who asked for what, if it is refused
-    async with service.control.turn(person, read_stamp(stamp)):
+    async with service.control.turn(person, parse_command_token(stamp)):
         yield person
 
 
@@ -304,7 +304,7 @@ ANGLES_PATIENCE_S = 1.0
 
 async def angles_of(connection: HTTPConnection) -> AngleUnit:
     """Return what the signed-in person prefers; degrees for who is not signed in, or is not known just now."""
-    person = find_authentication(connection).recognise(read_credentials(connection))
+    person = find_authentication(connection).authenticate(read_credentials(connection))
     if person is None:
         return AngleUnit.DEGREES
     try:

@@ -124,7 +124,7 @@ def _show_in(connection: HTTPConnection) -> User | None:
     is_socket = scope["type"] == "websocket"
     if not is_socket and (scope["path"] in OPEN or not scope["path"].startswith(CLOSED)):
         return None
-    person = find_authentication(connection).recognise(read_credentials(connection))
+    person = find_authentication(connection).authenticate(read_credentials(connection))
     if person is None:
         if is_socket or has_body(connection):
             require_signed_in(connection)  # says what is to be done

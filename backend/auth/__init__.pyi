@@ -1,28 +1,35 @@
-from .authentication import AUTHENTICATION_PART, BEARER, OPEN, AccessChanged, Authentication, Shown, User
-from .control_lease import CONTROL_LEASE_PART, HEADER, ControlLease, ControlReleased, HolderChanged, read_stamp
+from .authentication import AUTHENTICATION_PART, BEARER, OPEN, AccessChanged, Authentication, Credentials, User
+from .control_lease import (
+    CONTROL_HEADER,
+    CONTROL_LEASE_PART,
+    ControlLease,
+    ControlReleased,
+    HolderChanged,
+    parse_command_token,
+)
 from .handover import HANDOVER_PART, ControlHandover
-from .sessions import FILES, Sessions, TokenFiles, Tokens, load_tokens, replace_tokens
+from .sessions import TOKEN_FILES, Sessions, TokenFiles, Tokens, load_tokens, replace_tokens
 
 __all__ = [
     "AUTHENTICATION_PART",
     "BEARER",
+    "CONTROL_HEADER",
     "CONTROL_LEASE_PART",
-    "FILES",
     "HANDOVER_PART",
-    "HEADER",
     "OPEN",
+    "TOKEN_FILES",
     "AccessChanged",
     "Authentication",
     "ControlHandover",
     "ControlLease",
     "ControlReleased",
+    "Credentials",
     "HolderChanged",
     "Sessions",
-    "Shown",
     "TokenFiles",
     "Tokens",
     "User",
     "load_tokens",
-    "read_stamp",
+    "parse_command_token",
     "replace_tokens",
 ]

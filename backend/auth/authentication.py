@@ -1,4 +1,4 @@
-"""Authentication: tokens, cookies, limits of attempts, names of people."""
+"""Authentication of requests: tokens, cookies, limits of attempts, and names of users."""
 
 import asyncio
 import secrets
@@ -21,218 +21,226 @@ from plant import ErrorCode
 
 # Attempts ------------------------------------------------------------------------------------------
 #
-# How often one address may try a wrong token, and how often it may begin a session with a right
-# one.
-#
-# A request with a right token is always answered, and who holds a viewer's token slows no operator
-# down.
+# Limits wrong tokens and new sessions per address. Requests with a right token are always answered,
+# and sessions are counted per role, so that the holder of a viewer's token cannot delay an operator.
 
 
 ATTEMPTS = 10
+"""Wrong tokens that one address may send within ATTEMPTS_WINDOW_S."""
+
 SIGN_INS = 60
 """Sessions that one address may begin in a minute with the token of one role: a class of students at one machine."""
 
 ATTEMPTS_WINDOW_S = 60.0
 ADDRESSES = 1000
+"""Addresses whose attempts are counted; the oldest is dropped for a new one."""
 
 
-class Attempts:
-    """What was tried within the last minute, by address; ``of`` says of what there were too many."""
+class AttemptLimiter:
+    """Limits attempts per address within ATTEMPTS_WINDOW_S."""
 
     def __init__(
-        self, clock: Callable[[], float] = time.monotonic, *, most: int = ATTEMPTS, of: str = "wrong tokens"
+        self, clock: Callable[[], float] = time.monotonic, *, limit: int = ATTEMPTS, what: str = "wrong tokens"
     ) -> None:
-        self._clock, self._most, self._of = clock, most, of
-        self._tried: dict[str, deque[float]] = {}
+        """Allow ``limit`` attempts per address; ``what`` names them in the message."""
+        self._clock, self._limit, self._what = clock, limit, what
+        self._attempts: dict[str, deque[float]] = {}
 
     def count(self, address: str) -> None:
-        """Count one more. Raises RequestRejectedError where there were too many of them."""
-        tried = self._recent(address)
-        if len(tried) >= self._most:
-            wait_s = int(tried[0] + ATTEMPTS_WINDOW_S - self._clock()) + 1
+        """Count one attempt. Raises RequestRejectedError at the limit."""
+        recent = self._list_recent(address)
+        if len(recent) >= self._limit:
+            wait_s = int(recent[0] + ATTEMPTS_WINDOW_S - self._clock()) + 1
             raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"too many {self._of}; try again in {wait_s} s", retry_after_s=wait_s
+                ErrorCode.TOO_MANY, f"too many {self._what}; try again in {wait_s} s", retry_after_s=wait_s
             )
-        tried.append(self._clock())
+        recent.append(self._clock())
 
-    def _recent(self, address: str) -> deque[float]:
+    def _list_recent(self, address: str) -> deque[float]:
         oldest = self._clock() - ATTEMPTS_WINDOW_S
-        for known in [key for key, times in self._tried.items() if not times or times[-1] < oldest]:
-            del self._tried[known]
-        while len(self._tried) >= ADDRESSES:
-            del self._tried[next(iter(self._tried))]
-        tried = self._tried.setdefault(address, deque(maxlen=self._most))
-        while tried and tried[0] < oldest:
-            tried.popleft()
-        return tried
+        for expired in [key for key, times in self._attempts.items() if not times or times[-1] < oldest]:
+            del self._attempts[expired]
+        while len(self._attempts) >= ADDRESSES:
+            del self._attempts[next(iter(self._attempts))]
+        recent = self._attempts.setdefault(address, deque(maxlen=self._limit))
+        while recent and recent[0] < oldest:
+            recent.popleft()
+        return recent
 
 
-# People --------------------------------------------------------------------------------------------
+# Users ---------------------------------------------------------------------------------------------
 #
-# Who somebody is to the others: names, and who has a page open. Names tell apart whoever is there
-# at one time.
+# Names of users, and which users have a page open. Display names are unique among connected users.
 
 
 BEARER, OPEN = "bearer", "open"
-"""The ``session`` of all who send a token with each request, and of all where no token is needed."""
+"""``User.session`` of clients that send a token with each request, and of all clients if no token is needed."""
 
-LONGEST_NAME = 40
+MAX_NAME_LENGTH = 40
 
 
 @dataclass(frozen=True)
 class User:
-    """Someone who is signed in: ``name`` as others see it, ``called`` as they gave it.
-
-    ``session`` tells two browsers of one name apart.
-    """
+    """A signed-in person or script."""
 
     name: str
+    """Display name, which other users see."""
+
     role: Role
     session: str
-    called: str = ""
+    """Identifier that distinguishes two browsers of the same name."""
+
+    given_name: str = ""
+    """Name as the person typed it."""
 
     @property
-    def is_nameless(self) -> bool:
-        """Whether this browser's person has given no name yet; scripts go by their role."""
-        return self.session not in (BEARER, OPEN) and self.called in ("", self.role)
+    def has_no_name(self) -> bool:
+        """Whether the person at this browser has not given a name; scripts use the name of their role."""
+        return self.session not in (BEARER, OPEN) and self.given_name in ("", self.role)
 
 
 @dataclass
-class _There:
-    person: User
+class _Connection:
+    user: User
     is_page: bool
     since: datetime = field(default_factory=lambda: datetime.now(UTC))
 
 
 class ActiveUsers:
-    """Those who have a websocket open: pages, and the 3D views in them."""
+    """Users with an open websocket: of a page, or of a 3D view in it."""
 
     def __init__(self) -> None:
-        self._there: dict[asyncio.Event, _There] = {}
+        self._connections: dict[asyncio.Event, _Connection] = {}
 
     @contextmanager
-    def attending(self, person: User, *, is_page: bool) -> Iterator[asyncio.Event]:
-        """Count a websocket among the open ones; the event is set when its session ends."""
-        over = asyncio.Event()
-        self._there[over] = _There(person, is_page)
+    def connect(self, user: User, *, is_page: bool) -> Iterator[asyncio.Event]:
+        """Register a websocket for the block; yields an event that is set when its session ends."""
+        session_ended = asyncio.Event()
+        self._connections[session_ended] = _Connection(user, is_page)
         try:
-            yield over
+            yield session_ended
         finally:
-            del self._there[over]
+            del self._connections[session_ended]
 
-    def connected(self) -> Iterator[tuple[asyncio.Event, User]]:
-        """Yield each open websocket's end and person."""
-        yield from [(over, there.person) for over, there in self._there.items()]
+    def list_connections(self) -> Iterator[tuple[asyncio.Event, User]]:
+        """Yield, for each open websocket, the event of the end of its session and its user."""
+        yield from [(ended, connection.user) for ended, connection in self._connections.items()]
 
     def view(self) -> list[PersonView]:
-        """Return who has how many pages open, and since when the first of them is, by name."""
-        pages: dict[tuple[str, Role], list[datetime]] = {}
-        for there in self._there.values():
-            if there.is_page:
-                pages.setdefault((there.person.name, there.person.role), []).append(there.since)
+        """Return users with their number of open pages and the time of the first, sorted by name."""
+        opened: dict[tuple[str, Role], list[datetime]] = {}
+        for connection in self._connections.values():
+            if connection.is_page:
+                opened.setdefault((connection.user.name, connection.user.role), []).append(connection.since)
         return [
-            PersonView(name=name, role=role, pages=len(since), since=min(since))
-            for (name, role), since in sorted(pages.items())
+            PersonView(name=name, role=role, pages=len(times), since=min(times))
+            for (name, role), times in sorted(opened.items())
         ]
 
     def has_page(self, session: str) -> bool:
-        """Return whether somebody's page is open."""
-        return any(there.is_page and there.person.session == session for there in self._there.values())
+        """Return whether a session has a page open."""
+        return any(one.is_page and one.user.session == session for one in self._connections.values())
 
-    def named(self, name: str) -> User | None:
-        """Return whose page is open under this name."""
-        there = (one.person for one in self._there.values() if one.is_page)
-        return next((person for person in there if person.name == name), None)
+    def find_by_name(self, name: str) -> User | None:
+        """Return the user with an open page and this display name."""
+        users = (connection.user for connection in self._connections.values() if connection.is_page)
+        return next((user for user in users if user.name == name), None)
 
-    def as_shown(self, person: User) -> User:
-        """Return somebody who comes back under the name by which the others know them.
+    def resolve_returning(self, user: User) -> User:
+        """Return a user that reconnects, with a display name that no other connected user has.
 
-        It may be another than before: while they were away, somebody else may have come under theirs.
+        The name may differ from the earlier one, which another user may have taken meanwhile.
         """
-        if person.session in (BEARER, OPEN):
-            return person
-        here = [there.person for there in self._there.values()]
-        known = next((other for other in here if other.session == person.session), None)
+        if user.session in (BEARER, OPEN):
+            return user
+        connected = [connection.user for connection in self._connections.values()]
+        known = next((other for other in connected if other.session == user.session), None)
         if known is not None:
             return known
-        if all(other.name.casefold() != person.name.casefold() for other in here):
-            return person
-        return replace(person, name=self.shown(person.called, person.role, person.session))
+        if all(other.name.casefold() != user.name.casefold() for other in connected):
+            return user
+        return replace(user, name=self.make_display_name(user.given_name, user.role, user.session))
 
-    def shown(self, called: str, role: Role, session: str) -> str:
-        """Return how others see who calls themselves so: nobody gets the name of somebody else who is there."""
-        name = called or str(role)
-        if role is Role.VIEWER and called not in ("", role):
-            name = f"{called} ({role})"
-        others = (person for _, person in self.connected() if person.session != session)
-        taken, number, shown = {person.name.casefold() for person in others}, 1, name
-        while shown.casefold() in taken:
+    def make_display_name(self, given_name: str, role: Role, session: str) -> str:
+        """Return a display name that no other connected user has, with a number if necessary."""
+        name = given_name or str(role)
+        if role is Role.VIEWER and given_name not in ("", role):
+            name = f"{given_name} ({role})"
+        others = (user for _, user in self.list_connections() if user.session != session)
+        taken, number, display_name = {user.name.casefold() for user in others}, 1, name
+        while display_name.casefold() in taken:
             number += 1
-            shown = f"{name} ({number})"
-        return shown
+            display_name = f"{name} ({number})"
+        return display_name
 
-    def rename(self, person: User, name: str) -> User:
-        """Return ``person`` under another name, at all their pages.
+    def rename(self, user: User, name: str) -> User:
+        """Return ``user`` with another name, and use it at all pages of the session.
 
-        Raises RequestRejectedError for a script, and for a name that is not accepted. The session stays what it is,
-        so that control is kept.
+        The session is unchanged, so that the user keeps control. Raises RequestRejectedError for a script and for an
+        invalid name.
         """
-        if person.session in (BEARER, OPEN):
+        if user.session in (BEARER, OPEN):
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, "a script goes by its role: only a browser that signed in has a name"
             )
-        called = printable(name)
-        if called == "" or called.casefold() in set(Role):
+        given_name = clean_name(name)
+        if given_name == "" or given_name.casefold() in set(Role):
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE, "a name needs a letter, and is no role: type what the others here call you"
             )
-        renamed = replace(person, name=self.shown(called, person.role, person.session), called=called)
-        for there in self._there.values():
-            if there.person.session == person.session:
-                there.person = renamed
+        renamed = replace(user, name=self.make_display_name(given_name, user.role, user.session), given_name=given_name)
+        for connection in self._connections.values():
+            if connection.user.session == user.session:
+                connection.user = renamed
         return renamed
 
 
-def printable(name: str) -> str:
-    """Return a name on one line, without the marks that tell persons apart, in whatever script they are written."""
-    plain = " ".join(unicodedata.normalize("NFKC", name).split())
-    return "".join(sign for sign in plain if sign.isprintable() and sign not in "()").strip()[:LONGEST_NAME]
+def clean_name(name: str) -> str:
+    """Return a name on one line, without parentheses, which mark role and number in display names."""
+    normalized = " ".join(unicodedata.normalize("NFKC", name).split())
+    return "".join(char for char in normalized if char.isprintable() and char not in "()").strip()[:MAX_NAME_LENGTH]
 
 
 # Authentication ------------------------------------------------------------------------------------
 #
-# Tells who asks: by a token, then by the cookie that was given for it; knows whose session is over.
+# Identifies the sender of a request by its token, or by the cookie that sign-in has issued.
 
 
 AUTHENTICATION_PART = Part(
     "The watch over the token files", "Tokens that are changed by the command line come into force at the next start."
 )
 
-LONGEST_TOKEN = 200
+MAX_TOKEN_LENGTH = 200
 
-LOOK_S = 0.5
+POLL_S = 0.5
+"""Period [s] at which changes of the token files are noticed."""
+
 SAVE_S = 3600.0
+"""Period [s] at which the sessions are saved."""
+
 GRACE_S = 10.0
-"""So long [s] the cookie that a browser sent before it rotated the tokens is still good for STOP."""
+"""Time [s] after a rotation during which the previous cookie of the browser that rotated is accepted for STOP."""
 
 
 @dataclass
-class Shown:
-    """What one request or websocket shows of who sends it: a token, or the cookies that may be ours.
-
-    ``is_foreign`` says that another site's page made the browser send it; a wrong token counts once for each.
-    """
+class Credentials:
+    """Credentials of one request or websocket."""
 
     address: str
     token: str | None = None
     cookies: Sequence[str] = ()
+    """Values of all cookies that may have been issued by this service."""
+
     is_foreign: bool = False
+    """Whether a page of another site made the browser send the request."""
+
     is_counted: bool = False
+    """Whether the wrong token of this request has been counted: it counts once."""
 
 
 @dataclass(frozen=True)
-class _Replaced:
-    """The tokens before the last rotation, good for STOP of the one session that asked for it, ``until`` [s]."""
+class _PreviousTokens:
+    """Tokens before the last rotation, accepted for STOP of one ``session`` until ``until`` [s]."""
 
     tokens: Tokens
     session: str
@@ -241,17 +249,18 @@ class _Replaced:
 
 @dataclass(frozen=True)
 class AccessChanged:
-    """Somebody has signed in or out, or made new tokens: ``text`` for the log, and ``who`` did it."""
+    """Event: user ``who`` signed in, signed out or rotated the tokens; ``text`` is for the event log."""
 
     text: str
     who: str
 
 
 class Authentication:
-    """Tells who asks. ``files`` None asks for nothing: everyone is an operator.
+    """Identifies users by token or cookie.
 
-    Cookies are signed with the token of their role. Which of them are live is up to ``sessions``; one that is genuine
-    and neither live nor signed out is good for STOP alone.
+    Cookies are signed with the token of their role, so that a new token invalidates them. ``sessions`` decides which
+    cookies are live. An authentic cookie of a session that has expired, but was not signed out, is accepted for STOP
+    only. Without ``files`` the service asks for no token, and every client is an operator.
     """
 
     def __init__(
@@ -264,176 +273,180 @@ class Authentication:
         self._events = events or EventBus()
         self._files = files
         self._clock = clock
-        self._attempts = Attempts(clock)
-        self._sign_ins = Attempts(clock, most=SIGN_INS, of="new sessions from this address")
-        self._replaced: _Replaced | None = None
-        self._turn = asyncio.Lock()
+        self._attempts = AttemptLimiter(clock)
+        self._sign_ins = AttemptLimiter(clock, limit=SIGN_INS, what="new sessions from this address")
+        self._previous: _PreviousTokens | None = None
+        self._rotation_lock = asyncio.Lock()
         self.sessions = sessions or Sessions()
-        self.people = ActiveUsers()
+        self.active_users = ActiveUsers()
 
-    def sign_in(self, shown: Shown, token: str, name: str = "") -> User:
-        """Return who ``token`` belongs to.
+    def sign_in(self, credentials: Credentials, token: str, name: str = "") -> User:
+        """Begin a session for the owner of ``token`` and return the user.
 
-        Raises RequestRejectedError for a wrong token, and after too many attempts for a right one too.
-        A browser that is signed in already goes on with its session, or ends it where it is another person's now.
+        A browser that is already signed in keeps its session if role and name are the same; otherwise that session
+        ends. Raises RequestRejectedError for a wrong token and after too many attempts.
         """
         if self._files is None:
-            return User(printable(name) or Role.OPERATOR, Role.OPERATOR, OPEN)
-        role = self._files.tokens.role_of(token[:LONGEST_TOKEN])
+            return User(clean_name(name) or Role.OPERATOR, Role.OPERATOR, OPEN)
+        role = self._files.tokens.find_role(token[:MAX_TOKEN_LENGTH])
         if role is None:
-            self._count_wrong(shown)
+            self._count_wrong_token(credentials)
             raise RequestRejectedError(
                 ErrorCode.NOT_SIGNED_IN, "wrong token; use the sign-in link that the service printed at its start"
             )
-        called, before = printable(name), self._person_of_cookie(shown)
-        if before is not None and before.role is role and called in ("", before.called):
+        given_name, before = clean_name(name), self._find_cookie_user(credentials)
+        if before is not None and before.role is role and given_name in ("", before.given_name):
             return before
-        self._sign_ins.count(f"{role} {shown.address}")
+        self._sign_ins.count(f"{role} {credentials.address}")
         if before is not None:
             self.sessions.end(before.session)
-            self._dismiss()
+            self._close_ended_connections()
         session = secrets.token_urlsafe(12)
-        self.sessions.begin(session, role, in_use={person.session for _, person in self.people.connected()})
-        person = User(self.people.shown(called, role, session), role, session, called or role)
-        self._events.publish(AccessChanged(f"signed in as {role}", person.name))
-        return person
+        self.sessions.add(session, role, in_use={user.session for _, user in self.active_users.list_connections()})
+        display_name = self.active_users.make_display_name(given_name, role, session)
+        user = User(display_name, role, session, given_name or role)
+        self._events.publish(AccessChanged(f"signed in as {role}", user.name))
+        return user
 
-    def cookie(self, person: User) -> str | None:
-        """Return what a browser shows from now on to be recognised as ``person``; None where it needs no cookie."""
-        if self._files is None or person.session in (BEARER, OPEN):
+    def make_cookie(self, user: User) -> str | None:
+        """Return the signed cookie that identifies ``user``; None for a client that needs no cookie."""
+        if self._files is None or user.session in (BEARER, OPEN):
             return None
-        content = {"name": person.name, "called": person.called, "role": person.role, "session": person.session}
-        signed: str = _signer(self._files.tokens, person.role).dumps(content)
+        content = {"name": user.name, "called": user.given_name, "role": user.role, "session": user.session}
+        signed: str = _make_signer(self._files.tokens, user.role).dumps(content)
         return signed
 
-    def sign_out(self, shown: Shown) -> None:
-        """End the session of the cookie, wherever else that cookie may be by now."""
-        person = self._genuine(shown)
-        if person is not None:
-            self.sessions.end(person.session)
-            self._events.publish(AccessChanged("signed out", person.name))
-            self._dismiss()
+    def sign_out(self, credentials: Credentials) -> None:
+        """End the session of the cookie, for all copies of the cookie."""
+        user = self._read_cookie_user(credentials)
+        if user is not None:
+            self.sessions.end(user.session)
+            self._events.publish(AccessChanged("signed out", user.name))
+            self._close_ended_connections()
 
-    def recognise(self, shown: Shown) -> User | None:
-        """Return who sends this request or opens this websocket, None when not signed in. Raises RequestRejectedError.
+    def authenticate(self, credentials: Credentials) -> User | None:
+        """Return the user that sends a request or opens a websocket; None if not signed in.
 
-        May be asked as often as one likes: a wrong token counts once for each request.
+        May be called several times for one request: a wrong token counts once. Raises RequestRejectedError for a wrong
+        token.
         """
         if self._files is None:
             return User(Role.OPERATOR, Role.OPERATOR, OPEN)
-        if shown.token is not None:
-            return self._person_of_bearer(shown, shown.token)
-        return self._person_of_cookie(shown)
+        if credentials.token is not None:
+            return self._find_bearer_user(credentials, credentials.token)
+        return self._find_cookie_user(credentials)
 
-    def recognise_for_stop(self, shown: Shown) -> User | None:
-        """Return who presses STOP: also somebody whose session fell asleep or was forgotten, not one signed out."""
-        person = self.recognise(shown)
-        if person is None:
-            person = self._genuine(shown)
-        return person
+    def authenticate_for_stop(self, credentials: Credentials) -> User | None:
+        """Return the user that sends STOP; also for a session that has expired, not for one that was signed out."""
+        user = self.authenticate(credentials)
+        if user is None:
+            user = self._read_cookie_user(credentials)
+        return user
 
-    async def rotate(self, roles: list[Role], person: User) -> Tokens:
-        """Put new tokens in force at once; all sessions of ``roles`` end but that of ``person``.
+    async def rotate(self, roles: list[Role], user: User) -> Tokens:
+        """Replace the tokens of ``roles`` and end all their sessions except that of ``user``.
 
-        Raises RequestRejectedError where no token is asked for, and when the tokens cannot be written: the old ones
-        hold.
+        Returns the new tokens. Raises RequestRejectedError if the service uses no tokens, or if they cannot be written:
+        the old tokens remain valid.
         """
         if self._files is None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "this service asks for no token: there is nothing to rotate")
-        async with self._turn:
-            self._replaced = _Replaced(self._files.tokens, person.session, self._clock() + GRACE_S)
+        async with self._rotation_lock:
+            self._previous = _PreviousTokens(self._files.tokens, user.session, self._clock() + GRACE_S)
             try:
                 await asyncio.to_thread(self._files.rotate, roles)
             except OSError as error:
                 raise RequestRejectedError(
                     ErrorCode.UNAVAILABLE, f"the new tokens cannot be written: {error.strerror or error}"
                 ) from error
-            await self._refresh(but=person.session)
-        self._events.publish(AccessChanged(f"new tokens for {' and '.join(roles)}", person.name))
+            await self._reload_tokens(except_session=user.session)
+        self._events.publish(AccessChanged(f"new tokens for {' and '.join(roles)}", user.name))
         await self.sessions.save()
         return self._files.tokens
 
     async def run(self) -> None:
-        """Notice token files that were changed, and keep the file of sessions fresh, until cancelled."""
+        """Reload changed token files and save the sessions regularly, until cancelled."""
         saved = self._clock()
         while True:
-            await asyncio.sleep(LOOK_S)
-            async with self._turn:
-                changed = await self._refresh()
+            await asyncio.sleep(POLL_S)
+            async with self._rotation_lock:
+                changed = await self._reload_tokens()
             if changed or self._clock() - saved > SAVE_S:
                 saved = self._clock()
-                for _, person in self.people.connected():
-                    self.sessions.use(person.session)
+                for _, user in self.active_users.list_connections():
+                    self.sessions.refresh(user.session)
                 await self.sessions.save()
 
-    async def _refresh(self, but: str | None = None) -> bool:
+    async def _reload_tokens(self, except_session: str | None = None) -> bool:
+        """Reload the token files and end the sessions of changed tokens; return whether a token has changed."""
         if self._files is None:
             return False
-        changed = await asyncio.to_thread(self._files.refresh)
+        changed = await asyncio.to_thread(self._files.reload)
         for role in changed:
-            self.sessions.end_all(role, but)
-        self._dismiss(changed)
+            self.sessions.end_all(role, except_session)
+        self._close_ended_connections(changed)
         return bool(changed)
 
-    def _dismiss(self, bearers: Collection[Role] = ()) -> None:
-        """Close the websockets of sessions that are over, and of scripts whose token was replaced."""
-        for over, person in self.people.connected():
-            if person.session == BEARER:
-                ended = person.role in bearers
+    def _close_ended_connections(self, bearers: Collection[Role] = ()) -> None:
+        """Close the websockets of ended sessions, and of scripts with a replaced token of the roles ``bearers``."""
+        for session_ended, user in self.active_users.list_connections():
+            if user.session == BEARER:
+                has_ended = user.role in bearers
             else:
-                ended = person.session != OPEN and not self.sessions.is_live(person.session)
-            if ended:
-                over.set()
+                has_ended = user.session != OPEN and not self.sessions.is_live(user.session)
+            if has_ended:
+                session_ended.set()
 
-    def _person_of_bearer(self, shown: Shown, token: str) -> User:
-        # The right token passes whatever others have tried: a script that stops the rig must not be locked out.
-        role = self._files.tokens.role_of(token[:LONGEST_TOKEN]) if self._files else Role.OPERATOR
+    def _find_bearer_user(self, credentials: Credentials, token: str) -> User:
+        # A right token is accepted after any number of wrong ones: a script that sends STOP must not be locked out.
+        role = self._files.tokens.find_role(token[:MAX_TOKEN_LENGTH]) if self._files else Role.OPERATOR
         if role is None:
-            self._count_wrong(shown)
+            self._count_wrong_token(credentials)
             raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, "wrong token; use the one in the data folder")
         return User(role, role, BEARER)
 
-    def _person_of_cookie(self, shown: Shown) -> User | None:
-        person = self._genuine(shown, replaced=False)
-        if person is None or not self.sessions.use(person.session):
+    def _find_cookie_user(self, credentials: Credentials) -> User | None:
+        user = self._read_cookie_user(credentials, include_previous=False)
+        if user is None or not self.sessions.refresh(user.session):
             return None
-        return self.people.as_shown(person)
+        return self.active_users.resolve_returning(user)
 
-    def _genuine(self, shown: Shown, replaced: bool = True) -> User | None:
-        """Return whose cookie this is, however old, unless it was signed out."""
+    def _read_cookie_user(self, credentials: Credentials, include_previous: bool = True) -> User | None:
+        """Return the user of an authentic cookie of any age; None if the session was signed out."""
         if self._files is None:
             return None
-        for value in shown.cookies:
-            for tokens, only in self._accepted(replaced):
-                person = _read(value, tokens)
-                if person is None or only not in (None, person.session):
+        for value in credentials.cookies:
+            for tokens, only_session in self._list_accepted_tokens(include_previous):
+                user = _read_cookie(value, tokens)
+                if user is None or only_session not in (None, user.session):
                     continue
-                if not self.sessions.was_ended(person.session):
-                    return person
+                if not self.sessions.was_ended(user.session):
+                    return user
         return None
 
-    def _accepted(self, replaced: bool) -> Iterator[tuple[Tokens, str | None]]:
+    def _list_accepted_tokens(self, include_previous: bool) -> Iterator[tuple[Tokens, str | None]]:
+        """Yield accepted tokens, each with the only session that may use them, None for all sessions."""
         if self._files is not None:
             yield self._files.tokens, None
-        if replaced and self._replaced is not None and self._clock() < self._replaced.until:
-            yield self._replaced.tokens, self._replaced.session
+        if include_previous and self._previous is not None and self._clock() < self._previous.until:
+            yield self._previous.tokens, self._previous.session
 
-    def _count_wrong(self, shown: Shown) -> None:
-        # What a page of somebody else makes a browser send says nothing about the person at that browser.
-        if not shown.is_foreign and not shown.is_counted:
-            shown.is_counted = True
-            self._attempts.count(shown.address)
+    def _count_wrong_token(self, credentials: Credentials) -> None:
+        # A request that a foreign page makes a browser send must not lock out the person at that browser.
+        if not credentials.is_foreign and not credentials.is_counted:
+            credentials.is_counted = True
+            self._attempts.count(credentials.address)
 
 
-def _read(value: str, tokens: Tokens) -> User | None:
+def _read_cookie(value: str, tokens: Tokens) -> User | None:
     for role in Role:
         try:
-            content = _signer(tokens, role).loads(value)
+            content = _make_signer(tokens, role).loads(value)
         except BadData:
             continue
-        return replace(User(content["name"], role, content["session"]), called=content["called"])
+        return replace(User(content["name"], role, content["session"]), given_name=content["called"])
     return None
 
 
-def _signer(tokens: Tokens, role: Role) -> URLSafeSerializer:
-    return URLSafeSerializer(tokens.of(role), salt=f"session of {role}")
+def _make_signer(tokens: Tokens, role: Role) -> URLSafeSerializer:
+    return URLSafeSerializer(tokens.get(role), salt=f"session of {role}")

@@ -1,4 +1,4 @@
-"""The control lease: one person at one page holds control; commands of a page act once each, in order."""
+"""The control lease: the right of one session to send commands, executed once each and in order."""
 
 import asyncio
 import re
@@ -16,41 +16,43 @@ from backend.schemas import HolderView, Lease
 from backend.supervision import Part
 from plant import ErrorCode, InvariantError
 
-# Command turns -------------------------------------------------------------------------------------
+# Command sequence ----------------------------------------------------------------------------------
 #
-# Commands of one page, obeyed once each and in the order in which they were given.
+# Executes the commands of one page once each, in the order in which the page sent them.
 #
-# A browser sends over several connections, so that a command may arrive before the one that was
-# given before it. It waits for that one: as long as a packet may be late, and until it has been
-# answered. One that comes after its turn was given away is refused, since what it asks for is older
-# than what is in force.
+# A browser sends over several connections, so that a command can arrive before its predecessor. It
+# waits for the predecessor to arrive (GAP_S) and to be answered (BUSY_S). A command that arrives
+# after a later one was executed is refused, because it is outdated.
 
 
 GAP_S = 0.3
-"""So long [s] a command waits for one before it that has not arrived."""
+"""Time [s] that a command waits for a predecessor that has not arrived."""
 
 BUSY_S = 1.0
-"""So long [s] a command waits for the answer to the one before it."""
+"""Time [s] that a command waits for the answer to its predecessor."""
 
 WAITING = 32
-"""So many commands of a page may wait."""
+"""Commands of one page that may wait."""
 
-_LOOK_S = 0.05
+_WAIT_S = 0.05
 
 
 class CommandSequencer:
-    """The order of one page's commands, which it numbers 1, 2, 3 ..."""
+    """Puts the commands of one page, which numbers them 1, 2, 3 …, into order."""
 
     def __init__(self) -> None:
-        self._obeyed = 0
+        self._last_executed = 0
         self._busy_since: float | None = None
         self._waiting: set[int] = set()
         self._changed = asyncio.Condition()
 
     @asynccontextmanager
     async def turn(self, number: int) -> AsyncIterator[None]:
-        """Hold the turn of a command for the block. Raises RequestRejectedError for an old one, 429 for too many."""
-        if number <= self._obeyed or number in self._waiting:
+        """Wait until a command may be executed, and hold back its successors for the block.
+
+        Raises RequestRejectedError for an outdated command and if too many wait.
+        """
+        if number <= self._last_executed or number in self._waiting:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
                 "this command is older than one that was obeyed already: nothing done",
@@ -67,14 +69,14 @@ class CommandSequencer:
             await self._wait(number)
         finally:
             self._waiting.discard(number)
-        if number <= self._obeyed:
-            raise InvariantError(f"command {number} got its turn after command {self._obeyed}")
-        self._obeyed = number
-        self._busy_since = begun = _now_s()
+        if number <= self._last_executed:
+            raise InvariantError(f"command {number} got its turn after command {self._last_executed}")
+        self._last_executed = number
+        self._busy_since = started = _now_s()
         try:
             yield
         finally:
-            if self._busy_since == begun:
+            if self._busy_since == started:  # else a successor has stopped waiting for this command
                 self._busy_since = None
             async with self._changed:
                 self._changed.notify_all()
@@ -84,7 +86,7 @@ class CommandSequencer:
         async with self._changed:
             while not self._is_next(number, arrived_s):
                 with suppress(TimeoutError):
-                    async with asyncio.timeout(_LOOK_S):
+                    async with asyncio.timeout(_WAIT_S):
                         await self._changed.wait()
 
     def _is_next(self, number: int, arrived_s: float) -> bool:
@@ -93,248 +95,256 @@ class CommandSequencer:
             return False
         if self._busy_since is not None and now_s - self._busy_since < BUSY_S:
             return False
-        return number == self._obeyed + 1 or now_s - arrived_s >= GAP_S
+        return number == self._last_executed + 1 or now_s - arrived_s >= GAP_S
 
 
 def _now_s() -> float:
     return asyncio.get_running_loop().time()
 
 
-# Control -------------------------------------------------------------------------------------------
+# Control lease -------------------------------------------------------------------------------------
 #
-# Who holds control: one named person at one page, until it is taken over, given up, or lost.
+# One named user at one page has control until another user takes it over, or it is given up or
+# lost.
 #
-# A page takes control and gets a key that it keeps in its own memory, so that a copy of the page
-# has none. Its commands carry the stamp "key.sequence": one with another key comes from a page that
-# has lost control, one with a sequence that was used already is an old command on its way for the
-# second time; both are refused. What is in order is obeyed in order, however it arrived
-# (``turns``). A page that is loaded again shows the key it had and gets another one. Scripts, which
-# send the bearer token, need no stamp while nobody else holds control. STOP asks for nothing of
-# this.
+# A page that takes control gets a key and keeps it in its own memory, so that a copy of the page
+# does not have it. Each command carries a command token "key.sequence". A command with another key
+# comes from a page that has lost control, and one with a used sequence number is a repetition: both
+# are refused. The others are executed in order (CommandSequencer). A page that is reloaded presents
+# its key and gets a new one. Scripts, which send the bearer token, need no command token while no
+# other user has control. STOP does not depend on the lease.
 
 
-HEADER = "Sinew-Control"
+CONTROL_HEADER = "Sinew-Control"
+"""HTTP header that carries the command token."""
 
 CONTROL_LEASE_PART = Part(
     "The watch over lost pages", "What moved was stopped softly: look into the service's log, take control, then reset."
 )
 
 LOST_S = 2.0
-"""A page that says nothing for so long [s] is lost; it pings every second."""
+"""Time [s] without a ping after which a page is lost; it pings every second."""
 
 HOLD_S = 2.0
-"""So long [s] the references are held for a lost page to come back, before the soft stop."""
+"""Time [s] that the references are held for a lost page to return, before the soft stop."""
 
 SCRIPT_S = 10.0
-"""A script that commands nothing for so long [s] holds control no longer; nothing is stopped then."""
+"""Time [s] without a command after which a script loses control; nothing is stopped then."""
 
-LOOK_S = 0.1
-_LATE_LOOK_S = 2.0 * LOOK_S
-_STAMP = re.compile(r"([A-Za-z0-9_-]{16})\.([0-9]{1,15})")
+POLL_S = 0.1
+_MAX_POLL_S = 2.0 * POLL_S
+_COMMAND_TOKEN = re.compile(r"([A-Za-z0-9_-]{16})\.([0-9]{1,15})")
 
 
 class CommandToken(NamedTuple):
-    """What a page's command carries."""
+    """Key of the page and sequence number that a command of a page carries."""
 
-    page: str
+    page_key: str
     sequence: int
 
 
 @dataclass
 class LeaseHolder:
-    """Who holds control, at a page or by a script; ``page`` is the page's key, ``epoch`` what others know it by."""
+    """The user who has control, at a page or with a script."""
 
-    person: User
+    user: User
     epoch: int
+    """Number of the lease, by which other pages know it."""
+
     is_page: bool
-    page: str = field(default_factory=lambda: secrets.token_urlsafe(12))
-    turns: CommandSequencer = field(default_factory=CommandSequencer)
+    page_key: str = field(default_factory=lambda: secrets.token_urlsafe(12))
+    sequencer: CommandSequencer = field(default_factory=CommandSequencer)
     silent_s: float = 0.0
+    """Time since the last ping of the page, or the last command of the script [s]."""
 
     @property
-    def lost(self) -> bool:
-        """Whether the page is not heard any more."""
+    def is_lost(self) -> bool:
+        """Whether the page has sent no ping for LOST_S."""
         return self.is_page and not self.silent_s <= LOST_S
 
-    def is_at(self, person: User, page: str | None) -> bool:
-        """Return whether this is the page that holds control."""
-        if page is None or not self.is_page or person.session != self.person.session:
+    def is_at(self, user: User, page_key: str | None) -> bool:
+        """Return whether a page of ``user`` with this key is the page that has control."""
+        if page_key is None or not self.is_page or user.session != self.user.session:
             return False
-        return secrets.compare_digest(page.encode(), self.page.encode())
+        return secrets.compare_digest(page_key.encode(), self.page_key.encode())
 
-    def lease(self) -> Lease:
-        """Return what the page is told."""
-        return Lease(epoch=self.epoch, page=self.page, name=self.person.name)
+    def build_lease(self) -> Lease:
+        """Return the lease as it is sent to the page that has it."""
+        return Lease(epoch=self.epoch, page=self.page_key, name=self.user.name)
 
 
-def read_stamp(text: str | None) -> CommandToken | None:
-    """Read the header, None where there is none. Raises RequestRejectedError."""
+def parse_command_token(text: str | None) -> CommandToken | None:
+    """Parse the value of CONTROL_HEADER, None without header. Raises RequestRejectedError."""
     if text is None:
         return None
-    found = _STAMP.fullmatch(text)
-    if found is None:
+    match = _COMMAND_TOKEN.fullmatch(text)
+    if match is None:
         raise RequestRejectedError(
-            ErrorCode.MALFORMED, f"{HEADER} has to be the key of the page, a dot and a whole number", code="bad_stamp"
+            ErrorCode.MALFORMED,
+            f"{CONTROL_HEADER} has to be the key of the page, a dot and a whole number",
+            code="bad_stamp",
         )
-    return CommandToken(found[1], int(found[2]))
+    return CommandToken(match[1], int(match[2]))
 
 
 @dataclass(frozen=True)
 class ControlReleased:
-    """Whoever held control does not hold it any more, or is not heard: what is held by hand ends."""
+    """Event: the holder no longer has control or is lost, so that manual inputs must end."""
 
 
 @dataclass(frozen=True)
 class HolderChanged:
-    """A page has given control up or is lost, or another person has taken it; not a page that is loaded again."""
+    """Event: control was given up, lost, or taken by another user; not the reload of a page."""
 
 
 class ControlLease:
-    """The one lease. ``lost`` is called when the page that held it was not heard for LOST_S + HOLD_S.
-
-    ``told`` hears what happens to control: a sentence, and who did it. Publishes ControlReleased and HolderChanged.
-    """
+    """The lease of one service. Publishes ControlReleased and HolderChanged."""
 
     def __init__(
         self,
         events: EventBus,
-        lost: Callable[[str], Awaitable[None]],
-        told: Callable[[str, str], None],
+        on_lost: Callable[[str], Awaitable[None]],
+        on_change: Callable[[str, str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        """Call ``on_lost`` with the name of a lost holder after LOST_S + HOLD_S.
+
+        ``on_change`` gets a text for the event log and the name of the user who caused the change.
+        """
         self.holder: LeaseHolder | None = None
         self._last_session = ""
         self._events = events
-        self._lost = lost
-        self._told = told
+        self._on_lost = on_lost
+        self._on_change = on_change
         self._clock = clock
-        self._looked = clock()
-        # Epochs go on after a restart of the service, so that a page of before cannot act by chance.
+        self._checked_at = clock()
+        # Epochs start with the time, so that the lease of a page from before a restart of the service is not valid.
         self._epoch = int(time.time())
-        self._muted = False
+        self._is_ignoring_pings = False
 
-    def take(self, person: User, *, is_page: bool, take_over: bool = False, handed: str = "") -> LeaseHolder:
-        """Give control to a person. Raises RequestRejectedError while another one holds it, unless ``take_over``.
+    def take(self, user: User, *, is_page: bool, take_over: bool = False, handed: str = "") -> LeaseHolder:
+        """Give control to a user.
 
-        ``handed`` is what is told where it was handed over.
+        Raises RequestRejectedError while another holder has it, unless ``take_over``. ``handed`` replaces the text for
+        the event log if control was handed over.
         """
         holder = self.holder
-        if holder is not None and not take_over and not holder.lost:
+        if holder is not None and not take_over and not holder.is_lost:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"{_whose(holder, person)} holds control: take it over to command",
+                f"{_describe_holder(holder, user)} holds control: take it over to command",
                 code="control_held",
             )
         self._epoch += 1
-        self._muted = False
+        self._is_ignoring_pings = False
         self._events.publish(ControlReleased())
-        if person.session != self._last_session:
+        if user.session != self._last_session:
             self._events.publish(HolderChanged())
-        self._last_session = person.session
-        self.holder = LeaseHolder(person, self._epoch, is_page)
+        self._last_session = user.session
+        self.holder = LeaseHolder(user, self._epoch, is_page)
         if is_page:
-            taken = "control taken" if holder is None else f"control taken over from {holder.person.name}"
-            self._told(handed or taken, person.name)
+            taken = "control taken" if holder is None else f"control taken over from {holder.user.name}"
+            self._on_change(handed or taken, user.name)
         return self.holder
 
-    def resume(self, person: User, page: str) -> LeaseHolder:
-        """Go on after a page was loaded again: its key is replaced.
-
-        Raises RequestRejectedError where it has lost control.
-        """
-        self._holder_at(person, page)
+    def resume(self, user: User, page_key: str) -> LeaseHolder:
+        """Return control to a reloaded page, with a new key. Raises RequestRejectedError if it has lost control."""
+        self._require_holder(user, page_key)
         self._epoch += 1
         self._events.publish(ControlReleased())
-        # What the page sent before it was loaded again and still waits carries a key that is gone.
-        self.holder = LeaseHolder(person, self._epoch, is_page=True)
+        # Commands from before the reload that still wait carry the old key, and are refused.
+        self.holder = LeaseHolder(user, self._epoch, is_page=True)
         return self.holder
 
-    async def give_up(self, person: User, stamp: CommandToken | None) -> None:
-        """Hold control no longer. Raises RequestRejectedError for those who do not hold it."""
-        async with self.turn(person, stamp):
+    async def give_up(self, user: User, command_token: CommandToken | None) -> None:
+        """Give up control. Raises RequestRejectedError for a user who does not have it."""
+        async with self.turn(user, command_token):
             self.holder = None
             self._events.publish(ControlReleased())
             self._events.publish(HolderChanged())
-            self._told("control given up", person.name)
+            self._on_change("control given up", user.name)
 
     @asynccontextmanager
-    async def turn(self, person: User, stamp: CommandToken | None) -> AsyncIterator[None]:
-        """Let a command of the holder pass when it is its turn. Raises RequestRejectedError for all others."""
-        if stamp is None:
-            self._require_script(person)
+    async def turn(self, user: User, command_token: CommandToken | None) -> AsyncIterator[None]:
+        """Execute a command of the holder in its turn. Raises RequestRejectedError for other users and pages."""
+        if command_token is None:
+            self._require_script(user)
             yield
             return
-        turns = self._holder_at(person, stamp.page).turns
-        async with turns.turn(stamp.sequence):
-            # Somebody may have taken over while this command waited.
-            self._holder_at(person, stamp.page).silent_s = 0.0
+        sequencer = self._require_holder(user, command_token.page_key).sequencer
+        async with sequencer.turn(command_token.sequence):
+            # Another user may have taken over while this command waited.
+            self._require_holder(user, command_token.page_key).silent_s = 0.0
             yield
 
-    def heard(self, person: User, page: str | None) -> None:
-        """Take note that a page is there; ``page`` is the key of the control it believes to hold."""
+    def record_ping(self, user: User, page_key: str | None) -> None:
+        """Record a ping; ``page_key`` is the key of the lease that the page believes to have."""
         holder = self.holder
-        if holder is not None and not self._muted and holder.is_at(person, page):
+        if holder is not None and not self._is_ignoring_pings and holder.is_at(user, page_key):
             holder.silent_s = 0.0
 
-    def rename(self, person: User) -> None:
-        """Show the holder under the name that they have now."""
-        if self.holder is not None and self.holder.person.session == person.session:
-            self.holder.person = person
+    def rename(self, user: User) -> None:
+        """Show the holder under a new name."""
+        if self.holder is not None and self.holder.user.session == user.session:
+            self.holder.user = user
 
     def view(self) -> HolderView | None:
         """Return the holder as the page shows it."""
         holder = self.holder
         if holder is None:
             return None
-        silent_s = holder.silent_s
         return HolderView(
-            name=holder.person.name, epoch=holder.epoch, page=holder.is_page, silent_s=silent_s, lost=holder.lost
+            name=holder.user.name,
+            epoch=holder.epoch,
+            page=holder.is_page,
+            silent_s=holder.silent_s,
+            lost=holder.is_lost,
         )
 
-    def mute(self) -> None:
-        """Hear nothing more from the page that holds control: what its loss would be like."""
-        self._muted = True
+    def ignore_pings(self) -> None:
+        """Ignore the pings of the holder, to simulate the loss of its page."""
+        self._is_ignoring_pings = True
 
     async def run(self) -> None:
-        """Watch over the holder until cancelled."""
+        """Check the holder regularly, until cancelled."""
         while True:
-            await asyncio.sleep(LOOK_S)
-            await self.look()
+            await asyncio.sleep(POLL_S)
+            await self.check()
 
-    async def look(self) -> None:
-        """Count the holder's silence; end control when it lasted too long.
+    async def check(self) -> None:
+        """Add the elapsed time to the holder's silence, and end control that was silent for too long.
 
-        Ends control and raises InvariantError where the lease is not consistent: the supervision of this watch then
-        stops softly whatever moves, and starts the watch anew.
+        Ends control and raises InvariantError if the lease is inconsistent: the supervision of this task then stops the
+        motion softly and restarts the task.
         """
         now = self._clock()
         try:
-            if not now >= self._looked:
-                raise InvariantError(f"the clock of the lease went from {self._looked} s to {now} s")
+            if not now >= self._checked_at:
+                raise InvariantError(f"the clock of the lease went from {self._checked_at} s to {now} s")
             self.require_consistent()
         except InvariantError:
-            self._looked, self.holder = self._clock(), None
+            self._checked_at, self.holder = self._clock(), None
             self._events.publish(ControlReleased())
             self._events.publish(HolderChanged())
             raise
-        # What was said while this process stood still waits in its sockets: that is not silence.
-        passed_s, self._looked = min(now - self._looked, _LATE_LOOK_S), now
+        # While this process was suspended, pings have queued in its sockets. The limit does not count that as silence.
+        elapsed_s, self._checked_at = min(now - self._checked_at, _MAX_POLL_S), now
         holder = self.holder
         if holder is None:
             return
-        was_lost = holder.lost
-        holder.silent_s += passed_s
-        if holder.lost and not was_lost:
+        was_lost = holder.is_lost
+        holder.silent_s += elapsed_s
+        if holder.is_lost and not was_lost:
             self._events.publish(ControlReleased())
             self._events.publish(HolderChanged())
         if holder.silent_s > (LOST_S + HOLD_S if holder.is_page else SCRIPT_S):
             self.holder = None
             self._events.publish(ControlReleased())
             if holder.is_page:
-                await self._lost(holder.person.name)
+                await self._on_lost(holder.user.name)
 
     def require_consistent(self) -> None:
-        """Raise InvariantError where holder and lease do not belong together, a silence of nan s among it."""
+        """Raise InvariantError if holder and lease do not match, or the silence is out of range or NaN."""
         holder = self.holder
         if holder is None:
             return
@@ -342,18 +352,18 @@ class ControlLease:
             raise InvariantError(f"a holder of epoch {holder.epoch} in a lease of epoch {self._epoch}")
         if not 0.0 <= holder.silent_s <= LOST_S + HOLD_S + SCRIPT_S:
             raise InvariantError(f"the holder of control is silent for {holder.silent_s} s")
-        if holder.person.session != self._last_session:
+        if holder.user.session != self._last_session:
             raise InvariantError("the holder of control has a session that did not take it")
 
-    def _holder_at(self, person: User, page: str) -> LeaseHolder:
+    def _require_holder(self, user: User, page_key: str) -> LeaseHolder:
         self.require_consistent()
         holder = self.holder
         if holder is None:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, "nobody holds control: take it to command", code="control_lost"
             )
-        if not holder.is_at(person, page):
-            who = _whose(holder, person)
+        if not holder.is_at(user, page_key):
+            who = _describe_holder(holder, user)
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
                 f"this page does not hold control any more, {who} does: nothing done",
@@ -361,27 +371,29 @@ class ControlLease:
             )
         return holder
 
-    def _require_script(self, person: User) -> None:
+    def _require_script(self, user: User) -> None:
+        """Accept a command of a script, which takes control if it is free. Raises RequestRejectedError."""
         holder = self.holder
-        if person.session not in (BEARER, OPEN):
+        if user.session not in (BEARER, OPEN):
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"a page takes control first and stamps its commands ({HEADER})",
+                f"a page takes control first and stamps its commands ({CONTROL_HEADER})",
                 code="control_needed",
             )
         self.require_consistent()
         if holder is None:
-            holder = self.take(person, is_page=False)
-        if holder.is_page or holder.person != person:
+            holder = self.take(user, is_page=False)
+        if holder.is_page or holder.user != user:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"{_whose(holder, person)} holds control: take it over to command",
+                f"{_describe_holder(holder, user)} holds control: take it over to command",
                 code="control_held",
             )
         holder.silent_s = 0.0
 
 
-def _whose(holder: LeaseHolder, asking: User) -> str:
-    if holder.person.session == asking.session:
+def _describe_holder(holder: LeaseHolder, user: User) -> str:
+    """Return how a message to ``user`` names the holder."""
+    if holder.user.session == user.session:
         return "another page of yours" if holder.is_page else "a script of yours"
-    return holder.person.name
+    return holder.user.name

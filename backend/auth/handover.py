@@ -1,8 +1,8 @@
-"""Asking for control and handing it over: who wants it and why, and what whoever holds it says to that.
+"""Handover of control between operators: requests and offers, and the answers to them.
 
-The holder keeps control, and is the one who is missed, until a page of the other has taken it: never does nobody hold
-it. An operator who asked and is answered takes it without being asked again; one to whom it is offered says so first.
-Everything here happens between two awaits of the event loop, so that of two answers the first counts.
+The holder keeps control until a page of the recipient takes it, so that control is never without a holder. A recipient
+who asked takes it without a further question, and one to whom it is offered accepts first. No method yields to the
+event loop while it changes a handover, so that the first of two answers counts.
 """
 
 import asyncio
@@ -24,276 +24,284 @@ HANDOVER_PART = Part(
 )
 
 ANSWER_S = 120.0
-"""So long [s] a request waits for the holder's answer, and an offer for whoever is to take it."""
+"""Time [s] that a request waits for the holder, and an offer for its recipient."""
 
 TAKE_S = 20.0
-"""So long [s] whoever asked has to take what was handed over: their page does it by itself."""
+"""Time [s] for the recipient to take control that was handed over; the page does it automatically."""
 
 GONE_S = 5.0
-"""So long [s] somebody may have no page open, who loads it again."""
+"""Time [s] that the recipient may have no page open, to allow a reload."""
 
 TOLD_S = 60.0
-"""So long [s] the end of a request is told."""
+"""Time [s] that the result of a handover is shown."""
 
 WAITING = 8
-"""So many may wait at one time."""
+"""Handovers that may be open at one time."""
 
-LOOK_S = 0.25
+POLL_S = 0.25
 
 _OPEN = frozenset(OPEN_WISHES)
 
 
 @dataclass
-class _Wish:
-    """Control that is wanted by, or offered to, ``who``; ``by`` answers or has offered, ``until`` [s] it stands."""
+class _Handover:
+    """One request or offer."""
 
     number: int
-    who: User
-    by: User
+    recipient: User
+    giver: User
+    """The holder who answers the request, or has made the offer."""
+
     reason: str
-    standing: HandoverStatus
-    until: float
+    status: HandoverStatus
+    expires: float
     answer: str = ""
-    here: float = 0.0
-    offered: bool = False
+    seen: float = 0.0
+    """When the recipient had a page open for the last time."""
+
+    is_offer: bool = False
     epoch: int | None = None
+    """Number of the lease that the recipient has taken."""
 
 
 class ControlHandover:
-    """What is asked and offered. ``told`` hears of it: a sentence, and who did it."""
+    """The handovers of one service."""
 
     def __init__(
         self,
         control: ControlLease,
-        people: ActiveUsers,
-        told: Callable[[str, str], None],
+        active_users: ActiveUsers,
+        on_change: Callable[[str, str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        """``on_change`` gets a text for the event log and the name of the user who caused the change."""
         self._control = control
-        self._people = people
-        self._told = told
+        self._active_users = active_users
+        self._on_change = on_change
         self._clock = clock
-        self._wishes: dict[int, _Wish] = {}
-        # Numbers go on after a restart of the service, so that a page of before speaks of none of these.
+        self._handovers: dict[int, _Handover] = {}
+        # Numbers start with the time, so that a page from before a restart cannot answer another request.
         self._numbers = itertools.count(int(time.time()))
 
-    def ask(self, person: User, reason: str) -> WishView:
-        """Ask whoever holds control for it.
+    def ask(self, user: User, reason: str) -> WishView:
+        """Request control from its holder. Raises RequestRejectedError without a holder or after an open request."""
+        self.update()
+        holder = self._find_holder_to_ask(user)
+        self._require_no_handover(user)
+        return self._open(user, holder.user, HandoverStatus.ASKED, reason, f"asked {holder.user.name} for control")
 
-        Raises RequestRejectedError where there is nobody to ask, or it was asked.
-        """
-        self.look()
-        holder = self._holder_to_ask(person)
-        self._require_free(person)
-        return self._begin(
-            person, holder.person, HandoverStatus.ASKED, reason, f"asked {holder.person.name} for control"
-        )
-
-    async def offer(self, person: User, stamp: CommandToken | None, to: str, reason: str) -> WishView:
-        """Offer control to an operator who is there. Raises RequestRejectedError for who does not hold it."""
-        self._require_stamp(stamp)
-        async with self._control.turn(person, stamp):
-            self.look()
-            other = self._people.named(to)
-            if other is None or other.role is not Role.OPERATOR or other.session == person.session:
+    async def offer(self, user: User, command_token: CommandToken | None, to: str, reason: str) -> WishView:
+        """Offer control to another operator with an open page. Raises RequestRejectedError for other users."""
+        self._require_command_token(command_token)
+        async with self._control.turn(user, command_token):
+            self.update()
+            other = self._active_users.find_by_name(to)
+            if other is None or other.role is not Role.OPERATOR or other.session == user.session:
                 raise RequestRejectedError(
                     ErrorCode.BAD_VALUE, f"{to} is no other operator with a page open: choose one who is connected"
                 )
-            self._require_none_handed()
-            self._require_free(other)
-            return self._begin(other, person, HandoverStatus.OFFERED, reason, f"offered control to {other.name}")
+            self._require_none_offered()
+            self._require_no_handover(other)
+            return self._open(other, user, HandoverStatus.OFFERED, reason, f"offered control to {other.name}")
 
     async def answer(
-        self, person: User, stamp: CommandToken | None, number: int, answer: HandoverAnswer, reason: str
+        self, user: User, command_token: CommandToken | None, number: int, answer: HandoverAnswer, reason: str
     ) -> None:
-        """Say what becomes of a request or an offer, as one of its two persons. Raises RequestRejectedError."""
-        self.look()
-        wish = self._open(number)
-        if wish.who.session == person.session:
-            self._answer_of_other(wish, answer, reason)
+        """Answer or withdraw a request or an offer, as its recipient or as the holder. Raises RequestRejectedError."""
+        self.update()
+        handover = self._find_open(number)
+        if handover.recipient.session == user.session:
+            self._answer_as_recipient(handover, answer, reason)
             return
-        self._require_stamp(stamp)
-        async with self._control.turn(person, stamp):
-            self.look()
-            self._answer_of_holder(self._open(number), answer, reason)
+        self._require_command_token(command_token)
+        async with self._control.turn(user, command_token):
+            self.update()
+            self._answer_as_holder(self._find_open(number), answer, reason)
 
-    def take(self, person: User, number: int) -> LeaseHolder:
-        """Take what was handed over or offered. Raises RequestRejectedError where it was not, or is not any more."""
-        self.look()
-        wish = self._open(number)
-        if wish.who.session != person.session or wish.standing is HandoverStatus.ASKED:
+    def take(self, user: User, number: int) -> LeaseHolder:
+        """Take control that was handed over or offered. Raises RequestRejectedError if it is not, or no longer."""
+        self.update()
+        handover = self._find_open(number)
+        if handover.recipient.session != user.session or handover.status is HandoverStatus.ASKED:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "control was not handed over to this page: nothing done")
-        why = f": {wish.reason}" if wish.reason else ""
+        why = f": {handover.reason}" if handover.reason else ""
         holder = self._control.take(
-            person, is_page=True, take_over=True, handed=f"control handed over by {self._name(wish.by)}{why}"
+            user, is_page=True, take_over=True, handed=f"control handed over by {self._get_name(handover.giver)}{why}"
         )
-        wish.epoch = holder.epoch
-        self._end(wish, HandoverStatus.TAKEN)
+        handover.epoch = holder.epoch
+        self._close(handover, HandoverStatus.TAKEN)
         return holder
 
     def view(self) -> list[WishView]:
-        """Return what is asked and offered, and for a while what became of it."""
-        self.look()
-        return [self._view(wish) for wish in self._wishes.values()]
+        """Return open handovers, and recent ones with their result."""
+        self.update()
+        return [self._view(handover) for handover in self._handovers.values()]
 
     async def run(self) -> None:
-        """Notice who has left and what nobody answers, until cancelled."""
+        """Close handovers that have expired or whose recipient has left, until cancelled."""
         while True:
-            await asyncio.sleep(LOOK_S)
-            self.look()
+            await asyncio.sleep(POLL_S)
+            self.update()
 
-    def look(self) -> None:
-        """End what cannot be answered any more; forget what was told for long enough."""
+    def update(self) -> None:
+        """Close handovers that no user can answer any more, and drop results that were shown for TOLD_S."""
         now = self._clock()
-        for wish in list(self._wishes.values()):
-            if wish.standing in _OPEN:
-                self._look_at(wish, now)
-            elif now > wish.until:
-                del self._wishes[wish.number]
+        for handover in list(self._handovers.values()):
+            if handover.status in _OPEN:
+                self._update_open(handover, now)
+            elif now > handover.expires:
+                del self._handovers[handover.number]
 
-    def _look_at(self, wish: _Wish, now: float) -> None:
-        holder, name = self._control.holder, self._name(wish.who)
-        if self._people.has_page(wish.who.session):
-            wish.here = now
+    def _update_open(self, handover: _Handover, now: float) -> None:
+        holder, name = self._control.holder, self._get_name(handover.recipient)
+        if self._active_users.has_page(handover.recipient.session):
+            handover.seen = now
         if holder is None or not holder.is_page:
-            self._end(wish, HandoverStatus.FREED)
-        elif holder.person.session == wish.who.session:
-            self._end(wish, HandoverStatus.WITHDRAWN)  # taken over, which is told as such
-        elif wish.standing is HandoverStatus.ASKED and holder.person.session != wish.by.session:
-            wish.by = holder.person  # it is the new holder who is asked now
-            self._told(f"{name}'s request for control is for {holder.person.name} now", "")
-        elif holder.person.session != wish.by.session:
-            self._end(wish, HandoverStatus.FREED, f"{self._name(wish.by)} does not hold control any more")
-        elif now - wish.here > GONE_S:
-            self._end(wish, HandoverStatus.LEFT, f"{name} has left: control is asked for no longer")
-        elif now > wish.until:
-            what = {
+            self._close(handover, HandoverStatus.FREED)
+        elif holder.user.session == handover.recipient.session:
+            self._close(handover, HandoverStatus.WITHDRAWN)  # taken over, which the lease has logged
+        elif handover.status is HandoverStatus.ASKED and holder.user.session != handover.giver.session:
+            handover.giver = holder.user  # the request now goes to the new holder
+            self._on_change(f"{name}'s request for control is for {holder.user.name} now", "")
+        elif holder.user.session != handover.giver.session:
+            text = f"{self._get_name(handover.giver)} does not hold control any more"
+            self._close(handover, HandoverStatus.FREED, text)
+        elif now - handover.seen > GONE_S:
+            self._close(handover, HandoverStatus.LEFT, f"{name} has left: control is asked for no longer")
+        elif now > handover.expires:
+            text = {
                 HandoverStatus.ASKED: f"{name}'s request for control was not answered in {ANSWER_S:.0f} s",
                 HandoverStatus.OFFERED: f"{name} did not take the control offered in {ANSWER_S:.0f} s",
-            }.get(wish.standing, f"{name} did not take the control handed over in {TAKE_S:.0f} s")
-            self._end(wish, HandoverStatus.LAPSED, what)
+            }.get(handover.status, f"{name} did not take the control handed over in {TAKE_S:.0f} s")
+            self._close(handover, HandoverStatus.LAPSED, text)
 
-    def _answer_of_other(self, wish: _Wish, answer: HandoverAnswer, reason: str) -> None:
+    def _answer_as_recipient(self, handover: _Handover, answer: HandoverAnswer, reason: str) -> None:
+        name = self._get_name(handover.recipient)
         if answer is HandoverAnswer.HAND_OVER:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "whoever holds control hands it over: nothing done")
-        if wish.standing is not HandoverStatus.OFFERED:
-            self._end(wish, HandoverStatus.WITHDRAWN, "asks for control no longer", self._name(wish.who))
+        if handover.status is not HandoverStatus.OFFERED:
+            self._close(handover, HandoverStatus.WITHDRAWN, "asks for control no longer", name)
             return
-        said = _sentence(f"did not take control from {self._name(wish.by)}", reason)
-        wish.answer = _one_line(reason)
-        self._end(wish, HandoverStatus.DECLINED, said, self._name(wish.who))
+        text = _append_reason(f"did not take control from {self._get_name(handover.giver)}", reason)
+        handover.answer = _to_one_line(reason)
+        self._close(handover, HandoverStatus.DECLINED, text, name)
 
-    def _answer_of_holder(self, wish: _Wish, answer: HandoverAnswer, reason: str) -> None:
-        name, by = self._name(wish.who), self._name(wish.by)
-        if wish.standing is not HandoverStatus.ASKED:
+    def _answer_as_holder(self, handover: _Handover, answer: HandoverAnswer, reason: str) -> None:
+        name, giver = self._get_name(handover.recipient), self._get_name(handover.giver)
+        if handover.status is not HandoverStatus.ASKED:
             if answer is HandoverAnswer.HAND_OVER:
                 raise RequestRejectedError(
                     ErrorCode.NOT_NOW, f"control is being handed over to {name} already: nothing done"
                 )
-            self._end(wish, HandoverStatus.WITHDRAWN, f"does not hand control over to {name} after all", by)
+            text = f"does not hand control over to {name} after all"
+            self._close(handover, HandoverStatus.WITHDRAWN, text, giver)
         elif answer is HandoverAnswer.HAND_OVER:
-            self._require_none_handed()
-            wish.standing, wish.until = HandoverStatus.HANDED, self._clock() + TAKE_S
-            wish.answer = _one_line(reason)
-            self._told(_sentence(f"hands control over to {name}", reason), by)
+            self._require_none_offered()
+            handover.status, handover.expires = HandoverStatus.HANDED, self._clock() + TAKE_S
+            handover.answer = _to_one_line(reason)
+            self._on_change(_append_reason(f"hands control over to {name}", reason), giver)
         else:
-            wish.answer = _required(reason)
-            self._end(wish, HandoverStatus.DECLINED, _sentence(f"keeps control, asked by {name}", reason), by)
+            handover.answer = _require_reason(reason)
+            text = _append_reason(f"keeps control, asked by {name}", reason)
+            self._close(handover, HandoverStatus.DECLINED, text, giver)
 
-    def _begin(self, who: User, by: User, standing: HandoverStatus, reason: str, said: str) -> WishView:
-        if sum(wish.standing in _OPEN for wish in self._wishes.values()) >= WAITING:
+    def _open(self, recipient: User, giver: User, status: HandoverStatus, reason: str, text: str) -> WishView:
+        if sum(handover.status in _OPEN for handover in self._handovers.values()) >= WAITING:
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY, f"{WAITING} requests for control wait already: try again later"
             )
         now = self._clock()
-        wish = _Wish(
+        handover = _Handover(
             number=next(self._numbers),
-            who=who,
-            by=by,
-            reason=_required(reason),
-            standing=standing,
-            until=now + ANSWER_S,
-            here=now,
+            recipient=recipient,
+            giver=giver,
+            reason=_require_reason(reason),
+            status=status,
+            expires=now + ANSWER_S,
+            seen=now,
+            is_offer=status is HandoverStatus.OFFERED,
         )
-        wish.offered = standing is HandoverStatus.OFFERED
-        for told in [one.number for one in self._wishes.values() if one.who.session == who.session]:
-            del self._wishes[told]  # the end of an earlier one
-        self._wishes[wish.number] = wish
-        self._told(_sentence(said, reason), (who if standing is HandoverStatus.ASKED else by).name)
-        return self._view(wish)
+        # A new handover replaces the shown result of an earlier one.
+        for number in [one.number for one in self._handovers.values() if one.recipient.session == recipient.session]:
+            del self._handovers[number]
+        self._handovers[handover.number] = handover
+        self._on_change(_append_reason(text, reason), (giver if handover.is_offer else recipient).name)
+        return self._view(handover)
 
-    def _end(self, wish: _Wish, standing: HandoverStatus, said: str = "", who: str = "") -> None:
-        wish.standing, wish.until = standing, self._clock() + TOLD_S
-        if said:
-            self._told(said, who)
+    def _close(self, handover: _Handover, status: HandoverStatus, text: str = "", who: str = "") -> None:
+        handover.status, handover.expires = status, self._clock() + TOLD_S
+        if text:
+            self._on_change(text, who)
 
-    def _holder_to_ask(self, person: User) -> LeaseHolder:
+    def _find_holder_to_ask(self, user: User) -> LeaseHolder:
         holder = self._control.holder
-        if not self._people.has_page(person.session):
+        if not self._active_users.has_page(user.session):
             raise RequestRejectedError(ErrorCode.NOT_NOW, "control is asked for from a page that is open: nothing done")
-        if holder is None or holder.lost:
+        if holder is None or holder.is_lost:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "nobody holds control who could be asked: take it")
-        if not holder.is_page or holder.person.session == person.session:
+        if not holder.is_page or holder.user.session == user.session:
             whose = "another page of yours" if holder.is_page else "a script"
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"{whose} holds control: take it over")
         return holder
 
-    def _require_free(self, person: User) -> None:
-        """Raise RequestRejectedError where something is under way with this person."""
-        if any(wish.standing in _OPEN and wish.who.session == person.session for wish in self._wishes.values()):
+    def _require_no_handover(self, user: User) -> None:
+        """Raise RequestRejectedError if a handover to this user is open."""
+        if any(one.status in _OPEN and one.recipient.session == user.session for one in self._handovers.values()):
             raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"{person.name} has asked for control, or been offered it, already: answer that"
+                ErrorCode.NOT_NOW, f"{user.name} has asked for control, or been offered it, already: answer that"
             )
 
-    def _require_none_handed(self) -> None:
-        for wish in self._wishes.values():
-            if wish.standing in (HandoverStatus.HANDED, HandoverStatus.OFFERED):
+    def _require_none_offered(self) -> None:
+        for handover in self._handovers.values():
+            if handover.status in (HandoverStatus.HANDED, HandoverStatus.OFFERED):
+                name = self._get_name(handover.recipient)
                 raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, f"control is being handed over to {self._name(wish.who)}: withdraw that first"
+                    ErrorCode.NOT_NOW, f"control is being handed over to {name}: withdraw that first"
                 )
 
-    def _require_stamp(self, stamp: CommandToken | None) -> None:
-        if stamp is None:
+    def _require_command_token(self, command_token: CommandToken | None) -> None:
+        if command_token is None:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, "only the page that holds control can say that", code="control_needed"
             )
 
-    def _open(self, number: int) -> _Wish:
-        wish = self._wishes.get(number)
-        if wish is None or wish.standing not in _OPEN:
+    def _find_open(self, number: int) -> _Handover:
+        handover = self._handovers.get(number)
+        if handover is None or handover.status not in _OPEN:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, "this request for control is over: nothing done", code="wish_over"
             )
-        return wish
+        return handover
 
-    def _name(self, person: User) -> str:
-        return self._people.as_shown(person).name
+    def _get_name(self, user: User) -> str:
+        return self._active_users.resolve_returning(user).name
 
-    def _view(self, wish: _Wish) -> WishView:
+    def _view(self, handover: _Handover) -> WishView:
         return WishView(
-            number=wish.number,
-            name=self._name(wish.who),
-            by=self._name(wish.by),
-            reason=wish.reason,
-            standing=wish.standing,
-            answer=wish.answer,
-            offered=wish.offered,
-            epoch=wish.epoch,
+            number=handover.number,
+            name=self._get_name(handover.recipient),
+            by=self._get_name(handover.giver),
+            reason=handover.reason,
+            standing=handover.status,
+            answer=handover.answer,
+            offered=handover.is_offer,
+            epoch=handover.epoch,
         )
 
 
-def _one_line(text: str) -> str:
-    plain = " ".join(unicodedata.normalize("NFC", text).split())
-    return "".join(sign for sign in plain if sign.isprintable())
+def _to_one_line(text: str) -> str:
+    normalized = " ".join(unicodedata.normalize("NFC", text).split())
+    return "".join(char for char in normalized if char.isprintable())
 
 
-def _required(reason: str) -> str:
-    said = _one_line(reason)
-    if not said:
+def _require_reason(reason: str) -> str:
+    """Return the reason on one line. Raises RequestRejectedError for an empty one."""
+    line = _to_one_line(reason)
+    if not line:
         raise RequestRejectedError(ErrorCode.BAD_VALUE, "a reason is needed: say in a few words why")
-    return said
+    return line
 
 
-def _sentence(what: str, reason: str) -> str:
-    said = _one_line(reason)
-    return f"{what}: {said}" if said else what
+def _append_reason(text: str, reason: str) -> str:
+    line = _to_one_line(reason)
+    return f"{text}: {line}" if line else text

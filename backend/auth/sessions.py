@@ -1,4 +1,4 @@
-"""Tokens and live sessions, kept in files of the data folder."""
+"""Tokens and live sessions, stored in files of the data folder."""
 
 import asyncio
 import json
@@ -16,55 +16,56 @@ from plant import ErrorCode, SinewError
 
 # Sessions ------------------------------------------------------------------------------------------
 #
-# Which sessions are live, kept in a file of the data folder so that a restart neither ends nor
-# revives one.
+# The live sessions, stored in a file so that a restart of the service neither ends nor revives one.
 #
-# No clock of the wall is asked: a session ends when somebody signs out, when its token is replaced,
-# when too many newer ones are there, or after ``IDLE_S`` of the service's own running time without
-# a sign of life.
+# A session ends when its user signs out, when its token is replaced, when too many newer sessions
+# exist, or after IDLE_S without a request. Time is the running time of the service, because the
+# system clock may jump.
 
 
-FILE = "sessions.json"
+SESSIONS_FILE = "sessions.json"
 IDLE_S = 30 * 24 * 3600.0
+"""Running time of the service [s] after which an unused session expires."""
+
 LIVE_OF_A_ROLE = 200
-"""More sessions of one role push out the one that was silent for longest, of those without an open page."""
+"""Live sessions of one role. A further one replaces the session that is unused for longest and has no open page."""
 
 ENDED = 5000
-"""So many sessions that were signed out are told apart from those that only fell asleep, which may still stop."""
+"""Signed-out sessions that are remembered: unlike expired ones, they may not send STOP."""
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass
-class _Live:
+class _LiveSession:
     role: Role
     used_s: float
 
 
 class Sessions:
-    """The sessions of one data folder; ``folder`` None keeps them in memory only."""
+    """The sessions of one data folder; without a ``folder`` they exist in memory only."""
 
     def __init__(self, folder: Path | None = None, clock: Callable[[], float] = time.monotonic) -> None:
-        self._file = None if folder is None else folder / FILE
+        self._file = None if folder is None else folder / SESSIONS_FILE
         self._clock = clock
-        self._live: dict[str, _Live] = {}
+        self._live: dict[str, _LiveSession] = {}
         self._ended: dict[str, None] = {}
-        self._ran_s = 0.0
-        self._writing = asyncio.Lock()
+        self._previous_run_s = 0.0
+        self._write_lock = asyncio.Lock()
         self.problem: str | None = None
-        self._read()
-        self._begun = clock()
+        self._load()
+        self._started = clock()
 
-    def begin(self, session: str, role: Role, in_use: Container[str] = ()) -> None:
-        """Take in a new session; one that is ``in_use`` at an open page is never pushed out by it."""
+    def add(self, session: str, role: Role, in_use: Container[str] = ()) -> None:
+        """Add a session; at the limit it replaces the longest unused one that is not ``in_use`` at an open page."""
         of_role = [known for known, live in self._live.items() if live.role is role]
-        silent = [known for known in of_role if known not in in_use]
-        if len(of_role) >= LIVE_OF_A_ROLE and silent:
-            del self._live[min(silent, key=lambda known: self._live[known].used_s)]
-        self._live[session] = _Live(role, self._now_s)
+        replaceable = [known for known in of_role if known not in in_use]
+        if len(of_role) >= LIVE_OF_A_ROLE and replaceable:
+            del self._live[min(replaceable, key=lambda known: self._live[known].used_s)]
+        self._live[session] = _LiveSession(role, self._now_s)
 
-    def use(self, session: str) -> bool:
-        """Return whether a session is live, and note that it was heard."""
+    def refresh(self, session: str) -> bool:
+        """Return whether a session is live, and store that it is used now."""
         live = self._live.get(session)
         if live is None:
             return False
@@ -79,7 +80,7 @@ class Sessions:
         return session in self._live
 
     def was_ended(self, session: str) -> bool:
-        """Return whether somebody signed out of this session, which is good for nothing then."""
+        """Return whether a session was ended by signing out or by a new token; it may not even send STOP."""
         return session in self._ended
 
     def end(self, session: str) -> None:
@@ -89,16 +90,16 @@ class Sessions:
         while len(self._ended) > ENDED:
             del self._ended[next(iter(self._ended))]
 
-    def end_all(self, role: Role, but: str | None = None) -> None:
-        """End all sessions of a role, save one."""
-        for session in [known for known, live in self._live.items() if live.role is role and known != but]:
+    def end_all(self, role: Role, except_session: str | None = None) -> None:
+        """End all sessions of a role except one."""
+        for session in [known for known, live in self._live.items() if live.role is role and known != except_session]:
             self.end(session)
 
     async def save(self) -> None:
-        """Write the file. What keeps it from being written is told in ``problem``."""
+        """Write the file; ``problem`` has the reason if it cannot be written."""
         if self._file is None:
             return
-        async with self._writing:
+        async with self._write_lock:
             document = {
                 "ran_s": round(self._now_s),
                 "live": {known: [live.role, round(live.used_s)] for known, live in self._live.items()},
@@ -117,48 +118,50 @@ class Sessions:
 
     @property
     def _now_s(self) -> float:
-        """How long services have run on this folder, in all [s]."""
-        return self._ran_s + self._clock() - self._begun
+        """Total running time of all services on this folder [s]."""
+        return self._previous_run_s + self._clock() - self._started
 
-    def _read(self) -> None:
+    def _load(self) -> None:
         if self._file is None or not self._file.exists():
             return
         try:
             document = json.loads(self._file.read_text(encoding="utf-8"))
-            self._ran_s = float(document["ran_s"])
+            self._previous_run_s = float(document["ran_s"])
             self._live = {
-                str(known): _Live(Role(role), float(used_s)) for known, (role, used_s) in document["live"].items()
+                str(known): _LiveSession(Role(role), float(used_s))
+                for known, (role, used_s) in document["live"].items()
             }
             self._ended = dict.fromkeys(str(session) for session in document["ended"])
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             _log.warning("The service cannot read %s (%s): all users sign in again.", self._file, error)
-            self._live, self._ended, self._ran_s = {}, {}, 0.0
+            self._live, self._ended, self._previous_run_s = {}, {}, 0.0
 
 
 # Tokens --------------------------------------------------------------------------------------------
 #
-# The two tokens of a data folder: one for operators, one for viewers, readable by their owner only.
+# The two tokens of a data folder: one for operators, one for viewers. Only the owner of the files
+# can read them.
 
 
-FILES = {Role.OPERATOR: "token", Role.VIEWER: "viewer-token"}
-SHORTEST = 20
+TOKEN_FILES = {Role.OPERATOR: "token", Role.VIEWER: "viewer-token"}
+MIN_TOKEN_LENGTH = 20
 
 
 class TokenError(SinewError):
-    """A token file holds nothing that could be a token; the message says what to do."""
+    """A token file holds no valid token."""
 
     category = ErrorCode.UNAVAILABLE
 
 
 @dataclass(frozen=True, repr=False)
 class Tokens:
-    """The tokens by role; never printed or logged."""
+    """The tokens by role. There is no repr, so that they are not logged by accident."""
 
     operator: str
     viewer: str
 
-    def role_of(self, token: str) -> Role | None:
-        """Return the role that ``token`` opens, None for a wrong one; takes the same time for each."""
+    def find_role(self, token: str) -> Role | None:
+        """Return the role of ``token``, None for a wrong one; takes constant time."""
         offered = token.encode(errors="surrogatepass")
         is_operator = secrets.compare_digest(offered, self.operator.encode())
         is_viewer = secrets.compare_digest(offered, self.viewer.encode())
@@ -166,43 +169,43 @@ class Tokens:
             return Role.OPERATOR
         return Role.VIEWER if is_viewer else None
 
-    def of(self, role: Role) -> str:
-        """Return the token of a role: its holders' cookies are signed with it, so that a new one ends them."""
+    def get(self, role: Role) -> str:
+        """Return the token of a role."""
         return self.operator if role is Role.OPERATOR else self.viewer
 
 
 class TokenFiles:
-    """The tokens of a running service, and whether their files say something else by now."""
+    """The tokens of a running service, which follow changes of their files."""
 
     def __init__(self, data: Path) -> None:
         self._data = data
         self.tokens = load_tokens(data)
-        self._seen = self._stamps()
+        self._versions = self._read_versions()
 
-    def refresh(self) -> set[Role]:
-        """Read files that were changed; return the roles that have another token now.
+    def reload(self) -> set[Role]:
+        """Read changed files and return the roles whose token has changed.
 
-        A file that is gone or holds no usable token changes nothing: nobody is locked out by that.
+        A file that is missing or holds no valid token changes nothing, so that it locks out no user.
         """
-        stamps = self._stamps()
-        if stamps == self._seen:
+        versions = self._read_versions()
+        if versions == self._versions:
             return set()
-        before, self._seen = self.tokens, stamps
-        self.tokens = Tokens(*(self._read(role) or before.of(role) for role in FILES))
-        return {role for role in FILES if self.tokens.of(role) != before.of(role)}
+        before, self._versions = self.tokens, versions
+        self.tokens = Tokens(*(self._read(role) or before.get(role) for role in TOKEN_FILES))
+        return {role for role in TOKEN_FILES if self.tokens.get(role) != before.get(role)}
 
     def rotate(self, roles: Iterable[Role]) -> None:
-        """Write new tokens for ``roles``; ``refresh`` puts them in force. Raises OSError."""
+        """Write new tokens for ``roles``, which ``reload`` then activates. Raises OSError."""
         replace_tokens(self._data, roles)
 
     def _read(self, role: Role) -> str | None:
         try:
-            return _usable(self._data / FILES[role])
+            return _read_token(self._data / TOKEN_FILES[role])
         except OSError:
             return None
 
-    def _stamps(self) -> list[tuple[int, int, int] | None]:
-        return [_stamp(self._data / name) for name in FILES.values()]
+    def _read_versions(self) -> list[tuple[int, int, int] | None]:
+        return [_read_version(self._data / name) for name in TOKEN_FILES.values()]
 
 
 def load_tokens(data: Path) -> Tokens:
@@ -211,13 +214,13 @@ def load_tokens(data: Path) -> Tokens:
     Raises TokenError.
     """
     data.mkdir(parents=True, exist_ok=True)
-    return Tokens(*(_read_or_create(data / FILES[role]) for role in (Role.OPERATOR, Role.VIEWER)))
+    return Tokens(*(_read_or_create(data / TOKEN_FILES[role]) for role in (Role.OPERATOR, Role.VIEWER)))
 
 
 def replace_tokens(data: Path, roles: Iterable[Role]) -> None:
-    """Give the folder new tokens for ``roles``; a service that runs on it notices within a second. Raises OSError."""
+    """Write new tokens for ``roles``; a service on this folder uses them within a second. Raises OSError."""
     for role in roles:
-        write_private(data / FILES[role], secrets.token_urlsafe(32) + "\n")
+        write_private(data / TOKEN_FILES[role], secrets.token_urlsafe(32) + "\n")
 
 
 def _read_or_create(path: Path) -> str:
@@ -225,7 +228,7 @@ def _read_or_create(path: Path) -> str:
         descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
     except FileExistsError:
         path.chmod(0o600)
-        token = _usable(path)
+        token = _read_token(path)
         if token is None:
             raise TokenError(f"{path} holds no usable token; delete the file and start again") from None
         return token
@@ -235,17 +238,19 @@ def _read_or_create(path: Path) -> str:
     return token
 
 
-def _usable(path: Path) -> str | None:
+def _read_token(path: Path) -> str | None:
+    """Return the token in a file; None if there is no file or no valid token in it."""
     try:
         token = path.read_text(encoding="ascii").strip()
     except (FileNotFoundError, UnicodeDecodeError):
         return None
-    return token if len(token) >= SHORTEST else None
+    return token if len(token) >= MIN_TOKEN_LENGTH else None
 
 
-def _stamp(path: Path) -> tuple[int, int, int] | None:
+def _read_version(path: Path) -> tuple[int, int, int] | None:
+    """Return numbers that change with the content of a file; None if there is no file."""
     try:
-        known = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return known.st_mtime_ns, known.st_ino, known.st_size
+    return status.st_mtime_ns, status.st_ino, status.st_size

@@ -523,7 +523,7 @@ def rotate(
     data: DataFolder = None,
 ) -> None:
     """Replace tokens. A running service notices within a second; all sessions of the old ones end then."""
-    from backend.auth import FILES, replace_tokens
+    from backend.auth import TOKEN_FILES, replace_tokens
     from backend.schemas import Role
 
     settings = load_settings(data=data)
@@ -532,7 +532,7 @@ def rotate(
     roles = list(Role) if role is TokenOwner.BOTH else [Role(role)]
     replace_tokens(settings.data, roles)
     for one in roles:
-        file = settings.data / FILES[one]
+        file = settings.data / TOKEN_FILES[one]
         print(f"{one}: /?token={file.read_text().strip()}  (kept in {file})")
 
 

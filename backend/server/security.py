@@ -19,7 +19,7 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from backend.auth import Authentication, Shown, User
+from backend.auth import Authentication, Credentials, User
 from backend.errors import RequestRejectedError
 from backend.plain_text import PlainTextError, require_plain, require_plain_texts
 from backend.public_url import PublicUrl
@@ -124,12 +124,12 @@ def find_authentication(connection: HTTPConnection) -> Authentication:
     return authentication
 
 
-def read_credentials(connection: HTTPConnection) -> Shown:
+def read_credentials(connection: HTTPConnection) -> Credentials:
     """Return what a request or websocket shows of who sends it; the same each time it is asked for."""
-    shown: Shown | None = connection.scope.get(_SHOWN)
+    shown: Credentials | None = connection.scope.get(_SHOWN)
     if shown is None:
         scheme, _, token = connection.headers.get("authorization", "").partition(" ")
-        shown = connection.scope[_SHOWN] = Shown(
+        shown = connection.scope[_SHOWN] = Credentials(
             address=connection.client.host if connection.client else "unknown",
             token=token.strip() if scheme.lower() == "bearer" else None,
             cookies=_values(connection, cookie_name(connection)),
@@ -142,7 +142,7 @@ def set_session_cookie(
     authentication: Authentication, connection: HTTPConnection, response: Response, person: User
 ) -> None:
     """Put the session cookie of ``person`` on ``response``."""
-    value = authentication.cookie(person)
+    value = authentication.make_cookie(person)
     if value is not None:
         response.set_cookie(
             cookie_name(connection),
@@ -217,11 +217,11 @@ class SessionExpiryMiddleware:
         authentication = find_authentication(connection)
         person = None
         with suppress(RequestRejectedError):
-            person = authentication.recognise(read_credentials(connection))
+            person = authentication.authenticate(read_credentials(connection))
         if person is None:
             await self._app(scope, receive, send)
             return
-        with authentication.people.attending(person, is_page=scope["path"].rstrip("/") == LIVE) as over:
+        with authentication.active_users.connect(person, is_page=scope["path"].rstrip("/") == LIVE) as over:
             await self._app(scope, _until(over, receive, send), send)
 
 

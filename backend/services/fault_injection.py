@@ -106,7 +106,7 @@ async def apply_fault(actuator: ActuatorService, control: ControlLease, injectio
         case Silence.SERVICE_SILENT:
             actuator.suspend_heartbeat(SERVICE_SILENT_S, who)
         case Silence.PAGE_SILENT:
-            control.mute()
+            control.ignore_pings()
         case _:
             await actuator.inject_fault(_broken(injection), who)
 

@@ -265,7 +265,7 @@ def _read(stored: StoredSetting) -> Preferences:
 
 def _setting_of(person: User) -> str:
     # By name and role: whoever holds the viewers' token may give any name, and must not change an operator's page.
-    name = person.called or person.name
+    name = person.given_name or person.name
     return f"preferences/{name}" if person.role is Role.OPERATOR else f"viewer-preferences/{name}"
 
 

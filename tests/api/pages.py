@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 import httpx
 from websockets.sync.connection import Connection
 
-from backend.auth.control_lease import HEADER
+from backend.auth.control_lease import CONTROL_HEADER
 from tests.api.conftest import PATIENCE_S, live
 from tests.api.patient import connect
 from tests.e2e.service import Service
@@ -42,7 +42,7 @@ class Page:
         return self.browser.request(method, path, json=body, headers=self.stamp())
 
     def stamp(self) -> dict[str, str]:
-        return {HEADER: f"{self.key}.{next(self._numbers)}"}
+        return {CONTROL_HEADER: f"{self.key}.{next(self._numbers)}"}
 
     def ping(self) -> dict[str, object]:
         async def once() -> dict[str, object]:

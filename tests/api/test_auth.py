@@ -34,7 +34,7 @@ class Door:
         self.authentication = Authentication(self.files, self.sessions, self.clock)
 
     def token(self, role: Role = Role.OPERATOR) -> str:
-        return self.files.tokens.of(role)
+        return self.files.tokens.get(role)
 
     def cookie(self, name: str = "Ana", role: Role = Role.OPERATOR, **headers: str) -> str:
         """Sign in; return the pair that the browser sends from then on."""
@@ -47,10 +47,10 @@ class Door:
         return response.headers["set-cookie"].partition(";")[0]
 
     def who(self, cookie: str) -> User | None:
-        return self.authentication.recognise(read_credentials(connection({"cookie": cookie})))
+        return self.authentication.authenticate(read_credentials(connection({"cookie": cookie})))
 
     def who_stops(self, cookie: str) -> User | None:
-        return self.authentication.recognise_for_stop(read_credentials(connection({"cookie": cookie})))
+        return self.authentication.authenticate_for_stop(read_credentials(connection({"cookie": cookie})))
 
     def sign_out(self, cookie: str) -> None:
         end_session(self.authentication, connection({"cookie": cookie}), Response())
@@ -168,7 +168,7 @@ def test_two_services_on_one_host_leave_each_other_their_cookies(tmp_path: Path)
     sent = "; ".join(f"{name}={value}" for name, value in jar.items())
     assert here.who(sent) is not None
     assert (
-        there.authentication.recognise(read_credentials(connection({"cookie": sent, "host": "localhost:8001"})))
+        there.authentication.authenticate(read_credentials(connection({"cookie": sent, "host": "localhost:8001"})))
         is not None
     )
 
@@ -181,7 +181,7 @@ def test_a_cookie_of_the_same_name_from_elsewhere_does_not_hide_ours(door: Door)
 def test_any_host_header_has_a_cookie_name(host: str) -> None:
     raw = [(b"host", host.encode())]
     door_less = Authentication(None)
-    assert door_less.recognise(read_credentials(HTTPConnection({"type": "http", "headers": raw}))) is not None
+    assert door_less.authenticate(read_credentials(HTTPConnection({"type": "http", "headers": raw}))) is not None
 
 
 def test_new_sessions_have_a_rate_for_each_role_and_address(door: Door) -> None:
@@ -202,7 +202,7 @@ def test_new_sessions_have_a_rate_for_each_role_and_address(door: Door) -> None:
 
 def test_no_sign_in_pushes_out_a_session_with_an_open_page(door: Door) -> None:
     ana = door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana")
-    with door.authentication.people.attending(ana, is_page=True):
+    with door.authentication.active_users.connect(ana, is_page=True):
         for number in range(LIVE_OF_A_ROLE + 1):
             door.clock.now += ATTEMPTS_WINDOW_S / SIGN_INS + 0.1
             last = door.authentication.sign_in(
@@ -235,12 +235,12 @@ def test_asking_twice_about_one_request_counts_once(door: Door) -> None:
         asks = connection({"authorization": "Bearer nonsense"})
         for _ in range(3):
             with pytest.raises(RequestRejectedError) as error:
-                door.authentication.recognise(read_credentials(asks))
+                door.authentication.authenticate(read_credentials(asks))
             assert status(error) == 401
     with pytest.raises(RequestRejectedError) as error:
-        door.authentication.recognise(read_credentials(connection({"authorization": "Bearer nonsense"})))
+        door.authentication.authenticate(read_credentials(connection({"authorization": "Bearer nonsense"})))
     assert status(error) == 429
-    person = door.authentication.recognise(read_credentials(connection({"authorization": f"Bearer {door.token()}"})))
+    person = door.authentication.authenticate(read_credentials(connection({"authorization": f"Bearer {door.token()}"})))
     assert person is not None
     assert person.role is Role.OPERATOR
 
@@ -257,24 +257,24 @@ def test_a_browser_goes_on_with_its_session_or_ends_it(door: Door) -> None:
 
 def test_persons_of_one_name_are_told_apart_while_they_are_there(door: Door) -> None:
     ana = door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana")
-    with door.authentication.people.attending(ana, is_page=True):
+    with door.authentication.active_users.connect(ana, is_page=True):
         second = door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana")
         viewer = door.authentication.sign_in(read_credentials(connection({})), door.token(Role.VIEWER), "Ana")
-        there = door.authentication.people
-        with there.attending(second, is_page=True), there.attending(viewer, is_page=True):
-            assert [one.name for one in door.authentication.people.view()] == ["Ana", "Ana (2)", "Ana (viewer)"]
+        there = door.authentication.active_users
+        with there.connect(second, is_page=True), there.connect(viewer, is_page=True):
+            assert [one.name for one in door.authentication.active_users.view()] == ["Ana", "Ana (2)", "Ana (viewer)"]
         pretender = door.authentication.sign_in(
             read_credentials(connection({})), door.token(Role.VIEWER), " Ana (2)\n\u202e"
         )
         assert pretender.name == "Ana 2 (viewer)"
-    assert door.authentication.people.view() == []
+    assert door.authentication.active_users.view() == []
     assert door.authentication.sign_in(read_credentials(connection({})), door.token(), "Ana").name == "Ana"
 
 
 def test_new_tokens_end_the_sessions_of_their_role(door: Door) -> None:
     ana, vera, vic = door.cookie("Ana"), door.cookie("Vera"), door.cookie("Vic", Role.VIEWER)
     asks = connection({"cookie": ana})
-    rotating = door.authentication.recognise(read_credentials(asks))
+    rotating = door.authentication.authenticate(read_credentials(asks))
     assert rotating is not None
     before = door.token()
     tokens = asyncio.run(door.authentication.rotate([Role.OPERATOR], rotating))
@@ -299,7 +299,7 @@ def test_a_token_file_that_was_changed_is_in_force_soon_and_a_broken_one_never(d
     person = door.who(ana)
     assert person is not None
     (tmp_path / "viewer-token").unlink()
-    with door.authentication.people.attending(person, is_page=True) as over:
+    with door.authentication.active_users.connect(person, is_page=True) as over:
         replace_tokens(tmp_path, [Role.OPERATOR])
         asyncio.run(notice(over))
     assert door.token() != before

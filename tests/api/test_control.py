@@ -12,14 +12,14 @@ import pytest
 from backend.auth.authentication import BEARER, User
 from backend.auth.control_lease import (
     HOLD_S,
-    LOOK_S,
     LOST_S,
+    POLL_S,
     SCRIPT_S,
     CommandToken,
     ControlLease,
     ControlReleased,
     LeaseHolder,
-    read_stamp,
+    parse_command_token,
 )
 from backend.errors import RequestRejectedError
 from backend.event_bus import EventBus
@@ -53,9 +53,9 @@ class Desk:
 
     def wait(self, seconds: float) -> None:
         async def look() -> None:
-            for _ in range(round(seconds / LOOK_S)):
-                self.now += LOOK_S
-                await self.control.look()
+            for _ in range(round(seconds / POLL_S)):
+                self.now += POLL_S
+                await self.control.check()
 
         asyncio.run(look())
 
@@ -78,7 +78,7 @@ class Desk:
 
 def test_commands_of_the_holder_pass_once_and_in_order() -> None:
     desk = Desk()
-    page = desk.take(ANA).page
+    page = desk.take(ANA).page_key
     desk.command(ANA, CommandToken(page, 1))
     desk.command(ANA, CommandToken(page, 3))  # the second was lost on its way
     assert desk.refusal(ANA, CommandToken(page, 3)) == "stale_command"
@@ -89,10 +89,10 @@ def test_commands_of_the_holder_pass_once_and_in_order() -> None:
 
 def test_control_is_taken_over_only_when_that_is_said() -> None:
     desk = Desk()
-    first = desk.take(ANA).lease()
+    first = desk.take(ANA).build_lease()
     with pytest.raises(RequestRejectedError, match="Ana holds control"):
         desk.take(VERA)
-    second = desk.take(VERA, take_over=True).lease()
+    second = desk.take(VERA, take_over=True).build_lease()
     assert second.epoch > first.epoch
     assert desk.refusal(ANA, CommandToken(first.page, 9)) == "control_lost"
     desk.command(VERA, CommandToken(second.page, 1))
@@ -110,13 +110,13 @@ def lose_count_of_silence(control: ControlLease) -> None:
 
 def swap_the_session(control: ControlLease) -> None:
     assert control.holder is not None
-    control.holder.person = VERA
+    control.holder.user = VERA
 
 
 @pytest.mark.parametrize("spoil", [forget_an_epoch, lose_count_of_silence, swap_the_session])
 def test_a_lease_that_is_not_consistent_is_ended(spoil: Callable[[ControlLease], None]) -> None:
     desk = Desk()
-    page = desk.take(ANA).page
+    page = desk.take(ANA).page_key
     let_go: list[int] = []
     desk.events.subscribe(ControlReleased, lambda _: let_go.append(1))
     spoil(desk.control)
@@ -124,7 +124,7 @@ def test_a_lease_that_is_not_consistent_is_ended(spoil: Callable[[ControlLease],
         with pytest.raises(InvariantError):
             desk.command(person, CommandToken(page, 1))
     with pytest.raises(InvariantError):  # by which its watch dies: the supervision stops softly whatever moves
-        desk.wait(LOOK_S)
+        desk.wait(POLL_S)
     assert (desk.control.holder, let_go) == (None, [1])
     desk.wait(1.0)
     desk.take(VERA)
@@ -135,14 +135,14 @@ def test_a_clock_that_goes_back_ends_control() -> None:
     desk.take(ANA)
     desk.now -= 1.0
     with pytest.raises(InvariantError):
-        desk.wait(LOOK_S)
+        desk.wait(POLL_S)
     assert desk.control.holder is None
     desk.wait(1.0)
 
 
 def test_another_page_of_the_same_person_is_another_page() -> None:
     desk = Desk()
-    first = desk.take(ANA).page
+    first = desk.take(ANA).page_key
     with pytest.raises(RequestRejectedError, match="another page of yours"):
         desk.take(ANA)
     desk.take(ANA, take_over=True)
@@ -151,11 +151,11 @@ def test_another_page_of_the_same_person_is_another_page() -> None:
 
 def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -> None:
     desk = Desk()
-    first = desk.take(ANA).lease()
+    first = desk.take(ANA).build_lease()
     desk.command(ANA, CommandToken(first.page, 1))
     with pytest.raises(RequestRejectedError):
         desk.control.resume(VERA, first.page)
-    second = desk.control.resume(ANA, first.page).lease()
+    second = desk.control.resume(ANA, first.page).build_lease()
     assert (second.page == first.page, second.epoch > first.epoch) == (False, True)
     desk.command(ANA, CommandToken(second.page, 1))
     assert desk.refusal(ANA, CommandToken(first.page, 2)) == "control_lost"
@@ -170,32 +170,32 @@ def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -
 def test_what_is_held_by_hand_is_let_go_with_control_however_that_ends() -> None:
     desk, let_go = Desk(), []  # type: Desk, list[float]
     desk.events.subscribe(ControlReleased, lambda _: let_go.append(desk.now))
-    page = desk.take(ANA).page
-    desk.control.heard(ANA, page)
+    page = desk.take(ANA).page_key
+    desk.control.record_ping(ANA, page)
     let_go.clear()
-    desk.wait(LOST_S - LOOK_S)
+    desk.wait(LOST_S - POLL_S)
     assert let_go == []
-    desk.wait(3 * LOOK_S)
+    desk.wait(3 * POLL_S)
     assert len(let_go) == 1  # as soon as the page is not heard, and once
     desk.control.resume(ANA, page)
     assert len(let_go) == 2
     holder = desk.take(VERA, take_over=True)
     assert len(let_go) == 3
-    asyncio.run(desk.control.give_up(VERA, CommandToken(holder.page, 1)))
+    asyncio.run(desk.control.give_up(VERA, CommandToken(holder.page_key, 1)))
     assert len(let_go) == 4
     desk.command(SCRIPT, None)
     let_go.clear()
-    desk.wait(SCRIPT_S + 2 * LOOK_S)
+    desk.wait(SCRIPT_S + 2 * POLL_S)
     assert desk.control.holder is None
     assert len(let_go) == 1
 
 
 def test_a_silent_page_is_lost_after_its_time_and_a_stamp_of_before_does_nothing() -> None:
     desk = Desk()
-    page = desk.take(ANA).page
+    page = desk.take(ANA).page_key
     for _ in range(20):
         desk.wait(1.0)
-        desk.control.heard(ANA, page)
+        desk.control.record_ping(ANA, page)
     assert not desk.lost
     desk.wait(LOST_S + 0.2)
     view = desk.control.view()
@@ -205,20 +205,20 @@ def test_a_silent_page_is_lost_after_its_time_and_a_stamp_of_before_does_nothing
     assert not desk.lost
     desk.wait(0.4)
     assert desk.lost == ["Ana"]
-    assert documented_ms(Fault.OPERATOR_LOST) >= 1000 * (LOST_S + HOLD_S + 2 * LOOK_S)
+    assert documented_ms(Fault.OPERATOR_LOST) >= 1000 * (LOST_S + HOLD_S + 2 * POLL_S)
     assert desk.refusal(ANA, CommandToken(page, 1)) == "control_lost"
 
 
 def test_a_page_that_comes_back_in_time_goes_on_holding_control() -> None:
     desk = Desk()
-    page = desk.take(ANA).page
+    page = desk.take(ANA).page_key
     desk.wait(LOST_S + HOLD_S - 0.3)
-    desk.control.heard(VERA, page)
-    desk.control.heard(ANA, "x" * 16)
-    desk.control.heard(ANA, None)
+    desk.control.record_ping(VERA, page)
+    desk.control.record_ping(ANA, "x" * 16)
+    desk.control.record_ping(ANA, None)
     assert desk.control.holder is not None
-    assert desk.control.holder.lost
-    desk.control.heard(ANA, page)
+    assert desk.control.holder.is_lost
+    desk.control.record_ping(ANA, page)
     desk.wait(1.0)
     desk.command(ANA, CommandToken(page, 1))
     assert not desk.lost
@@ -229,7 +229,7 @@ def test_a_service_that_stood_still_blames_no_page() -> None:
     desk.take(ANA)
     for _ in range(5):
         desk.now += 30.0
-        asyncio.run(desk.control.look())
+        asyncio.run(desk.control.check())
     assert not desk.lost
 
 
@@ -249,7 +249,7 @@ def test_scripts_need_no_stamp_while_nobody_else_holds_control() -> None:
 )
 def test_a_stamp_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(RequestRejectedError) as error:
-        read_stamp(text)
+        parse_command_token(text)
     assert error.value.category is ErrorCode.MALFORMED
 
 

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 import pytest
 
 from backend.auth.authentication import BEARER, ActiveUsers, User
-from backend.auth.control_lease import HOLD_S, LOOK_S, LOST_S, CommandToken, ControlLease, LeaseHolder
+from backend.auth.control_lease import HOLD_S, LOST_S, POLL_S, CommandToken, ControlLease, LeaseHolder
 from backend.auth.handover import ANSWER_S, GONE_S, TAKE_S, TOLD_S, WAITING, ControlHandover
 from backend.errors import RequestRejectedError
 from backend.event_bus import EventBus
@@ -29,8 +29,8 @@ class Desk:
         self.hand_over = ControlHandover(self.control, self.people, self._tell, lambda: self.now)
         self.there = {one.session: ExitStack() for one in (ANA, VERA, ODA, VIC)}
         for one in (ANA, VERA, ODA, VIC):
-            self.there[one.session].enter_context(self.people.attending(one, is_page=True))
-        self.page, self.said = self.control.take(ANA, is_page=True).page, 0
+            self.there[one.session].enter_context(self.people.connect(one, is_page=True))
+        self.page, self.said = self.control.take(ANA, is_page=True).page_key, 0
         self.told.clear()
 
     def _tell(self, text: str, who: str) -> None:
@@ -55,7 +55,7 @@ class Desk:
 
     def take(self, who: User, number: int) -> LeaseHolder:
         holder = self.hand_over.take(who, number)
-        self.page, self.said = holder.page, 0
+        self.page, self.said = holder.page_key, 0
         return holder
 
     def standing(self, number: int) -> str | None:
@@ -63,18 +63,18 @@ class Desk:
 
     def wait(self, seconds: float, *, heard: bool = True) -> None:
         async def look() -> None:
-            for _ in range(round(seconds / LOOK_S)):
-                self.now += LOOK_S
+            for _ in range(round(seconds / POLL_S)):
+                self.now += POLL_S
                 if heard and self.control.holder is not None:
-                    self.control.heard(self.control.holder.person, self.page)
-                await self.control.look()
-                self.hand_over.look()
+                    self.control.record_ping(self.control.holder.user, self.page)
+                await self.control.check()
+                self.hand_over.update()
 
         asyncio.run(look())
 
     @property
     def holder(self) -> str | None:
-        return None if self.control.holder is None else self.control.holder.person.name
+        return None if self.control.holder is None else self.control.holder.user.name
 
 
 @pytest.fixture
@@ -202,7 +202,7 @@ def test_a_request_ends_with_whoever_asked_but_not_with_a_reload_of_their_page(d
     number = desk.ask(VERA)
     desk.there["v"].close()
     desk.wait(GONE_S - 1.0)
-    with desk.people.attending(VERA, is_page=True):
+    with desk.people.connect(VERA, is_page=True):
         desk.wait(2.0)
         assert desk.standing(number) == "asked"
     desk.wait(GONE_S + 1.0)
@@ -283,7 +283,7 @@ def test_only_so_many_may_wait(desk: Desk) -> None:
     with ExitStack() as there:
         crowd = [User(f"P{number}", Role.OPERATOR, f"p{number}") for number in range(WAITING + 1)]
         for one in crowd:
-            there.enter_context(desk.people.attending(one, is_page=True))
+            there.enter_context(desk.people.connect(one, is_page=True))
         for one in crowd[:-1]:
             desk.ask(one)
         with refusal() as refused:

@@ -4,7 +4,7 @@ import httpx
 import pytest
 
 from backend.auth.authentication import BEARER, ActiveUsers, User
-from backend.auth.control_lease import HEADER
+from backend.auth.control_lease import CONTROL_HEADER
 from backend.errors import RequestRejectedError
 from backend.schemas.session import Role
 from plant.errors import ErrorCode
@@ -27,7 +27,7 @@ def test_a_link_asks_for_a_name_once_and_keeps_session_and_control(service: Serv
         browser.get(service.link)  # the link again, in the same browser
         assert browser.get("/api/session").json() == named
         # Who signs out without that holds control until it is lost, and scripts of other tests may command nothing.
-        browser.delete("/api/control", headers={HEADER: f"{lease['page']}.1"}).raise_for_status()
+        browser.delete("/api/control", headers={CONTROL_HEADER: f"{lease['page']}.1"}).raise_for_status()
         kept = dict(browser.cookies)
         browser.delete("/api/session").raise_for_status()
         assert httpx.get(f"{service.url}/api/session", cookies=kept).status_code == 401
@@ -41,7 +41,7 @@ def test_a_script_has_no_name_to_give(operator: httpx.Client) -> None:
 def test_nobody_gets_the_name_of_somebody_who_is_there(name: str) -> None:
     people = ActiveUsers()
     ana = people.rename(newcomer("1"), "Ana")
-    with people.attending(ana, is_page=True):
+    with people.connect(ana, is_page=True):
         other = people.rename(newcomer("2"), name)
         assert other.name.casefold() == "ana (2)"
         assert people.rename(newcomer("3", Role.VIEWER), name).name.casefold() == "ana (viewer)"
@@ -62,8 +62,8 @@ def test_what_is_no_name_is_refused(name: str) -> None:
 
 def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
     people, somebody, vic = ActiveUsers(), newcomer("1"), newcomer("2", Role.VIEWER)
-    pages = [people.attending(somebody, is_page=is_page) for is_page in (True, True, False)]
-    with pages[0], pages[1], pages[2], people.attending(vic, is_page=True):
+    pages = [people.connect(somebody, is_page=is_page) for is_page in (True, True, False)]
+    with pages[0], pages[1], pages[2], people.connect(vic, is_page=True):
         people.rename(somebody, "Ana")
         seen = [(one.name, one.role, one.pages) for one in people.view()]
     assert seen == [("Ana", Role.OPERATOR, 2), ("viewer", Role.VIEWER, 1)]
@@ -72,11 +72,11 @@ def test_all_pages_of_a_person_are_counted_under_the_new_name() -> None:
 
 def test_somebody_has_been_there_since_the_first_of_their_pages_came() -> None:
     people, ana = ActiveUsers(), newcomer("1")
-    with people.attending(ana, is_page=True):
+    with people.connect(ana, is_page=True):
         first = people.view()[0].since
-        with people.attending(ana, is_page=True):
+        with people.connect(ana, is_page=True):
             assert people.view()[0].since == first
-    with people.attending(ana, is_page=True):
+    with people.connect(ana, is_page=True):
         assert people.view()[0].since > first
 
 
@@ -85,14 +85,14 @@ def test_who_comes_back_while_another_has_their_name_is_told_apart_from_them() -
     ana = people.rename(newcomer("1"), "Ana")
     other = people.rename(newcomer("2"), "Ana")  # while the first was away
     assert ana.name == other.name
-    with people.attending(other, is_page=True):
-        back = people.as_shown(ana)
+    with people.connect(other, is_page=True):
+        back = people.resolve_returning(ana)
         assert (back.name, back.session) == ("Ana (2)", "1")
-        with people.attending(back, is_page=True):
-            assert people.as_shown(ana) == back  # as long as they are there, in whatever they do
-            assert people.as_shown(other) == other
+        with people.connect(back, is_page=True):
+            assert people.resolve_returning(ana) == back  # as long as they are there, in whatever they do
+            assert people.resolve_returning(other) == other
     script = User("operator", Role.OPERATOR, BEARER)
-    assert people.as_shown(script) == script
+    assert people.resolve_returning(script) == script
 
 
 def test_a_script_keeps_the_name_of_its_role() -> None:

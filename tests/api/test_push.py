@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from backend.auth.authentication import User
-from backend.auth.control_lease import LOOK_S, LOST_S, ControlLease, ControlReleased
+from backend.auth.control_lease import LOST_S, POLL_S, ControlLease, ControlReleased
 from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.experiments.library import experiments_by_name
 from backend.experiments.plans import LoopSettings
@@ -54,10 +54,10 @@ def test_a_push_is_let_go_as_soon_as_the_page_is_not_heard(database: Database) -
         parts.events.subscribe(ControlReleased, lambda _: parts.actuator.release_push())
         control.take(ANA, is_page=True)
         await parts.actuator.push(PushRequest(F_push=6.0, duration_s=10.0), ANA.name)
-        for _ in range(round((LOST_S + 3 * LOOK_S) / LOOK_S)):
+        for _ in range(round((LOST_S + 3 * POLL_S) / POLL_S)):
             assert pushed_by(parts) in (0.0, 6.0)
-            now += LOOK_S
-            await control.look()
+            now += POLL_S
+            await control.check()
             await parts.supervisor.advance(0.01)
         assert parts.live_state.mode is Mode.RUN  # long before the soft stop
         for _ in range(100):

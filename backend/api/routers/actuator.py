@@ -3,7 +3,7 @@
 from fastapi import APIRouter
 
 from backend.api.dependencies import HoldsControl, InControl, MayStop, Operator, RowId, ServiceInUse, SignedIn, Stamped
-from backend.auth import read_stamp
+from backend.auth import parse_command_token
 from backend.schemas import (
     ControlRequest,
     FaultList,
@@ -40,16 +40,16 @@ control_router = APIRouter(prefix="/api/control", tags=["operate"], route_class=
 async def take_control(body: ControlRequest, service: ServiceInUse, person: Operator) -> Lease:
     """Take control for a page, which keeps it as long as its pings on `/api/live` carry the key it gets."""
     if body.resume is not None:
-        return service.control.resume(person, body.resume).lease()
+        return service.control.resume(person, body.resume).build_lease()
     if body.handed is not None:
-        return service.hand_over.take(person, body.handed).lease()
-    return service.control.take(person, is_page=True, take_over=body.take_over).lease()
+        return service.hand_over.take(person, body.handed).build_lease()
+    return service.control.take(person, is_page=True, take_over=body.take_over).build_lease()
 
 
 @control_router.delete("", status_code=204)
 async def give_up_control(service: ServiceInUse, person: Operator, stamp: Stamped = None) -> None:
     """Give up control; nothing moves by that."""
-    await service.control.give_up(person, read_stamp(stamp))
+    await service.control.give_up(person, parse_command_token(stamp))
 
 
 @control_router.post("/wishes", status_code=201)
@@ -59,7 +59,7 @@ async def ask_for_control(
     """Ask whoever holds control for it; `to` offers it to another operator, as the page that holds it."""
     if body.to is None:
         return service.hand_over.ask(person, body.reason)
-    return await service.hand_over.offer(person, read_stamp(stamp), body.to, body.reason)
+    return await service.hand_over.offer(person, parse_command_token(stamp), body.to, body.reason)
 
 
 @control_router.post("/wishes/{id}", status_code=204)
@@ -67,7 +67,7 @@ async def answer_wish(
     id: RowId, body: WishAnswer, service: ServiceInUse, person: Operator, stamp: Stamped = None
 ) -> None:
     """Hand over, keep control, do not take it, or take back what was asked or offered."""
-    await service.hand_over.answer(person, read_stamp(stamp), id, body.answer, body.reason)
+    await service.hand_over.answer(person, parse_command_token(stamp), id, body.answer, body.reason)
 
 
 # Faults --------------------------------------------------------------------------------------------

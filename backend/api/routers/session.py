@@ -82,7 +82,7 @@ async def set_name(
 ) -> SessionView:
     """Say by what name this browser's person goes; the session, and control with it, stay as they are."""
     authentication = find_authentication(request)
-    renamed = authentication.people.rename(person, body.name)
+    renamed = authentication.active_users.rename(person, body.name)
     set_session_cookie(authentication, request, response, renamed)
     service.control.rename(renamed)
     return _view(renamed)
@@ -113,7 +113,7 @@ async def rotate_tokens(body: Rotation, request: Request, response: Response, pe
     authentication = find_authentication(request)
     tokens = await authentication.rotate(roles, person)
     set_session_cookie(authentication, request, response, person)
-    return FreshTokens(tokens={role: tokens.of(role) for role in roles})
+    return FreshTokens(tokens={role: tokens.get(role) for role in roles})
 
 
 @session_router.get("/checklist")
@@ -123,4 +123,4 @@ def get_checklist(service: ServiceInUse, _person: SignedIn) -> Checklist:
 
 
 def _view(person: User) -> SessionView:
-    return SessionView(name=person.name, role=person.role, asks_name=person.is_nameless)
+    return SessionView(name=person.name, role=person.role, asks_name=person.has_no_name)

@@ -170,7 +170,7 @@ async def live(websocket: WebSocket) -> None:
     await websocket.accept()
     _log.info("A live stream to %s opened.", person.name)
     try:
-        await serve(service.live, websocket, lambda ping: service.control.heard(person, ping.control))
+        await serve(service.live, websocket, lambda ping: service.control.record_ping(person, ping.control))
     finally:
         _log.info("A live stream to %s closed.", person.name)
 
