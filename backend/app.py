@@ -400,13 +400,13 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
 
     state = ServiceState(
         live_state=live_state,
-        touch=actuator.contact.view,
+        contact=actuator.contact.view,
         trial=actuator.tuning_service.view_trial,
         trigger=triggers.view,
         player=actuator.player.view,
         holder=control.view,
-        people=authentication.active_users.view,
-        wishes=hand_over.view,
+        users=authentication.active_users.view,
+        handovers=hand_over.view,
         problems=problems,
     )
     live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(state.view())))

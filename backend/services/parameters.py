@@ -278,7 +278,7 @@ class Applied:
             self._tuning_store.save(tuning, who)
             live_state = self._actuator.live_state
             live_state.set_parameters(parameters, tuning)
-            live_state.begin_steps(self._tuning_store.load_previous(tuning))
+            live_state.reset_undo(self._tuning_store.load_previous(tuning))
             identified = changed_sections(applied)
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
             self._events.publish(ParametersApplied(parameters))
@@ -294,7 +294,7 @@ class Applied:
         """Raise RequestRejectedError unless the actuator is off, nothing is under way and this tuning is in force."""
         live_state = self._actuator.live_state
         self._actuator.require_unoccupied()
-        if live_state.task is not None or live_state.own_tuning is not None:
+        if live_state.task is not None or live_state.overridden_tuning is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a run is under way: parameters change when it is over")
         if self._actuator.tuning_service.view_trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")

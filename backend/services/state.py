@@ -1,4 +1,4 @@
-"""The state of the actuator: samples, timing, safety chain, walls."""
+"""State of the actuator: newest sample, timing, safety chain, obstacle, tuning and faults."""
 
 import math
 import time
@@ -83,16 +83,17 @@ from plant import (
 
 # Observation ---------------------------------------------------------------------------------------
 #
-# What the ring tells about the loop at present: the newest sample, the timing, whether it is alive.
+# Reads the newest sample and the timing of the control loop from the ring buffer.
 
 
 Sample = dict[str, float]
 
 TIMING_PERIOD_S = 0.25
+"""Period [s] at which the timing is computed anew."""
 
 
 class Observation:
-    """Reads the ring of whichever loop process runs at present."""
+    """Reads the ring buffer of the current loop process, which ``ring`` returns."""
 
     def __init__(self, ring: Callable[[], Ring], clock: Callable[[], float] = time.monotonic) -> None:
         self._ring = ring
@@ -102,12 +103,15 @@ class Observation:
         self._timing_due = 0.0
 
     def sample(self) -> Sample | None:
-        """Return the newest sample, None before the first."""
+        """Return the newest sample; None before the first."""
         row = self._ring().newest()
         return None if row is None else dict(zip(NAMES, row.tolist(), strict=True))
 
     def link(self, alive: bool, starts: int, restart: Restart | None = None) -> LinkView:
-        """Return the state of the connection to the loop."""
+        """Return whether the loop process is alive, and the time since its last new sample.
+
+        ``starts`` counts the loop processes; ``restart`` is a planned restart in progress.
+        """
         count, now = self._ring().count, self._clock()
         if count != self._seen[0]:
             self._seen = (count, now)
@@ -120,15 +124,15 @@ class Observation:
         )
 
     def timing(self) -> TimingView:
-        """Return how well the loop keeps its period, renewed four times a second."""
+        """Return rate, lateness and overruns of the control steps, at most TIMING_PERIOD_S old."""
         if self._timing is None or self._clock() >= self._timing_due:
             self._timing_due = self._clock() + TIMING_PERIOD_S
             t = compute_timing(self._ring())
             self._timing = TimingView(
                 period_s=T_s,
-                rate_Hz=_number(t.rate_Hz),
-                lateness_p50_ms=_number(1e3 * t.lateness_p50_s),
-                lateness_p99_ms=_number(1e3 * t.lateness_p99_s),
+                rate_Hz=_finite_or_zero(t.rate_Hz),
+                lateness_p50_ms=_finite_or_zero(1e3 * t.lateness_p50_s),
+                lateness_p99_ms=_finite_or_zero(1e3 * t.lateness_p99_s),
                 overruns=t.overruns,
             )
         return self._timing
@@ -145,91 +149,102 @@ def read_fault(sample: Sample | None) -> Fault:
 
 
 def read_references(sample: Sample | None) -> ReferencesView:
-    """Return the references in force; where none are, what the joint does, from where a mode would start.
+    """Return the active references; without them the measured position and stiffness, from which a mode would start.
 
-    Slack tendons have no stiffness: S_ref is None then.
+    S_ref is None while the tendons are slack, because the stiffness is then unknown.
     """
     if sample is None:
         return ReferencesView(q_ref=0.0, S_ref=None, in_force=False)
     q_ref, S_ref = sample["q_ref"], sample["S_ref"]
     return ReferencesView(
-        q_ref=_number(sample["q"]) if math.isnan(q_ref) else q_ref,
-        S_ref=_known(sample["S"] if math.isnan(S_ref) else S_ref),
+        q_ref=_finite_or_zero(sample["q"]) if math.isnan(q_ref) else q_ref,
+        S_ref=_finite_or_none(sample["S"] if math.isnan(S_ref) else S_ref),
         in_force=not (math.isnan(q_ref) or math.isnan(S_ref)),
     )
 
 
 def read_entry(sample: Sample | None) -> float:
-    """Return the active entry of the bank, fractional while interpolating."""
-    return 0.0 if sample is None else _number(sample["bank_entry"])
+    """Return the index of the active operating point of the bank, fractional if interpolated."""
+    return 0.0 if sample is None else _finite_or_zero(sample["bank_entry"])
 
 
-def _known(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _number(value: float) -> float:
+def _finite_or_zero(value: float) -> float:
     return value if math.isfinite(value) else 0.0
 
 
 # Safety chain --------------------------------------------------------------------------------------
 #
-# The safety chain as it stands: from the page that holds control to the safety module, each watched
-# by the next.
+# State of the five parts that can stop the actuator: page, service, control loop, watchdog and
+# safety module. Each part monitors the one before it.
 
 
 LOOP_SILENT_S = 1.0
-"""A loop without a new sample for so long [s] is not well."""
+"""Time [s] without a new sample after which the control loop counts as failed."""
 
 
-def chain(supervisor: Supervisor, holder: HolderView | None, link: LinkView, fault: Fault) -> list[ChainLinkView]:
-    """Return the five links of the chain in order."""
+def build_safety_chain(
+    supervisor: Supervisor, holder: HolderView | None, link: LinkView, fault: Fault
+) -> list[ChainLinkView]:
+    """Return the five links of the safety chain in order.
+
+    ``holder`` is None while no session has the control lease; ``fault`` is the latched fault of the newest sample.
+    """
     alive = supervisor.is_alive
-    beat_s = supervisor.beat_age_s
-    ticks = alive and link.silent_s < LOOP_SILENT_S
-    if supervisor.restarting is not None and not ticks:
-        return [_page(holder), *_restarting(supervisor, link, fault)]
+    heartbeat_age_s = supervisor.beat_age_s
+    is_ticking = alive and link.silent_s < LOOP_SILENT_S
+    if supervisor.restarting is not None and not is_ticking:
+        return [_build_page_link(holder), *_build_restarting_links(supervisor, link, fault)]
     return [
-        _page(holder),
+        _build_page_link(holder),
         ChainLinkView(
             name="service",
-            good=beat_s is not None and beat_s < SILENCE_S,
-            silent_s=beat_s,
-            says="beats" if beat_s is not None else "has no loop to beat for",
+            good=heartbeat_age_s is not None and heartbeat_age_s < SILENCE_S,
+            silent_s=heartbeat_age_s,
+            says="beats" if heartbeat_age_s is not None else "has no loop to beat for",
         ),
-        ChainLinkView(name="loop", good=ticks, silent_s=link.silent_s, says="ticks" if ticks else "does not tick"),
+        ChainLinkView(
+            name="loop", good=is_ticking, silent_s=link.silent_s, says="ticks" if is_ticking else "does not tick"
+        ),
         *build_downstream_links(
             supervisor.setup.plant, supervisor.card.state(), supervisor.watchdog_monitor, alive, fault
         ),
     ]
 
 
-def _restarting(supervisor: Supervisor, link: LinkView, fault: Fault) -> list[ChainLinkView]:
-    """Return the links behind the page while the loop process is replaced as planned, drives off: that is no fault."""
-    card, guard = supervisor.card.state(), supervisor.watchdog_monitor
-    behind = build_downstream_links(supervisor.setup.plant, card, guard, False, fault)
-    sound = not (card.expired or card.safety_tripped or guard.is_watchdog_lost or fault is Fault.SAFETY_MODULE)
+def _build_restarting_links(supervisor: Supervisor, link: LinkView, fault: Fault) -> list[ChainLinkView]:
+    """Return the links after the page during a planned restart of the loop, which is no fault: the drives are off."""
+    card, monitor = supervisor.card.state(), supervisor.watchdog_monitor
+    downstream = build_downstream_links(supervisor.setup.plant, card, monitor, False, fault)
+    is_intact = not (card.expired or card.safety_tripped or monitor.is_watchdog_lost or fault is Fault.SAFETY_MODULE)
     return [
         ChainLinkView(name="service", good=True, silent_s=None, says="waits for the loop"),
         ChainLinkView(name="loop", good=True, silent_s=None, says=f"is restarted: {link.restarting}"),
-        *(one.model_copy(update={"good": one.good or sound}) for one in behind),
+        *(one.model_copy(update={"good": one.good or is_intact}) for one in downstream),
     ]
 
 
 def build_downstream_links(
-    plant: PlantChoice, card: CardState, guard: WatchdogMonitor, alive: bool, fault: Fault
+    plant: PlantChoice, card: CardState, monitor: WatchdogMonitor, alive: bool, fault: Fault
 ) -> tuple[ChainLinkView, ChainLinkView]:
-    """Return watchdog and safety module: what is left when the loop is not.
+    """Return the links of watchdog and safety module, which act without the control loop.
 
-    Only the registers of a card tell of them, and of a rig's card nothing is seen but through its loop. A recording
-    has none and moves nothing; what a package has is not seen from here, so it is not called good.
+    Their state is read from the registers of the card. The registers of a real card are known only while its loop
+    runs. A recording needs neither, because nothing moves. Those of a hardware package cannot be read, so they are not
+    reported as good.
     """
     tripped = fault is Fault.SAFETY_MODULE
     match plant.kind:
         case PlantKind.SIMULATOR | PlantKind.RIG | PlantKind.VIRTUAL_CARD:
-            links = _watchdog(card, guard, alive), _safety_module(card.safety_tripped or tripped)
+            links = (
+                _build_watchdog_link(card, monitor, alive),
+                _build_safety_module_link(card.safety_tripped or tripped),
+            )
             if plant.kind is PlantKind.RIG and not alive:
-                return _last_known(card, links[0]), _last_known(card, links[1])
+                return _mark_as_outdated(card, links[0]), _mark_as_outdated(card, links[1])
             return links
         case PlantKind.REPLAY:
             good, says = True, "not needed: a recording is played, nothing moves"
@@ -238,11 +253,11 @@ def build_downstream_links(
         case _:
             assert_never(plant.kind)
     watchdog = ChainLinkView(name="watchdog", good=good, silent_s=None, says=says)
-    unseen = ChainLinkView(name="safety_module", good=good, silent_s=None, says=says)
-    return watchdog, _safety_module(tripped) if tripped else unseen
+    unknown = ChainLinkView(name="safety_module", good=good, silent_s=None, says=says)
+    return watchdog, _build_safety_module_link(tripped) if tripped else unknown
 
 
-def _page(holder: HolderView | None) -> ChainLinkView:
+def _build_page_link(holder: HolderView | None) -> ChainLinkView:
     if holder is None:
         return ChainLinkView(name="page", good=True, silent_s=None, says="nobody holds control")
     if not holder.page:
@@ -251,48 +266,53 @@ def _page(holder: HolderView | None) -> ChainLinkView:
     return ChainLinkView(name="page", good=not holder.lost, silent_s=holder.silent_s, says=says)
 
 
-def _watchdog(card: CardState, guard: WatchdogMonitor, alive: bool) -> ChainLinkView:
+def _build_watchdog_link(card: CardState, monitor: WatchdogMonitor, alive: bool) -> ChainLinkView:
     line = "drive-enable on" if card.drive_enabled else "drive-enable off, zero volts"
-    if guard.is_watchdog_lost:
-        says = f"dead, not seen for {guard.watchdog_silent_s:.1f} s: {line}; reset starts a new one"
+    if monitor.is_watchdog_lost:
+        says = f"dead, not seen for {monitor.watchdog_silent_s:.1f} s: {line}; reset starts a new one"
     elif card.expired:
         says = f"expired after {card.watchdog_s:g} s without a write: {line}"
     elif card.armed:
         says = f"armed, {line}"
     else:
         says = f"disarmed, {line}"
-    good = alive and card.armed and not card.expired and not guard.is_watchdog_lost
+    good = alive and card.armed and not card.expired and not monitor.is_watchdog_lost
     return ChainLinkView(name="watchdog", good=good, silent_s=None, says=says)
 
 
-def _safety_module(tripped: bool) -> ChainLinkView:
+def _build_safety_module_link(tripped: bool) -> ChainLinkView:
     says = "tripped: the motors are cut" if tripped else "watching"
     return ChainLinkView(name="safety_module", good=not tripped, silent_s=None, says=says)
 
 
-def _last_known(card: CardState, link: ChainLinkView) -> ChainLinkView:
+def _mark_as_outdated(card: CardState, link: ChainLinkView) -> ChainLinkView:
     says = f"not seen since the loop ended; last known: {link.says}" if card.mirror else "not seen: no loop has run yet"
     return link.model_copy(update={"good": False, "says": says})
 
 
-# Standing wall -------------------------------------------------------------------------------------
+# Obstacle ------------------------------------------------------------------------------------------
 #
-# What stands in the joint's way, for page and journal.
+# The simulated obstacle (page label: wall), for page and event log.
 
 
 class WallBounds(NamedTuple):
-    """Least and largest stiffness [N/m] and largest damping [s/m] of a wall; all 0 where none can be put up."""
+    """Bounds of stiffness and damping of an obstacle; all are 0 on a plant without simulated obstacle."""
 
     k_min: float
+    """N/m"""
+
     k_max: float
+    """N/m"""
+
     c_max: float
+    """s/m"""
 
 
 NO_WALL_POSSIBLE = WallBounds(0.0, 0.0, 0.0)
 
 
 def compute_wall_bounds(parameters: PlantParameters) -> WallBounds:
-    """Return what the steps of the simulation resolve of a wall."""
+    """Return the bounds within which the steps of the simulation resolve an obstacle."""
     joint, step_s = parameters.make_dynamics().joint, T_s / SUBSTEPS
     return WallBounds(
         K_LEAST, largest_wall_stiffness(joint, step_s), largest_wall_damping(joint, parameters.safety.F_max, step_s)
@@ -300,7 +320,7 @@ def compute_wall_bounds(parameters: PlantParameters) -> WallBounds:
 
 
 def describe_wall(wall: Obstacle | None) -> str:
-    """Say what stands in the joint's way."""
+    """Return a description of the obstacle."""
     if wall is None:
         return "no wall"
     side = "above" if wall.side > 0.0 else "below"
@@ -308,47 +328,57 @@ def describe_wall(wall: Obstacle | None) -> str:
 
 
 def build_wall_view(wall: Obstacle | None) -> WallView | None:
-    """Return a wall as the page shows it."""
+    """Return the obstacle as the page shows it."""
     if wall is None:
         return None
     side, q_wall, k_wall, c_wall = wall
     return WallView(q_wall=q_wall, side="above" if side > 0.0 else "below", k_wall=k_wall, c_wall=c_wall)
 
 
-# Present state -------------------------------------------------------------------------------------
+# Live state ----------------------------------------------------------------------------------------
 #
-# What the actuator does at present, put together from samples, events and the tuning in force.
+# The current state of the actuator, from samples, events of the control loop and the active tuning.
 
 
 UNDO_STEPS = 20
-"""How many changes of the tuning can be taken back."""
+"""Number of tuning changes that can be undone."""
 
 F_PUSH_MAX = 30.0
-"""Largest push [N] that an operator may ask the simulator for."""
+"""Largest push [N] that an operator may command on the simulator."""
 
 
 class LiveState:
-    """What the actuator does at present.
+    """The current state of the actuator.
 
-    Whoever changes them sets ``tuning``, ``task``, ``occupied`` and ``provoked_trip``; the rest is seen and heard.
-    ``own_tuning`` is what the operator had chosen while a run has the tuning, else None; ``tuning_problem`` says why a
-    tuning that should be back in force is not; ``earlier`` is what the operator had before the last change.
-    ``on_the_way`` are the tunings that the experiment under way puts into use, in the order of their numbers.
-    ``occupied`` says what has the rig for itself, empty for nothing, ``provoked_trip`` the fault that it provokes,
-    ``wall`` is what is in a simulated joint's way.
+    Samples and events of the control loop update it. The services that change the tuning, run jobs or commission the
+    rig set the public attributes.
     """
 
     def __init__(self, supervisor: Supervisor, parameters: PlantParameters, tuning: ActiveTuning) -> None:
-        self.own_tuning: ActiveTuning | None = None
+        self.overridden_tuning: ActiveTuning | None = None
+        """The operator's tuning while a run has replaced it by a temporary one."""
+
         self.tuning_problem = ""
+        """Why a tuning that should have been restored is not active."""
+
         self.program_tunings: Sequence[ResolvedTuning] = ()
+        """Tunings that the running experiment activates; the control loop reports their numbers, from 1."""
+
         self._tuning_number = 0
         self.undo_stack: deque[ResolvedTuning] = deque(maxlen=UNDO_STEPS)
         self.redo_stack: deque[ResolvedTuning] = deque(maxlen=UNDO_STEPS)
         self.task: TaskView | None = None
+        """The job in progress."""
+
         self.starts = 1
+        """Number of loop processes that this service has started."""
+
         self.occupied_by = ""
+        """The commissioning step that has exclusive use of the rig; empty for none."""
+
         self.provoked_fault = Fault.NONE
+        """Fault that the commissioning step provokes on purpose."""
+
         self.wall: Obstacle | None = None
         self._loop_not_ready_reason = ""
         self.set_parameters(parameters, tuning)
@@ -359,30 +389,30 @@ class LiveState:
         self._plant_problem = ""
 
     def set_parameters(self, parameters: PlantParameters, tuning: ActiveTuning) -> None:
-        """Take over the parameters in force, and the tuning that goes with them."""
+        """Set the active parameters and the tuning that belongs to them."""
         self.parameters, self.tuning = parameters, tuning
         self.bounds = compute_bounds(parameters)
-        self._tensions = _tensions(parameters, self.bounds)
+        self._tensions = _compute_tension_table(parameters, self.bounds)
         self._wall_bounds = compute_wall_bounds(parameters)
 
     @property
     def plant(self) -> PlantChoice:
-        """What is controlled."""
+        """The plant that is controlled."""
         return self._supervisor.setup.plant
 
     @property
     def card_lost(self) -> bool:
-        """Whether a card does not answer: what was opened there is gone for good, and a new loop opens it anew."""
+        """Whether the card does not answer. Its open channels are lost then; a new loop process opens them again."""
         return bool(self._plant_problem) and self.plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 
     @property
     def operator_tuning(self) -> ActiveTuning:
-        """What the operator has chosen, also while a run has another in force."""
-        return self.own_tuning or self.tuning
+        """The operator's tuning, also while a run has replaced it by a temporary one."""
+        return self.overridden_tuning or self.tuning
 
     @property
     def not_ready_reason(self) -> str:
-        """What has to come before pretension; empty where nothing has."""
+        """What must be done before pretension can start; empty if nothing."""
         return self.occupied_by or self._loop_not_ready_reason
 
     @property
@@ -403,22 +433,22 @@ class LiveState:
 
     @property
     def references(self) -> ReferencesView:
-        """References in use; where none are, what the joint does."""
+        """Active references; without them the measured position and stiffness."""
         return self._references_view(self._observation.sample())
 
     def _references_view(self, sample: Sample | None) -> ReferencesView:
         references = read_references(sample)
-        if self.plant.kind is PlantKind.REPLAY:  # what was asked for then is asked of nothing now
+        if self.plant.kind is PlantKind.REPLAY:  # recorded references command nothing
             return references.model_copy(update={"in_force": False})
         return references
 
     @property
     def entry(self) -> float:
-        """Active entry of the bank, fractional while interpolating."""
+        """Index of the active operating point of the bank, fractional if interpolated."""
         return read_entry(self._observation.sample())
 
     def legal(self, mode: Mode) -> list[Mode]:
-        """Return where an operator may go from ``mode`` now."""
+        """Return the modes that an operator may select in ``mode`` now."""
         if not self._supervisor.is_alive:
             return []
         if mode is Mode.OFF and self.not_ready_reason:
@@ -429,7 +459,7 @@ class LiveState:
         return [one for one in LEGAL[mode] if not paused or one not in MOVING]
 
     def handle_event(self, event: Event | LoopExited) -> None:
-        """Take in what the loop tells."""
+        """Update the state with an event of the control loop."""
         match event:
             case ModeChanged():
                 self._pretension_done = False
@@ -448,7 +478,7 @@ class LiveState:
             case Stopped():
                 self._stop = event
             case PlayerMoved(playing=True):
-                self._stop = None  # what it had paused goes on
+                self._stop = None  # the recording that STOP had paused continues
             case PlantFailing(_, reason):
                 self._plant_problem = f"the plant cannot be read or written: {reason}"
             case PlantAnswers():
@@ -461,12 +491,12 @@ class LiveState:
                 assert_never(event)
 
     def clear_stop(self) -> None:
-        """Drop the proof of a stop that has been reset, and the trouble that a reset is refused for."""
+        """Drop the stop proof and the problem of the plant after a reset."""
         self._stop = None
         self._plant_problem = ""
 
     def build_stop_proof(self, stopped: Stopped) -> StopProof:
-        """Return the proof of a stop; what is played was not driven, so that a stop has paused it only."""
+        """Return the stop proof: ticks of arrival and of zero volts. A recording has only been paused."""
         return StopProof(
             arrived_tick=stopped.arrived_tick,
             zero_tick=stopped.zero_tick,
@@ -475,7 +505,7 @@ class LiveState:
         )
 
     def health(self) -> Health:
-        """Return what anybody may know."""
+        """Return the health of the service, which needs no sign-in."""
         timing = self._observation.timing()
         alive = self._supervisor.is_alive
         return Health(
@@ -487,9 +517,9 @@ class LiveState:
         )
 
     def build_view(self, parts: "ServiceState") -> State:
-        """Return what the status line and the controls show; ``parts`` has the views of the other parts.
+        """Return the state that pages show; ``parts`` supplies the views of other services.
 
-        All values of a sample come from one sample, as the loop writes newer ones meanwhile.
+        All values come from one sample, because the control loop writes newer ones meanwhile.
         """
         sample = self._observation.sample()
         mode = read_mode(sample)
@@ -507,19 +537,19 @@ class LiveState:
             references=self._references_view(sample),
             tuning=self._tuning_view(read_entry(sample)),
             limits=self._limits(),
-            touch=parts.touch(),
+            touch=parts.contact(),
             fault=self._fault_view(sample),
             unready=self.not_ready_reason,
             pretension_done=self._pretension_done,
             stop_proof=None if self._stop is None else self.build_stop_proof(self._stop),
             holder=holder,
-            people=parts.people(),
-            wishes=parts.wishes(),
-            chain=chain(self._supervisor, holder, link, read_fault(sample)),
+            people=parts.users(),
+            wishes=parts.handovers(),
+            chain=build_safety_chain(self._supervisor, holder, link, read_fault(sample)),
             task=self.task,
             trial=parts.trial(),
             trigger=parts.trigger(),
-            own_tuning=None if self.own_tuning is None else build_chosen_tuning(self.own_tuning),
+            own_tuning=None if self.overridden_tuning is None else build_chosen_tuning(self.overridden_tuning),
             wall=build_wall_view(self.wall),
             player=parts.player(tick),
             earlier=build_chosen_tuning(self.undo_stack[-1]) if self.undo_stack else None,
@@ -528,19 +558,19 @@ class LiveState:
             problems=[*parts.problems(), *filter(None, (self._plant_problem, self.tuning_problem))],
         )
 
-    def begin_steps(self, earlier: ResolvedTuning | None) -> None:
-        """Let one step lead back to ``earlier``, none where that is None, and none forward."""
+    def reset_undo(self, earlier: ResolvedTuning | None) -> None:
+        """Clear both undo stacks; ``earlier`` becomes the only tuning that undo returns to."""
         self.undo_stack.clear()
         self.redo_stack.clear()
         if earlier is not None:
             self.undo_stack.append(earlier)
 
     def _tuning_view(self, entry: float) -> TuningView:
-        """Return the tuning in force: while an experiment has put one into use on its way, that one."""
-        number, changed = self._tuning_number, self.program_tunings
-        if not 0 < number <= len(changed):
+        """Return the active tuning, which may be one that the running experiment has activated."""
+        number, tunings = self._tuning_number, self.program_tunings
+        if not 0 < number <= len(tunings):
             return self.tuning.view(entry)
-        return overlay_tuning(self.tuning.view(entry), changed[number - 1], entry)
+        return overlay_tuning(self.tuning.view(entry), tunings[number - 1], entry)
 
     def _plant_view(self) -> PlantView:
         plant = self.plant
@@ -550,23 +580,23 @@ class LiveState:
         )
 
     def _limits(self) -> LimitsView:
-        b = self.bounds
+        bounds = self.bounds
         wall = self._wall_bounds if self.plant.simulated else NO_WALL_POSSIBLE
         return LimitsView(
-            q_min=b.q_min,
-            q_max=b.q_max,
-            S_min=b.S_min,
-            S_max=b.S_max,
-            F_min=b.F_slack,
-            F_max=b.F_max,
+            q_min=bounds.q_min,
+            q_max=bounds.q_max,
+            S_min=bounds.S_min,
+            S_max=bounds.S_max,
+            F_min=bounds.F_slack,
+            F_max=bounds.F_max,
             F_push_max=F_PUSH_MAX if self.plant.simulated else 0.0,
             F_contact_min=CONTACT_MIN_N,
             F_contact_max=CONTACT_MAX_N,
             k_wall_min=wall.k_min,
             k_wall_max=wall.k_max,
             c_wall_max=wall.c_max,
-            u_max=b.u_max,
-            q_trip=b.q_trip,
+            u_max=bounds.u_max,
+            q_trip=bounds.q_trip,
             tensions=self._tensions,
         )
 
@@ -574,48 +604,47 @@ class LiveState:
         fault = read_fault(sample)
         if fault is Fault.NONE:
             return None
-        seen, tick = "", 0 if sample is None else int(sample["tick"])
+        detail, tick = "", 0 if sample is None else int(sample["tick"])
         if self._stop is not None and self._stop.fault is fault:
-            seen, tick = self._stop.detail, self._stop.arrived_tick
-        message, remedy, expected = explained(fault, seen), EXPLAINED[fault].remedy, self.is_expected(fault)
-        if expected:
+            detail, tick = self._stop.detail, self._stop.arrived_tick
+        message, remedy, is_expected = explained(fault, detail), EXPLAINED[fault].remedy, self.is_expected(fault)
+        if is_expected:
             message, remedy = f"The bring-up provoked this trip: {message}", ""
         elif fault is Fault.SAFETY_MODULE and self.plant.simulated:
             remedy = (
                 "Take away the wall or the push that caused it, then reset: that acknowledges the simulated module."
             )
-        return FaultView(code=fault, message=message, remedy=remedy, tick=tick, expected=expected)
+        return FaultView(code=fault, message=message, remedy=remedy, tick=tick, expected=is_expected)
 
     def is_expected(self, fault: Fault) -> bool:
-        """Tell whether a stop with this fault is no alarm: provoked by the bring-up, or the pause of a recording."""
+        """Return whether a fault is no alarm: commissioning provokes it, or a recording is replayed."""
         return fault is not Fault.NONE and (fault is self.provoked_fault or self.plant.kind is PlantKind.REPLAY)
 
 
 @dataclass(frozen=True)
 class ServiceState:
-    """The state of the service: what the actuator does at ``present``, and what the other parts show.
-
-    ``player`` tells where a recording stands in a tick, ``problems`` what is wrong with the service without being a
-    fault of the loop.
-    """
+    """The state of the service: the live state, and functions that return the views of other services."""
 
     live_state: LiveState
-    touch: Callable[[], TouchView]
+    contact: Callable[[], TouchView]
     trial: Callable[[], TrialView | None]
     trigger: Callable[[], TriggerView | None]
     player: Callable[[int], PlayerView | None]
+    """Returns the position in a replayed recording at a tick."""
+
     holder: Callable[[], HolderView | None]
-    people: Callable[[], list[PersonView]]
-    wishes: Callable[[], list[WishView]]
+    users: Callable[[], list[PersonView]]
+    handovers: Callable[[], list[WishView]]
     problems: Callable[[], list[str]]
+    """Returns problems of the service that are no fault of the control loop."""
 
     def view(self) -> State:
-        """Return everything the status line and the controls show."""
+        """Return the state that pages show."""
         return self.live_state.build_view(self)
 
 
-def _tensions(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:
-    """Stiffness at rest for tensions from slack to the trip: S = r_j² (F'(x_A) + F'(x_B)), equation 14."""
+def _compute_tension_table(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:
+    """Return the stiffness at rest over the tension [N]: S = r_j² (F'(x_A) + F'(x_B)), equation 14."""
     r_j = parameters.geometry.r_j
     springs = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
     return [

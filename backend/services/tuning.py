@@ -75,7 +75,7 @@ class TuningService:
         self._contact = contact
         self._trial = TuningTrial(self._end_trial_automatically, supervision)
         events.subscribe(BiasDiscarded, lambda _: self._disable_rejection())
-        live_state.begin_steps(tuning_store.load_previous(live_state.tuning))
+        live_state.reset_undo(tuning_store.load_previous(live_state.tuning))
 
     def view_trial(self) -> TrialView | None:
         """Return what is on trial; None for nothing."""
@@ -170,12 +170,12 @@ class TuningService:
                 wanted = await asyncio.to_thread(own.with_choice, choice, bank)
                 tick = await self._send_tuning(wanted)
                 self._event_log.add_mark(MarkKind.TUNING, f"for the run: {wanted.difference(own)}", tick, who)
-            self._live_state.own_tuning = own
+            self._live_state.overridden_tuning = own
         self._changed()
 
     async def restore_operator_tuning(self) -> None:
         """Put the operator's tuning back in force; does so as soon as the loop takes it."""
-        own = self._live_state.own_tuning
+        own = self._live_state.overridden_tuning
         if own is not None:
             await self._retry_restore("The operator's tuning", own, lambda: self._restore_after_run(own))
         self._changed()
@@ -285,7 +285,7 @@ class TuningService:
 
     async def _restore_after_run(self, own: ActiveTuning) -> None:
         async with self._change_lock:
-            if self._live_state.own_tuning is not own:  # given back by another road while this waited
+            if self._live_state.overridden_tuning is not own:  # given back by another road while this waited
                 return
             lent, back = self._live_state.tuning, self._drop_unusable_rejection(own)
             if back.choice != lent.choice:
@@ -294,7 +294,7 @@ class TuningService:
                 except LoopExitedError:
                     tick = self._set_active(back.without_rejection())
                 self._event_log.add_mark(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
-            self._live_state.own_tuning = None
+            self._live_state.overridden_tuning = None
 
     async def _end_trial_automatically(self, before: ActiveTuning, cause: str) -> None:
         await self._retry_restore("The tuning before the trial", before, lambda: self._end_trial(before, cause=cause))
@@ -311,7 +311,7 @@ class TuningService:
 
     def _require_no_override(self) -> None:
         """Raise RequestRejectedError while a run has the tuning."""
-        if self._live_state.own_tuning is None:
+        if self._live_state.overridden_tuning is None:
             return
         task = self._live_state.task
         what = "a run is being started" if task is None else f"{task.kind} is running"

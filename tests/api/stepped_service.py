@@ -136,13 +136,13 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
     )
     service_state = ServiceState(
         live_state=live_state,
-        touch=actuator.contact.view,
+        contact=actuator.contact.view,
         trial=actuator.tuning_service.view_trial,
         trigger=lambda: None,
         player=actuator.player.view,
         holder=lambda: None,
-        people=list,
-        wishes=list,
+        users=list,
+        handovers=list,
         problems=list,
     )
     here = Here(lambda _cause: None)

@@ -165,7 +165,7 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
             during.setattr(live_state, "occupied_by", homing)
             await refused(homing)
         with monkeypatch.context() as during:
-            during.setattr(live_state, "own_tuning", live_state.tuning)
+            during.setattr(live_state, "overridden_tuning", live_state.tuning)
             await refused("a run is under way: parameters change when it is over")
         before = live_state.tuning
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), "Ana")

@@ -10,7 +10,7 @@ from backend.faults import Fault
 from backend.realtime.heartbeat import WatchdogMonitor
 from backend.realtime.supervisor import Restart, Supervisor
 from backend.schemas.state import ChainLinkView, LinkView
-from backend.services.state import build_downstream_links, chain
+from backend.services.state import build_downstream_links, build_safety_chain
 from plant.interface import PlantChoice, PlantKind
 from plant.safety_card import Card, CardState
 
@@ -42,7 +42,7 @@ def test_a_planned_restart_is_no_fault_of_the_chain(planned: bool) -> None:
         setup=SimpleNamespace(plant=PlantChoice(PlantKind.SIMULATOR)),
     )  # fmt: skip
     link = LinkView(alive=False, silent_s=3.0, starts=1, restarting="applying run 3" if planned else "")
-    links = {one.name: one for one in chain(cast(Supervisor, stand_in), None, link, Fault.NONE)}
+    links = {one.name: one for one in build_safety_chain(cast(Supervisor, stand_in), None, link, Fault.NONE)}
     assert list(links) == ["page", "service", "loop", "watchdog", "safety_module"]
     assert [one.good for one in links.values()] == [True, planned, planned, planned, True]
     assert links["loop"].says == ("is restarted: applying run 3" if planned else "does not tick")

@@ -196,7 +196,7 @@ def test_what_is_refused_changes_nothing(database: Database, bank: Bank) -> None
         ):
             with pytest.raises(refusal):
                 await parts.ordered_runs.start_experiment(sequence(**settings), WHO)
-            assert (parts.live_state.tuning.choice, parts.live_state.own_tuning) == (own(bank), None)
+            assert (parts.live_state.tuning.choice, parts.live_state.overridden_tuning) == (own(bank), None)
         await parts.actuator.tuning_service.start_trial(TrialRequest(lam_q=0.9, duration_s=60.0), WHO)
         with pytest.raises(RequestRejectedError, match="trial"):
             await parts.ordered_runs.start_experiment(sequence(), WHO)

@@ -187,7 +187,7 @@ def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTuning:
 async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
     """Save what is in force for the bank in use. Refused while a tuning is on trial or lent to a run."""
     live_state = service.actuator.live_state
-    if live_state.own_tuning is not None:
+    if live_state.overridden_tuning is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "what is in force belongs to a run: save when it is over")
     if service.actuator.tuning_service.view_trial() is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it before saving")
