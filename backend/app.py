@@ -301,7 +301,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     def say_of_control(text: str, who: str) -> None:
         """Put on record what is asked and answered: nothing on the time axis, where control itself is a mark."""
         event_log.add_entry(EventKind.NOTE, text, who)
-        actuator.changed()
+        actuator.publish_change()
 
     hand_over = ControlHandover(control, authentication.active_users, say_of_control)
     keep(TOKENS, authentication.run)
@@ -309,7 +309,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
     keep(HAND_OVER, hand_over.run)
     triggers = Triggers(trigger, actuator, event_log, database)
-    watch = FolderWatch((folder.problem, soundness.displaced, foundation.claim.problem), actuator.changed)
+    watch = FolderWatch((folder.problem, soundness.displaced, foundation.claim.problem), actuator.publish_change)
     keep(FOLDER, watch.run)
     soundness.start()
 

@@ -1,4 +1,4 @@
-"""The actuator: modes and whether they are legal, references, walls, session runs, safe stop."""
+"""Commands to the actuator: modes, references, pushes, obstacle, drives, stop and reset."""
 
 import asyncio
 import logging
@@ -48,28 +48,26 @@ from backend.supervision import KeptTask, Part, Supervision
 from backend.units import in_digits
 from plant import Broken, ErrorCode, Obstacle, PlantKind, PlantParameters
 
-# Answered ------------------------------------------------------------------------------------------
+# Legality ------------------------------------------------------------------------------------------
 #
-# What the loop has answered to a command.
+# Translates rejections of the control loop, and rejects illegal modes with the reason.
 
 
 def raise_if_rejected(answer: Accepted | Refused) -> Accepted:
-    """Return the answer of a loop that carries out. Raises RequestRejectedError with its reason where it does not."""
+    """Return the answer to an accepted command. Raises RequestRejectedError with the reason for a rejected one."""
     if isinstance(answer, Refused):
         legal = [str(mode) for mode in answer.legal] or None
         raise RequestRejectedError(ErrorCode.NOT_NOW, answer.reason, code="refused", legal=legal)
     return answer
 
 
-# Legality ------------------------------------------------------------------------------------------
-#
-# Whether the actuator may go to another mode now, and in which words it is refused.
-
-
 def require_legal(live_state: LiveState, wanted: Mode, *, loop_alive: bool) -> None:
-    """Raise RequestRejectedError for a mode that cannot be gone to; a dead or unready loop says so itself."""
+    """Raise RequestRejectedError if the mode ``wanted`` is illegal now.
+
+    A control loop that is dead or not ready rejects the command itself, with its own reason.
+    """
     mode = live_state.mode
-    legal = live_state.legal(mode)
+    legal = live_state.list_legal_modes(mode)
     paused = live_state.task is not None and live_state.task.paused and wanted in MOVING
     if wanted in legal or (live_state.not_ready_reason and wanted in LEGAL[mode] and not paused) or not loop_alive:
         return
@@ -89,20 +87,25 @@ def require_legal(live_state: LiveState, wanted: Mode, *, loop_alive: bool) -> N
 
 # Safe stop -----------------------------------------------------------------------------------------
 #
-# Brings the joint to rest when a part of the service dies that safety depends on.
+# Brings the joint to rest when a safety-relevant part of the service dies.
 
 
 ANSWER_S = 0.5
+"""Time [s] that the control loop has to answer a soft stop."""
+
 SILENCE_S = 2.0
-"""Longer than the loop bears to hear nothing."""
+"""Time [s] without heartbeat after an unanswered soft stop: longer than the timeout of the control loop."""
 
 _PART = Part("The soft stop for a part that died", "Press STOP if the joint still moves.")
-_STILL = (Mode.OFF, Mode.STOPPING, Mode.TRIPPED)
+_STOPPED = (Mode.OFF, Mode.STOPPING, Mode.TRIPPED)
 _log = logging.getLogger(__name__)
 
 
 class SafeStop:
-    """Stops softly by command; where the loop does not take it, by silence, upon which the loop stops by itself."""
+    """Stops the control loop softly by command.
+
+    If the loop does not answer, the heartbeat is suspended: its timeout makes the loop stop itself.
+    """
 
     def __init__(self, supervisor: Supervisor, live_state: LiveState, supervision: Supervision) -> None:
         self._supervisor = supervisor
@@ -111,12 +114,12 @@ class SafeStop:
         self._stopping: KeptTask | None = None
 
     def begin(self, fault: Fault) -> None:
-        """Stop softly with ``fault``, unless the joint is at rest; without waiting for it."""
+        """Start a soft stop with ``fault``, unless the actuator is stopped; does not wait for it."""
         self._stopping = self._supervision.keep_task(_PART, lambda: self._stop(fault))
 
     async def _stop(self, fault: Fault) -> None:
         try:
-            if self._live_state.mode in _STILL or not self._supervisor.is_alive:
+            if self._live_state.mode in _STOPPED or not self._supervisor.is_alive:
                 return
             await asyncio.wait_for(self._supervisor.send(Stop(fault, hard=False)), ANSWER_S)
         except LoopExitedError:
@@ -130,17 +133,17 @@ class SafeStop:
 
 # Session runs --------------------------------------------------------------------------------------
 #
-# Runs of kind ``session``: what a person does by hand in run and compliance. The recorder closes
-# them.
+# Runs of kind ``session`` record manual operation in the modes run and compliance. The recorder
+# closes them.
 
 
-RECORDED = (Mode.RUN, Mode.COMPLIANCE)
+RECORDED_MODES = (Mode.RUN, Mode.COMPLIANCE)
 
 
 class SessionRuns:
-    """Stores a run before the loop is told to move, so that no sample is without its run.
+    """Stores session runs before the control loop changes the mode, so that every sample belongs to a stored run.
 
-    Both methods wait for the disk: the event loop calls them in a thread.
+    The methods access the database: the event loop calls them in a thread.
     """
 
     def __init__(self, database: Database, plant: str) -> None:
@@ -148,7 +151,7 @@ class SessionRuns:
         self._plant = plant
 
     def begin(self, mode: Mode, tuning: ActiveTuning, who: str) -> int:
-        """Store a session run as running and return its number."""
+        """Store a running session run and return its number."""
         new = NewRun(
             kind=RunKind.SESSION,
             plant=self._plant,
@@ -163,32 +166,30 @@ class SessionRuns:
             return runs.create(session, new).id
 
     def abandon(self, run: int) -> None:
-        """Close a run that the loop refused to begin."""
+        """Close a run whose mode the control loop has refused."""
         with self._database.session() as session:
             runs.end(session, run, EndState.STOPPED, "refused before it began")
 
 
-# Actuator ------------------------------------------------------------------------------------------
+# Actuator service ----------------------------------------------------------------------------------
 #
-# The one actuator and what may be asked of it.
-#
-# Every command goes to the loop and is in force only once the loop has accepted it. STOP waits for
-# nothing else.
+# Sends commands to the control loop. A command takes effect only when the loop has accepted it.
 
 
 STOP_PROOF_S = 1.0
-"""How long a stop may take to be confirmed; the loop itself takes two ticks."""
+"""Longest wait [s] for the confirmation of STOP; the control loop needs two ticks."""
 
 _SHOWN_S = 0.2
+"""Longest wait [s] until the samples show an accepted command."""
+
 _RELEASE = Part("The release of a push", "Press STOP if the joint is still pushed.")
 
 
 class ActuatorService:
-    """Commands to the actuator; ``retuning`` has those about its tuning. All belong to the service's event loop.
+    """Sends commands to the control loop and logs them.
 
-    ``on_ring_changed`` is told the ring of a loop process that was started anew. ``starting`` is held from the question
-    what has the rig for itself until what starts shows. ``database`` says what the next loop is to start with;
-    ``recording`` is what is played in place of a plant.
+    ``contact``, ``tuning_service`` and ``player`` have the commands of their subjects. All methods run in the event
+    loop of the service. Commands wait for each other; STOP and the soft stops do not wait.
     """
 
     def __init__(
@@ -205,6 +206,11 @@ class ActuatorService:
         events: EventBus,
         recording: PlayedRecording | None = None,
     ) -> None:
+        """Connect to the control loop of ``supervisor``.
+
+        ``on_ring_changed`` gets the ring buffer of each restarted loop process. ``database`` holds the commissioning
+        results that a loop process starts with. ``recording`` is replayed in place of a plant.
+        """
         self.live_state = live_state
         self._database = database
         self._supervisor, self._session_runs, self._event_log = supervisor, session_runs, event_log
@@ -215,13 +221,15 @@ class ActuatorService:
         self._releasing: KeptTask | None = None
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._events = events
-        self._command_lock, self.start_lock = asyncio.Lock(), asyncio.Lock()
+        self._command_lock = asyncio.Lock()
+        # Held while a start checks that nothing occupies the rig, until the state shows what was started.
+        self.start_lock = asyncio.Lock()
         self.contact = ContactService(
             supervisor=supervisor,
             live_state=live_state,
             event_log=event_log,
             command=self._send,
-            changed=self.changed,
+            on_change=self.publish_change,
             start_lock=self.start_lock,
             events=events,
         )
@@ -233,19 +241,19 @@ class ActuatorService:
             supervision=supervision,
             send=self._send,
             change_lock=self._command_lock,
-            changed=self.changed,
+            on_change=self.publish_change,
             contact=self.contact,
             events=events,
         )
-        self.player = RecordingPlayer(recording, self._send, self.changed)
+        self.player = RecordingPlayer(recording, self._send, self.publish_change)
         supervisor.listen(self._handle_event)
 
-    def changed(self) -> None:
-        """Publish that the state has changed."""
+    def publish_change(self) -> None:
+        """Publish a StateChanged event."""
         self._events.publish(StateChanged())
 
     async def stop(self, who: str) -> StopProof:
-        """Stop hard and wait for the proof. Raises RequestRejectedError when the loop does not give it."""
+        """Stop with zero volts and return the proof. Raises RequestRejectedError if the loop does not confirm it."""
         waiter: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
         self._stop_waiters.append(waiter)
         try:
@@ -266,104 +274,105 @@ class ActuatorService:
         return self.live_state.build_stop_proof(stopped)
 
     async def stop_after_operator_loss(self, who: str) -> None:
-        """Stop softly: the page that held control was not heard, and the references were held long enough."""
+        """Stop softly after the page with control was lost and the references were held for HOLD_S."""
         self.log_control_change("control lost", who)
-        if self.live_state.mode in _STILL or not self._supervisor.is_alive:
+        if self.live_state.mode in _STOPPED or not self._supervisor.is_alive:
             return
         with suppress(LoopExitedError):
             await self._supervisor.send(commands.Stop(Fault.OPERATOR_LOST, hard=False))
 
     def log_control_change(self, text: str, who: str) -> None:
-        """Put on record what happens to control."""
+        """Log a change of the control lease."""
         self._event_log.add_mark(MarkKind.NOTE, text, self.live_state.tick, who)
-        self.changed()
+        self.publish_change()
 
     async def reset(self, who: str) -> None:
-        """Clear the latched fault after its cause is gone.
+        """Clear the latched fault. Raises RequestRejectedError while its cause persists.
 
-        Starts the loop anew where it failed by itself, and where it, its watchdog or its card died.
+        Restarts the loop process after an internal error, and if the process, the watchdog or the card has died.
         """
         async with self.start_lock, self._command_lock:
             has_failed = self.live_state.fault is Fault.INTERNAL_ERROR
-            lost = has_failed or self._supervisor.watchdog_monitor.is_watchdog_lost or self.live_state.card_lost
-            if self._supervisor.is_alive and not lost:
+            is_lost = has_failed or self._supervisor.watchdog_monitor.is_watchdog_lost or self.live_state.card_lost
+            if self._supervisor.is_alive and not is_lost:
                 accepted = await self._send(commands.Reset())
                 self._event_log.add_mark(MarkKind.NOTE, "reset", accepted.tick, who)
             else:
-                self.require_unoccupied()  # a new loop has another zero, and a step works with this one
+                self.require_unoccupied()  # a new process loses the encoder zeros that a commissioning step uses
                 await self._restart_loop("after its end", "loop started again", who)
         self.live_state.clear_stop()
         await self._wait_for_sample(lambda: self.live_state.fault is Fault.NONE)
 
-    async def restart_loop_with(self, take: Callable[[], None], found: str, who: str) -> None:
-        """Start the loop anew with what was ``found``, once ``take`` has.
+    async def restart_loop_with(self, apply_change: Callable[[], None], change: str, who: str) -> None:
+        """Call ``apply_change`` and restart the loop process, so that the change takes effect.
 
-        Raises RequestRejectedError unless it is off.
+        ``change`` describes it in messages. Raises RequestRejectedError unless the mode is off, and LoopExitedError if
+        no loop process starts: the change then takes effect at the next start.
         """
         async with self._command_lock:
             if self.live_state.mode is not Mode.OFF:
                 raise RequestRejectedError(
-                    ErrorCode.NOT_NOW, f"{found} takes effect in off; the mode is {self.live_state.mode}"
+                    ErrorCode.NOT_NOW, f"{change} takes effect in off; the mode is {self.live_state.mode}"
                 )
-            take()
+            apply_change()
             try:
-                await self._restart_loop(f"with {found}", f"loop started with {found}", who)
-            except LoopExitedError as died:
-                self._event_log.add_mark(MarkKind.FAULT, f"no loop started with {found}", 0, who)
-                raise LoopExitedError(f"{found} takes effect at the next start of the loop: {died}") from died
+                await self._restart_loop(f"with {change}", f"loop started with {change}", who)
+            except LoopExitedError as error:
+                self._event_log.add_mark(MarkKind.FAULT, f"no loop started with {change}", 0, who)
+                raise LoopExitedError(f"{change} takes effect at the next start of the loop: {error}") from error
             finally:
-                self.changed()
+                self.publish_change()
 
     async def _restart_loop(self, purpose: str, text: str, who: str) -> None:
         plant, before = self._supervisor.setup.plant, self._supervisor.setup.brought_up
         brought_up = await asyncio.to_thread(find_for_next_start, self._database, plant, before)
-        if self._supervisor.setup.brought_up is before:  # else something was found meanwhile, and that is newer
+        if self._supervisor.setup.brought_up is before:  # else a commissioning step has stored a newer result meanwhile
             self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
         self.contact.discard("the control loop was started anew")
-        self.changed()
+        self.publish_change()
         await self._supervisor.restart(purpose)
         self._on_new_ring(self._supervisor.ring)
         self.live_state.starts += 1
         self._event_log.add_mark(MarkKind.NOTE, text, 0, who)
 
     async def set_mode(self, mode: Mode, who: str) -> None:
-        """Move to another mode; one in which a person moves the joint is recorded as a session."""
-        if mode in _STILL:
-            await self._move_to(mode, who)
+        """Change the mode; RECORDED_MODES are recorded as session runs. Raises RequestRejectedError."""
+        if mode in _STOPPED:
+            await self._change_mode(mode, who)
             return
         async with self.start_lock:
             self.require_unoccupied()
-            await self._move_to(mode, who)
+            await self._change_mode(mode, who)
 
-    async def _move_to(self, mode: Mode, who: str) -> None:
+    async def _change_mode(self, mode: Mode, who: str) -> None:
         async with self._command_lock:
             require_legal(self.live_state, mode, loop_alive=self._supervisor.is_alive)
             sessions, run = self._session_runs, 0
-            if mode in RECORDED:
+            if mode in RECORDED_MODES:
                 run = await asyncio.to_thread(sessions.begin, mode, self.live_state.tuning, who)
             self._requested_mode = mode, who
             try:
                 await self._send(commands.SetMode(mode, run))
             except BaseException:
-                self._requested_mode = None  # whatever brings the mode later on, it is not this order
+                self._requested_mode = None  # a later change to this mode has another cause
                 if run:
                     await asyncio.to_thread(sessions.abandon, run)
                 raise
         await self._wait_for_sample(lambda: self.live_state.mode is mode)
 
     def require_unoccupied(self) -> None:
-        """Raise RequestRejectedError while something has the rig for itself."""
+        """Raise RequestRejectedError while a commissioning step occupies the rig."""
         if self.live_state.occupied_by:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, f"{self.live_state.occupied_by}: wait for its end, or cancel it"
             )
 
     async def switch_drives(self, on: bool, who: str) -> None:
-        """Take the drives away, at any time, or give them back.
+        """Disable the drives at any time, or enable them in mode off while no commissioning step runs.
 
-        Raises RequestRejectedError, and LoopExitedError where they come on. They come on in off and beside no step of
-        the bring-up only. Off waits for nothing; it is said again in turn, to a loop that was only starting.
+        Raises RequestRejectedError, and LoopExitedError if the drives were to be enabled.
         """
+        # Disabling does not wait. It is sent once more in turn below, for a loop process that was starting.
         if not on:
             with suppress(LoopExitedError):
                 await self._supervisor.send(commands.SwitchDrives(on=False))
@@ -372,22 +381,22 @@ class ActuatorService:
                 self.require_unoccupied()
             accepted = raise_if_rejected(await switch_drives(self._supervisor, self._drive_lockout, on, who))
             self._event_log.add_mark(MarkKind.NOTE, f"drives switched {'on' if on else 'off'}", accepted.tick, who)
-        self.changed()
+        self.publish_change()
 
     async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
-        """Set the references of the cascade. Raises OutOfRangeError."""
-        b = self.live_state.bounds
-        check_range("q_ref", q_ref, b.q_min, b.q_max, "rad")
-        check_range("S_ref", S_ref, b.S_min, b.S_max, "N·m/rad")
+        """Set the references: position [rad] and stiffness [N·m/rad]. Raises OutOfRangeError."""
+        bounds = self.live_state.bounds
+        check_range("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad")
+        check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad")
         self.contact.sweep.abort("other references were set", who)
         accepted = await self._send(commands.SetReferences(q_ref, S_ref))
         text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref, 4)} N·m/rad"
         self._event_log.add_mark(MarkKind.REFERENCES, text, accepted.tick, who)
-        self.changed()
+        self.publish_change()
         return References(q_ref=q_ref, S_ref=S_ref)
 
     async def push(self, push: PushRequest, who: str) -> PushRequest:
-        """Push the joint of a simulated plant. Raises RequestRejectedError on any other, OutOfRangeError."""
+        """Push the joint of a simulated plant. Raises RequestRejectedError on another plant, and OutOfRangeError."""
         plant = self.live_state.plant
         if not plant.simulated:
             by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
@@ -404,7 +413,7 @@ class ActuatorService:
             remedy=remedy,
             words="time of the push",
         )
-        # before it is sent: whoever loses control meanwhile has it let go after it has begun
+        # Set before the command is sent: if control is lost meanwhile, the push is released after it has started.
         self._pushed = push.F_push != 0.0
         accepted = await self._send(commands.ApplyPush(push.F_push, push.duration_s))
         text = f"push of {push.F_push:.1f} N for {push.duration_s:.1f} s" if push.F_push else "push let go"
@@ -412,7 +421,7 @@ class ActuatorService:
         return push
 
     def release_push(self) -> None:
-        """Let go of a push and end learning, at once: whoever ordered it does not hold control any more."""
+        """Release a push and abort the calibration of the bias, because their operator has lost control."""
         self.contact.sweep.abort("whoever began it does not hold control any more")
         if self._pushed:
             self._releasing = self._supervision.keep_task(_RELEASE, self._release_push)
@@ -426,17 +435,17 @@ class ActuatorService:
         self._event_log.add_mark(MarkKind.NOTE, "push let go: control is lost", self.live_state.tick)
 
     async def inject_fault(self, broken: Broken | None, who: str) -> None:
-        """Break a part of the plant to try a reaction, None to mend it; refused where nothing can be broken."""
+        """Inject a fault into a simulated plant; None clears all. Raises RequestRejectedError on another plant."""
         text = "mended" if broken is None else f"broken on purpose: {broken.words}"
         await self.send_and_log(commands.Inject(broken), text, who)
 
     async def send_and_log(self, command: Command, text: str, who: str) -> None:
-        """Have the loop carry out what is of a simulated plant alone, and note it. Raises RequestRejectedError."""
+        """Send a command and log it as ``text``. Raises RequestRejectedError."""
         accepted = await self._send(command)
         self._event_log.add_mark(MarkKind.NOTE, text, accepted.tick, who)
 
     def suspend_heartbeat(self, duration_s: float, who: str) -> None:
-        """Send the loop no heartbeat for a while, to try its reaction."""
+        """Suspend the heartbeat of the service, to test the reaction of the control loop."""
         self._supervisor.fall_silent(duration_s)
         self._event_log.add_mark(MarkKind.NOTE, "the service falls silent on purpose", self.live_state.tick, who)
 
@@ -444,10 +453,10 @@ class ActuatorService:
         return raise_if_rejected(await self._supervisor.send(command))
 
     async def _wait_for_sample(self, reached: Callable[[], bool]) -> None:
-        """Wait until the samples show what was accepted, a moment at most."""
+        """Wait until the samples show an accepted command, at most _SHOWN_S."""
         with suppress(TimeoutError, LoopExitedError):
             await self._supervisor.advance_until(reached, timeout_s=_SHOWN_S)
-        self.changed()
+        self.publish_change()
 
     def _handle_event(self, event: Event | LoopExited) -> None:
         self.live_state.handle_event(event)
@@ -468,10 +477,10 @@ class ActuatorService:
                 if not waiter.done():
                     waiter.set_result(event)
         if not isinstance(event, Accepted | Refused | RunEnded):
-            self.changed()
+            self.publish_change()
 
     def _find_requester(self, event: Event | LoopExited) -> str:
-        """Return who asked for the mode that has come; empty where nobody did."""
+        """Return who has requested the new mode; empty if it was not requested."""
         if (
             self._requested_mode is None
             or not isinstance(event, ModeChanged)
@@ -482,27 +491,28 @@ class ActuatorService:
         return who
 
 
-# Obstruction ---------------------------------------------------------------------------------------
+# Obstacle ------------------------------------------------------------------------------------------
 #
-# A wall in the way of a simulated joint: put up and taken away in flight.
+# Places or removes the simulated obstacle, in any mode.
 
 
 async def set_obstacle(actuator: ActuatorService, order: WallOrder, who: str) -> WallOrder:
-    """Put a wall up, or take it away.
+    """Place the obstacle, or remove it.
 
-    Raises OutOfRangeError, and RequestRejectedError where the plant is not simulated, where the joint is inside the
-    wall and while a program puts up its own.
+    Raises OutOfRangeError, and RequestRejectedError on a real plant, if the joint is inside the obstacle, and while a
+    program sets its own.
     """
     plant = actuator.live_state.plant
     if not plant.simulated:
         message = f"a wall is put only in the way of what is simulated, and what is driven is the {plant.name}"
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
-    wall = None if order.wall is None else _possible(order.wall, actuator.live_state.parameters)
+    wall = None if order.wall is None else _build_obstacle(order.wall, actuator.live_state.parameters)
     await actuator.send_and_log(Obstruct(wall), describe_wall(wall), who)
     return order
 
 
-def _possible(wall: WallView, parameters: PlantParameters) -> Obstacle:
+def _build_obstacle(wall: WallView, parameters: PlantParameters) -> Obstacle:
+    """Return a checked obstacle. Raises OutOfRangeError."""
     bounds, q_max = compute_wall_bounds(parameters), parameters.geometry.q_max
     remedy = "the simulator's steps do not resolve more"
     check_range("q_wall", wall.q_wall, -q_max, q_max, "rad", path=("wall", "q_wall"))

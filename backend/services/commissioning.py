@@ -146,7 +146,7 @@ class CommissioningResults:
             _log.exception("The service could not store that the directions are wrong.")
             self.problem = f"Do {STEP[StepId.DIRECTION].title} anew: that they are wrong could not be kept ({error})."
         finally:
-            self._actuator.changed()
+            self._actuator.publish_change()
 
     def load_wiring(self) -> Wiring:
         """Return the wiring as its file says it now. Raises PlantError."""
@@ -278,7 +278,7 @@ class CommissioningService:
             running = self._running = _RunningStep(step)
             self._set_occupied(running)
             running.task = asyncio.create_task(self._run(running, wiring, wanted, who))
-        self._actuator.changed()
+        self._actuator.publish_change()
         return await self.view()
 
     async def confirm(self) -> BringUpView:
@@ -329,16 +329,16 @@ class CommissioningService:
     async def _run(self, running: _RunningStep, wiring: Wiring, values: dict[str, float], who: str) -> None:
         async def confirmed(words: str) -> None:
             running.ask, running.confirmed = words, asyncio.get_running_loop().create_future()
-            self._actuator.changed()
+            self._actuator.publish_change()
             try:
                 await running.confirmed
             finally:
                 running.ask, running.confirmed = "", None
-                self._actuator.changed()
+                self._actuator.publish_change()
 
         def phase(name: str) -> None:
             running.phase = name
-            self._actuator.changed()
+            self._actuator.publish_change()
 
         # What is stored, in force already or not: a tare measures volts, and keeps the slope it is given.
         calibrated = apply_calibration(wiring, self._supervisor.setup.brought_up.calibrations)
@@ -371,7 +371,7 @@ class CommissioningService:
         finally:
             self._running = None
             self._set_occupied(None)
-            self._actuator.changed()
+            self._actuator.publish_change()
 
     def _compute_states(self, kept: StoredResults, wiring: Wiring | None) -> dict[StepId, StepStatus]:
         starts = self._actuator.live_state.starts

@@ -125,14 +125,14 @@ class BiasSweep:
         command: Callable[[Command], Awaitable[Accepted]],
         learn: Callable[[int], Awaitable[None]],
         is_reaction_active: Callable[[], bool],
-        changed: Callable[[], None],
+        on_change: Callable[[], None],
     ) -> None:
         self._supervisor, self._live_state, self._event_log = supervisor, live_state, event_log
-        self._command, self._learn, self._is_reaction_active, self._changed = (
+        self._command, self._learn, self._is_reaction_active, self._on_change = (
             command,
             learn,
             is_reaction_active,
-            changed,
+            on_change,
         )
         self._view: SweepView | None = None
         self._task: asyncio.Task[None] | None = None
@@ -250,7 +250,7 @@ class BiasSweep:
 
     def _set_progress(self, point: int, S_ref: float) -> None:
         self._view = SweepView(under_way=True, point=point, points=SWEEP_POINTS, S_ref=S_ref, why="")
-        self._changed()
+        self._on_change()
 
     def _end(self, why: str, who: str = "") -> None:
         view = self._view
@@ -260,7 +260,7 @@ class BiasSweep:
         at = f"at point {view.point} of {view.points}, {in_digits(view.S_ref)} N·m/rad"
         text = f"learning over S ended {at}: {why}" if why else f"learned over S at {view.points} points"
         self._event_log.add_mark(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._live_state.tick, who)
-        self._changed()
+        self._on_change()
 
     def _explain_not_startable(self, rows: NDArray[np.float64]) -> str:
         """Why it cannot begin; ``rows`` is the newest sample."""
@@ -315,7 +315,7 @@ class ContactService:
         live_state: LiveState,
         event_log: EventLog,
         command: Callable[[Command], Awaitable[Accepted]],
-        changed: Callable[[], None],
+        on_change: Callable[[], None],
         start_lock: asyncio.Lock,
         events: EventBus,
     ) -> None:
@@ -326,12 +326,12 @@ class ContactService:
             command=command,
             learn=self._calibrate_point,
             is_reaction_active=lambda: self._contact_N != 0.0,
-            changed=changed,
+            on_change=on_change,
         )
         self._supervisor = supervisor
         self._event_log = event_log
         self._command = command
-        self._changed = changed
+        self._on_change = on_change
         self._events = events
         self._command_lock, self._start_lock = asyncio.Lock(), start_lock
         self._points: list[TouchPoint] = []
@@ -383,7 +383,7 @@ class ContactService:
             self.sweep.clear()
         for text in _describe_changes(order, points):
             self._event_log.add_mark(MarkKind.NOTE, text, tick, who)
-        self._changed()
+        self._on_change()
         return self.view()
 
     async def _apply_sweep(self, order: TouchOrder, who: str) -> TouchView:
@@ -404,7 +404,7 @@ class ContactService:
             await self._configure(
                 _insert_point(self._points, self._measure_point(max(since, self._since))), self._contact_N
             )
-        self._changed()
+        self._on_change()
 
     async def _configure(self, points: list[TouchPoint], contact_N: float) -> int:
         """Put in force what is learned and armed; return the tick of it."""
@@ -437,7 +437,7 @@ class ContactService:
                 self.discard("the control loop died")
             case _:
                 return
-        self._changed()
+        self._on_change()
 
     def discard(self, why: str) -> None:
         """Begin with nothing learned, as a new loop does, and ``why``."""

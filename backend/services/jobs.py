@@ -244,11 +244,11 @@ class Pause:
     ``wanted`` is what was last asked for of the order under way; ``following`` are its runs that have still to begin.
     """
 
-    def __init__(self, live_state: LiveState, changed: Callable[[], None]) -> None:
+    def __init__(self, live_state: LiveState, on_change: Callable[[], None]) -> None:
         self.is_requested = False
         self.remaining_runs = 0
         self._live_state = live_state
-        self._changed = changed
+        self._on_change = on_change
 
     def begin(self, following: int) -> None:
         """Take note of an order whose first run begins; with none ``following``, that no further one will."""
@@ -263,7 +263,7 @@ class Pause:
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what}: {remedy}")
         self.is_requested = wanted
         self._live_state.task = task.model_copy(update={"pause_wanted": wanted})
-        self._changed()
+        self._on_change()
 
     async def wait_until_resumed(self, loop: LoopClient, show: Callable[[], None]) -> None:
         """Wait as long as a pause is wanted; then the next run begins, and one less follows.
@@ -533,7 +533,7 @@ class JobManager:
         self.queue = ExperimentQueue(self.start_experiment, self.complete_request, supervision, rig.database)
         self._problem = ""
         self._evaluations = PendingEvaluations()
-        self.pause = Pause(actuator.live_state, actuator.changed)
+        self.pause = Pause(actuator.live_state, actuator.publish_change)
         self._running: asyncio.Task[None] | None = None
         self._closing = False
 
@@ -546,7 +546,7 @@ class JobManager:
         """Take note that a run has been evaluated again: that its result is missing is not so any more."""
         if run_id == self._evaluations.run_without_result:
             self._evaluations.forget()
-            self._actuator.changed()
+            self._actuator.publish_change()
 
     async def list_experiment_kinds(self, person: User, is_disconnected: IsDisconnected) -> list[ExperimentKind]:
         """Return the experiments there are, with their settings and those of the loop as in force."""
@@ -737,7 +737,7 @@ class JobManager:
                 await self._actuator.tuning_service.restore_operator_tuning()
             await self._evaluations.end(giving_up=self._closing)
             self._actuator.live_state.task = None
-            self._actuator.changed()
+            self._actuator.publish_change()
             self.queue.handle_run_end(run.id, end_state)
 
     async def _create_next_run(self, orders: Sequence[RunRequest], run: Run, show: ProgressCallback) -> Run | None:

@@ -110,9 +110,9 @@ class RecordingPlayer:
         self,
         recording: PlayedRecording | None,
         command: Callable[[Command], Awaitable[Accepted]],
-        changed: Callable[[], None],
+        on_change: Callable[[], None],
     ) -> None:
-        self._recording, self._command, self._changed = recording, command, changed
+        self._recording, self._command, self._on_change = recording, command, on_change
         self._last_move: PlayerMoved | None = None
 
     @property
@@ -131,7 +131,7 @@ class RecordingPlayer:
     def handle_event(self, event: PlayerMoved) -> None:
         """Take in where the player is from a tick on."""
         self._last_move = event
-        self._changed()
+        self._on_change()
 
     def view(self, tick: int) -> PlayerView | None:
         """Return where it stands in ``tick``; None where nothing is played, or the loop has not last_move yet."""

@@ -447,7 +447,7 @@ class LiveState:
         """Index of the active operating point of the bank, fractional if interpolated."""
         return read_entry(self._observation.sample())
 
-    def legal(self, mode: Mode) -> list[Mode]:
+    def list_legal_modes(self, mode: Mode) -> list[Mode]:
         """Return the modes that an operator may select in ``mode`` now."""
         if not self._supervisor.is_alive:
             return []
@@ -528,7 +528,7 @@ class LiveState:
         link = self._observation.link(self._supervisor.is_alive, self.starts, self._supervisor.restarting)
         return State(
             mode=mode,
-            legal_modes=self.legal(mode),
+            legal_modes=self.list_legal_modes(mode),
             plant=self._plant_view(),
             parameters=self.parameters.name,
             tick=tick,

@@ -61,7 +61,7 @@ class TuningService:
         supervision: Supervision,
         send: Callable[[SetTuning], Awaitable[Accepted]],
         change_lock: asyncio.Lock,
-        changed: Callable[[], None],
+        on_change: Callable[[], None],
         contact: ContactService,
         events: EventBus,
     ) -> None:
@@ -71,7 +71,7 @@ class TuningService:
         self._tuning_store = tuning_store
         self._send = send
         self._change_lock = change_lock
-        self._changed = changed
+        self._on_change = on_change
         self._contact = contact
         self._trial = TuningTrial(self._end_trial_automatically, supervision)
         events.subscribe(BiasDiscarded, lambda _: self._disable_rejection())
@@ -92,7 +92,7 @@ class TuningService:
         before = self._trial.before or self._live_state.tuning
         await self._change(request, who, self._send_tuning)
         self._trial.begin(before, request.duration_s)
-        self._changed()
+        self._on_change()
 
     async def end_trial(self, keep: bool, who: str) -> None:
         """Keep what is tried, or go back at once. Raises RequestRejectedError when nothing is on trial."""
@@ -106,7 +106,7 @@ class TuningService:
             await self._store_active(who)
         else:
             await self._end_trial(before, who)
-        self._changed()
+        self._on_change()
 
     def cancel_trial(self, cause: str) -> None:
         """End a trial because of ``cause``; returns at once, and does nothing where nothing is on trial."""
@@ -151,7 +151,7 @@ class TuningService:
             tick = await self._send_tuning(after)
             stack.pop()
             other.append(before)
-            self._changed()
+            self._on_change()
             self._event_log.add_mark(MarkKind.TUNING, f"{done}: {after.difference(before)}", tick, who)
         await self._store_active(who)
         return self._live_state.tuning.view(self._live_state.entry)
@@ -171,14 +171,14 @@ class TuningService:
                 tick = await self._send_tuning(wanted)
                 self._event_log.add_mark(MarkKind.TUNING, f"for the run: {wanted.difference(own)}", tick, who)
             self._live_state.overridden_tuning = own
-        self._changed()
+        self._on_change()
 
     async def restore_operator_tuning(self) -> None:
         """Put the operator's tuning back in force; does so as soon as the loop takes it."""
         own = self._live_state.overridden_tuning
         if own is not None:
             await self._retry_restore("The operator's tuning", own, lambda: self._restore_after_run(own))
-        self._changed()
+        self._on_change()
 
     async def preview(
         self,
@@ -241,7 +241,7 @@ class TuningService:
         self._event_log.add_mark(
             MarkKind.TUNING, "pushes are not rejected any more: what was learned is gone", live_state.tick
         )
-        self._changed()
+        self._on_change()
 
     def _drop_unusable_rejection(self, tuning: ActiveTuning) -> ActiveTuning:
         """Return what can come back into force of a tuning."""
@@ -276,12 +276,12 @@ class TuningService:
                         f"It is tried again every {RETRY_S:g} s. If this stays, stop softly and start the service "
                         "again: it starts with the operator's tuning."
                     )
-                    self._changed()
+                    self._on_change()
                     await asyncio.sleep(RETRY_S)
         finally:
             if self._live_state.tuning_problem:
                 self._live_state.tuning_problem = ""
-                self._changed()
+                self._on_change()
 
     async def _restore_after_run(self, own: ActiveTuning) -> None:
         async with self._change_lock:
@@ -327,7 +327,7 @@ class TuningService:
         tick = await self._send_tuning(tuning)
         if tuning.choice != before.choice:
             self._push_undo(before)
-            self._changed()
+            self._on_change()
         return tick
 
     def _push_undo(self, before: ResolvedTuning) -> None:
@@ -346,7 +346,7 @@ class TuningService:
         self._trial.forget()
         self._live_state.tuning = tuning
         self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
-        self._changed()
+        self._on_change()
         return self._live_state.tick
 
 
