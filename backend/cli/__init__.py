@@ -1,6 +1,6 @@
-"""The command line: each command reads its words, calls one function, prints what came of it.
+"""The command line ``sinew``: one module per group of commands.
 
-Commands import the parts they use when they run, so that help is there at once.
+Commands import what they need when they run, so that ``--help`` appears at once.
 """
 
 import os
@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from backend.cli import bank, experiments, identify, report, rig, runs, server, study
 from backend.cli.output import (
-    ANGLES,
+    ANGLES_VARIABLE,
     angle_unit,
     escape_unprintable_output,
     fail,
@@ -23,12 +23,12 @@ from backend.workers import exclude_working_directory
 
 app = typer.Typer(
     name="sinew",
-    help="Identify, tune and run antagonistic variable stiffness actuators. Plain numbers and JSON are in SI; an angle "
-    f"may be typed as 60deg, and is printed in degrees, or in radians where {ANGLES} is rad.",
+    help="Identify, tune and run antagonistic variable stiffness actuators. Numbers and JSON are in SI units. An angle "
+    f"may be typed as 60deg. Angles are printed in degrees, or in radians if {ANGLES_VARIABLE} is rad.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    rich_markup_mode=None,  # it would take [rad] for a colour
+    rich_markup_mode=None,  # markup would read [rad] as a colour
 )
 app.command()(server.serve)
 app.command()(server.link)
@@ -50,7 +50,7 @@ app.command()(server.doctor)
 
 
 def main() -> None:
-    """Run the command line; what goes wrong is a line, for each mistake of a wiring file, and a non-zero exit."""
+    """Run the command line; an error prints one line, a wiring file one per mistake, and exits non-zero."""
     from plant import WiringError
 
     exclude_working_directory()
@@ -63,7 +63,7 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.exit(130)
     except ValidationError as error:
-        fail("; ".join(_sentence(detail["loc"], detail["msg"]) for detail in error.errors()))
+        fail("; ".join(_format_validation_error(detail["loc"], detail["msg"]) for detail in error.errors()))
     except Exception as error:
         if not isinstance(error, OSError) and getattr(error, "category", None) is None:
             raise
@@ -74,7 +74,7 @@ def main() -> None:
         restore_garbage_collection()
 
 
-def _sentence(place: tuple[int | str, ...], message: str) -> str:
-    named = ".".join(str(part) for part in place)
-    said = message.removeprefix("Value error, ")
-    return f"{named}: {said}" if named else said
+def _format_validation_error(location: tuple[int | str, ...], message: str) -> str:
+    field = ".".join(str(part) for part in location)
+    reason = message.removeprefix("Value error, ")
+    return f"{field}: {reason}" if field else reason

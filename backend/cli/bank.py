@@ -1,4 +1,4 @@
-"""``sinew bank``."""
+"""Commands ``sinew bank``: list, build, compare, export and import banks."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -8,9 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from backend.cli.experiments import current_user, values_of
-from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, load_settings, parameters_in_force
-from backend.cli.output import AsJson, fail, out, print_json, print_table, shown
+from backend.cli.experiments import current_user, parse_values
+from backend.cli.options import (
+    DataFolder,
+    ParameterSet,
+    StationName,
+    load_plant_parameters,
+    load_settings,
+    open_configured_database,
+)
+from backend.cli.output import AsJson, console, fail, format_cell, print_json, print_table
 
 if TYPE_CHECKING:
     from backend.banks import BankEntryChange, OuterLoopFigures
@@ -18,7 +25,7 @@ if TYPE_CHECKING:
 
     Fits = Mapping[int, Mapping[str, StoredFit]]
 
-LambdaWords = Annotated[
+LambdaOptions = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="λ of the comparison, in s; repeatable.")
 ]
 
@@ -35,7 +42,7 @@ def list_banks(data: DataFolder = None, station: StationName = None, as_json: As
     from backend.storage import banks
 
     with (
-        database_of(load_settings(data=data, station=station), reading=True) as database,
+        open_configured_database(load_settings(data=data, station=station), read_only=True) as database,
         database.reading() as session,
     ):
         found = banks.find(session)
@@ -53,15 +60,15 @@ def show(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the entries of a bank and the identifications they came from."""
+    """Show the entries of a bank and the identifications that they come from."""
     from backend.storage import banks, identifications, load_bank_fits
 
     with (
-        database_of(load_settings(data=data, station=station), reading=True) as database,
+        open_configured_database(load_settings(data=data, station=station), read_only=True) as database,
         database.reading() as session,
     ):
         found = banks.get(session, bank)
-        _print(found, identifications.find_estimate_runs(session), load_bank_fits(session, found), as_json=as_json)
+        _print_bank(found, identifications.find_estimate_runs(session), load_bank_fits(session, found), as_json=as_json)
 
 
 @app.command()
@@ -73,17 +80,17 @@ def build(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Build a bank from actuator identifications (sinew identify actuator prints their numbers)."""
+    """Build a bank from actuator identifications; sinew identify actuator prints their numbers."""
     from backend.banks import build_bank
     from backend.storage import find_estimate_runs, load_bank_fits
 
     settings = load_settings(data=data, station=station)
-    with database_of(settings) as database:
-        named = params or _parameters_name(database, identifications)
-        parameters = parameters_in_force(settings.model_copy(update={"params": named}), database)
+    with open_configured_database(settings) as database:
+        parameter_set = params or _find_parameters_name(database, identifications)
+        parameters = load_plant_parameters(settings.model_copy(update={"params": parameter_set}), database)
         bank = build_bank(database, parameters, name, identifications, current_user())
         with database.reading() as session:
-            _print(bank, find_estimate_runs(session), load_bank_fits(session, bank), as_json=as_json)
+            _print_bank(bank, find_estimate_runs(session), load_bank_fits(session, bank), as_json=as_json)
 
 
 @app.command()
@@ -92,17 +99,15 @@ def diff(
     after: Annotated[int | None, typer.Argument(help="Number of the other bank.")] = None,
     again: Annotated[
         list[int] | None,
-        typer.Option(
-            "--with", help="Instead of another bank: an identification made again, by its run's number; repeatable."
-        ),
+        typer.Option("--with", help="Instead of another bank: run number of a repeated identification; repeatable."),
     ] = None,
-    values: LambdaWords = None,
+    values: LambdaOptions = None,
     params: ParameterSet = None,
     data: DataFolder = None,
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell what another bank, or points identified again, would change: models, gains and M_s.
+    """Compare a bank with another one, or with repeated identifications: models, gains and M_s.
 
     Settings: lam_q, lam_S, lam_motor [s].
     """
@@ -113,15 +118,15 @@ def diff(
 
     if (after is None) == (not again):
         fail("give either a second bank or --with identifications", status=2)
-    lambdas = build_plan(LoopSettings, values_of(values or [])).lambdas
+    lambdas = build_plan(LoopSettings, parse_values(values or [])).lambdas
     settings = load_settings(data=data, params=params, station=station)
-    with database_of(settings, reading=True) as database, database.reading() as session:
+    with open_configured_database(settings, read_only=True) as database, database.reading() as session:
         old = banks.get(session, before).entries
         if after is None:
             new = merge_entries(old, [build_entry(identifications.of_run(session, run_id)) for run_id in again or ()])
         else:
             new = banks.get(session, after).entries
-        parameters = parameters_in_force(settings, database)
+        parameters = load_plant_parameters(settings, database)
     changes = compare_entries(parameters, lambdas, old, new)
     if as_json:
         print_json([asdict(change) for change in changes])
@@ -136,45 +141,45 @@ def export(
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Write a bank to a file, to take it to another data folder."""
+    """Write a bank to a file that another data folder can import."""
     from backend.banks import build_bank_document
     from backend.exports import write_file_whole
     from backend.storage import banks
 
     with (
-        database_of(load_settings(data=data, station=station), reading=True) as database,
+        open_configured_database(load_settings(data=data, station=station), read_only=True) as database,
         database.reading() as session,
     ):
         document = build_bank_document(banks.get(session, bank))
     write_file_whole((json.dumps(document, indent=2, ensure_ascii=False).encode() + b"\n",), file)
-    out.print(f"wrote {file}", highlight=False, markup=False)
+    console.print(f"wrote {file}", highlight=False, markup=False)
 
 
 @app.command("import")
 def import_file(
     file: Annotated[Path, typer.Argument(help="File that sinew bank export wrote.")],
-    name: Annotated[str, typer.Option("--name", help="Name for the bank; that of the file without it.")] = "",
+    name: Annotated[str, typer.Option("--name", help="Name for the bank. [the name in the file]")] = "",
     params: ParameterSet = None,
     data: DataFolder = None,
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Store an exported bank as the next version of its name, after checking it."""
+    """Check an exported bank and store it as the next version of its name."""
     from backend.banks import import_bank, parse_bank_file
 
     settings = load_settings(data=data, params=params, station=station)
     document = parse_bank_file(file.read_text(encoding="utf-8", errors="replace"))
-    with database_of(settings) as database:
-        bank = import_bank(database, parameters_in_force(settings, database), document, current_user(), name)
-        _print(bank, {}, {}, as_json=as_json)
+    with open_configured_database(settings) as database:
+        bank = import_bank(database, load_plant_parameters(settings, database), document, current_user(), name)
+        _print_bank(bank, {}, {}, as_json=as_json)
 
 
-def _parameters_name(database: "Database", chosen: list[int]) -> str:
-    """Name the parameters that the first identification was made with."""
+def _find_parameters_name(database: "Database", run_ids: list[int]) -> str:
+    """Return the name of the parameter set of the first identification."""
     from backend.storage import identifications, runs
 
     with database.reading() as session:
-        return runs.get(session, identifications.of_run(session, chosen[0]).run_id or 0).parameters_name
+        return runs.get(session, identifications.of_run(session, run_ids[0]).run_id or 0).parameters_name
 
 
 def _print_changes(changes: "Sequence[BankEntryChange]") -> None:
@@ -183,24 +188,27 @@ def _print_changes(changes: "Sequence[BankEntryChange]") -> None:
     columns = ("entry", "loop", "K", "T [s]", "k_p", "k_i", "M_s")
     rows = []
     for change in changes:
-        present = change.after or change.before
+        entry = change.after or change.before
         for symbol, loop in (("q", "position"), ("S", "stiffness")):
-            old, new = (getattr(entry, loop) if entry else None for entry in (change.before, change.after))
-            cells = [_change(getattr(old, name, None), getattr(new, name, None)) for name in ("K", "T", "k_p", "k_i")]
-            name = entry_name(present.S_nominal, present.tension_N) if present else ""
-            rows.append((name, symbol, *cells, _change(_peak(old), _peak(new))))
+            old, new = (getattr(side, loop) if side else None for side in (change.before, change.after))
+            cells = [
+                _format_change(getattr(old, name, None), getattr(new, name, None)) for name in ("K", "T", "k_p", "k_i")
+            ]
+            name = entry_name(entry.S_nominal, entry.tension_N) if entry else ""
+            rows.append((name, symbol, *cells, _format_change(_format_peak(old), _format_peak(new))))
     print_table(columns, rows)
 
 
-def _peak(loop: "OuterLoopFigures | None") -> float | str | None:
+def _format_peak(loop: "OuterLoopFigures | None") -> float | str | None:
     return None if loop is None else "unstable" if loop.M_s is None else loop.M_s
 
 
-def _change(old: float | str | None, new: float | str | None) -> str:
-    return shown(new) if old == new else f"{shown(old)} → {shown(new)}"
+def _format_change(old: float | str | None, new: float | str | None) -> str:
+    return format_cell(new) if old == new else f"{format_cell(old)} → {format_cell(new)}"
 
 
-def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as_json: bool) -> None:
+def _print_bank(bank: "Bank", runs: "Mapping[int, int | None]", fits: "Fits", *, as_json: bool) -> None:
+    """Print a bank; ``runs`` and ``fits`` are by the number of the entry's stored identification."""
     from backend.models import CHANNELS
     from backend.storage import stored_entry_name
 
@@ -208,7 +216,7 @@ def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as
         document = asdict(bank)
         for entry in document["entries"]:
             entry["estimate"] = entry.pop("identification_id")
-            entry["identification"] = run_of.get(entry["estimate"] or 0)
+            entry["identification"] = runs.get(entry["estimate"] or 0)
             entry["fits"] = {name: asdict(fit) for name, fit in fits.get(entry["estimate"] or 0, {}).items()}
         print_json(document)
         return
@@ -221,12 +229,14 @@ def _print(bank: "Bank", run_of: "Mapping[int, int | None]", fits: "Fits", *, as
             entry.known.T_q,
             entry.known.K_S,
             entry.known.T_S,
-            run_of.get(entry.identification_id or 0),
+            runs.get(entry.identification_id or 0),
         )
         for entry in bank.entries
     ]
     print_table(columns, rows, title=f"bank {bank.id}: {bank.name}, version {bank.version}")
     for entry in bank.entries:
-        known = fits.get(entry.identification_id or 0, {})
-        told = [f"{name} {known[name].in_words()}" for name in CHANNELS if name in known]
-        out.print(f"{stored_entry_name(entry)}: {'; '.join(told) or 'imported, its fit is not known'}", highlight=False)
+        entry_fits = fits.get(entry.identification_id or 0, {})
+        texts = [f"{name} {entry_fits[name].in_words()}" for name in CHANNELS if name in entry_fits]
+        console.print(
+            f"{stored_entry_name(entry)}: {'; '.join(texts) or 'imported, its fit is not known'}", highlight=False
+        )

@@ -1,4 +1,4 @@
-"""``sinew identify``, on the rig or on a record from elsewhere."""
+"""Commands ``sinew identify``: simulated identification runs, and data from files."""
 
 import math
 from collections.abc import Sequence
@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from backend.cli.experiments import (
+    BaseTuning,
+    CombineRuns,
     OutFolder,
-    RunConfiguration,
     SetWords,
-    Together,
     current_user,
-    in_force,
-    ordered,
+    load_active_tuning,
+    parse_values,
+    resolve_settings,
     run_headless,
-    run_in_turn,
-    values_of,
+    run_headless_sequence,
 )
 from backend.cli.options import (
     DataFolder,
@@ -27,11 +27,10 @@ from backend.cli.options import (
     StationName,
     VirtualCard,
     WiringFile,
-    database_of,
     load_settings,
+    open_configured_database,
 )
-from backend.cli.output import AsJson, fail, out, print_json, print_table
-from backend.cli.output import out as screen
+from backend.cli.output import AsJson, console, fail, print_json, print_table
 from backend.settings import Settings
 from backend.units import percent
 
@@ -52,16 +51,14 @@ if TYPE_CHECKING:
     from backend.reports import RunData
 
 
-# Identify data -------------------------------------------------------------------------------------
-#
-# ``sinew identify data``: a record from elsewhere through the same estimators.
+# sinew identify data -------------------------------------------------------------------------------
 
 
 METHODS = "default, srivc, rivc, output_error, low_frequency, arx"
 MOTOR = "motor"
 _TEXT_FILES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".lvm")
-_SAID = ("format", "rows")
-"""What the table of a reading says in words of its own."""
+_OMITTED_ENTRIES = ("format", "rows")
+"""Entries of a file's layout that other rows of the printed table contain."""
 STRUCTURES = (
     "first, third, lags2 .. lags6, order:1 .. order:4, each also with a dead time as in first+delay;"
     " motor: angle from voltage, with dead time and dry friction"
@@ -80,86 +77,91 @@ def data(
     time: Annotated[
         str | None,
         typer.Option(
-            metavar="COLUMN", help="Column of the time, or none: the file's time column is not read beside --period."
+            metavar="COLUMN", help="Column of the time, or none to ignore the file's time column and use --period."
         ),
     ] = None,
     time_unit: Annotated[
         str | None,
-        typer.Option(metavar="UNIT", help="Unit of the time: s, ms, us, ns, min, h, d; of dates: dmy or mdy."),
+        typer.Option(metavar="UNIT", help="Unit of the time: s, ms, us, ns, min, h, d; dmy or mdy for dates."),
     ] = None,
     header: Annotated[
         int | None,
-        typer.Option(metavar="LINE", min=1, help="Line of the file that names the columns; what is above is not read."),
+        typer.Option(
+            metavar="LINE", min=1, help="Line of the file that names the columns; lines above it are ignored."
+        ),
     ] = None,
     decimal: Annotated[
         str | None,
-        typer.Option(metavar="MARK", help="Mark before the decimals of a table of text: point or comma."),
+        typer.Option(metavar="MARK", help="Decimal mark of a text table: point or comma."),
     ] = None,
     setpoint: Annotated[
         str | None,
-        typer.Option(metavar="COLUMN", help="Column of what enters the loop from outside: set point or excitation."),
+        typer.Option(metavar="COLUMN", help="Column of the external input of the loop: setpoint or excitation."),
     ] = None,
     controller: Annotated[
         str | None,
         typer.Option(
-            metavar="KP,KI", help="Feedback u = kp (r - y) + ki ∫(r - y), ki per second; needs no --setpoint."
+            metavar="KP,KI", help="Controller u = kp (r - y) + ki ∫(r - y), ki per second, instead of --setpoint."
         ),
     ] = None,
-    skip: Annotated[int, typer.Option(metavar="ROWS", min=0, help="Leave out so many rows at the start.")] = 0,
+    skip: Annotated[int, typer.Option(metavar="ROWS", min=0, help="Number of rows to skip at the start.")] = 0,
     take: Annotated[
-        int | None, typer.Option(metavar="ROWS", min=1, help="Take so many rows, after those left out.")
+        int | None, typer.Option(metavar="ROWS", min=1, help="Number of rows to use after the skipped ones.")
     ] = None,
     within: Annotated[
-        str | None, typer.Option("--range", metavar="FROM:TO", help="Take these seconds of the file, as in 2:30 or 2:")
+        str | None, typer.Option("--range", metavar="FROM:TO", help="Seconds of the file to use, as in 2:30 or 2:")
     ] = None,
     resample: Annotated[
-        bool, typer.Option("--resample", help="Take rows of uneven times at even ones, across short gaps.")
+        bool,
+        typer.Option(
+            "--resample", help="Resample rows with uneven times to a constant sample time, across short gaps."
+        ),
     ] = False,
     gain: Annotated[
         float | None,
-        typer.Option(metavar="K", help="Static gain that is known otherwise, as from geometry; the verdict compares."),
+        typer.Option(metavar="K", help="Static gain known from geometry or elsewhere; the verdict compares with it."),
     ] = None,
     resolution: Annotated[
         float | None,
-        typer.Option(metavar="STEP", help="One count of the output's sensor; found where the values are few."),
+        typer.Option(metavar="STEP", help="One count of the output's sensor. [estimated if the values are few]"),
     ] = None,
     method: Annotated[str, typer.Option(metavar="NAME", help=f"Estimator: {METHODS}.")] = "default",
     as_json: AsJson = False,
 ) -> None:
-    """Identify a model from a file, and say what was read of it; nothing is stored.
+    """Identify a model from a file and print what was read; nothing is stored.
 
-    A record taken in closed loop needs --setpoint or --controller. Exit status 2 for a file that cannot be read and
-    a record that identifies nothing.
+    A record from a closed loop needs --setpoint or --controller. Exit status 2 if the file is unreadable or the
+    record gives no model.
     """
     from backend.identification import IdentificationError, Selection, TimeChoice, estimate_model, import_record
     from backend.models import replace_non_finite
 
     try:
-        record, reading = import_record(
-            _read(file, header, decimal_mark(decimal)),
+        record, summary = import_record(
+            _read_columns(file, header, parse_decimal_mark(decimal)),
             u,
             y,
             period_s,
             setpoint=setpoint,
-            controller=_controller(controller) if controller else None,
-            selection=Selection(skip, *_range(within), resample, take),
+            controller=_parse_controller(controller) if controller else None,
+            selection=Selection(skip, *_parse_range(within), resample, take),
             time=TimeChoice(time, time_unit),
             file=file.name,
         )
         if structure == MOTOR:
-            _show_motor(record, reading, resolution, as_json=as_json)
+            _identify_motor(record, summary, resolution, as_json=as_json)
             return
-        found = estimate_model(record, structure, _method(method), gain_geometry=gain, y_resolution=resolution)
+        estimate = estimate_model(record, structure, _parse_method(method), gain_geometry=gain, y_resolution=resolution)
     except (IdentificationError, OSError) as error:
         fail(" ".join(str(error).split()), status=2)
     if as_json:
-        print_json(replace_non_finite({"read": reading.to_json(), **found.summary()}))
+        print_json(replace_non_finite({"read": summary.to_json(), **estimate.summary()}))
     else:
-        _show_reading(reading)
-        _show(found)
+        _print_import(summary)
+        _print_estimate(estimate)
 
 
-def _read(file: Path, header: int | None, decimal: "DecimalMark | None") -> "Columns":
+def _read_columns(file: Path, header: int | None, decimal: "DecimalMark | None") -> "Columns":
     from backend.identification import DataFileError, FileFault, decode_text, read_csv, read_mat, read_parquet
 
     suffix = file.suffix.lower()
@@ -179,48 +181,49 @@ def _read(file: Path, header: int | None, decimal: "DecimalMark | None") -> "Col
     )
 
 
-def decimal_mark(words: str | None) -> "DecimalMark | None":
-    """Return the mark that an option names. Raises DataFileError."""
+def parse_decimal_mark(option: str | None) -> "DecimalMark | None":
+    """Return the decimal mark of the option ``--decimal``. Raises DataFileError."""
     from backend.identification import DataFileError, DecimalMark, FileFault
 
     try:
-        return None if words is None else DecimalMark(words)
+        return None if option is None else DecimalMark(option)
     except ValueError:
-        raise DataFileError(f"--decimal {words}: write point or comma", FileFault.OPTION, option="--decimal") from None
+        raise DataFileError(f"--decimal {option}: write point or comma", FileFault.OPTION, option="--decimal") from None
 
 
-def _range(words: str | None) -> tuple[float, float]:
+def _parse_range(option: str | None) -> tuple[float, float]:
+    """Return start and end [s] of the option ``--range``. Raises DataFileError."""
     from backend.identification import DataFileError, FileFault
 
     try:
-        first, last = (words or ":").split(":")
+        first, last = (option or ":").split(":")
         start_s, end_s = float(first or 0.0), float(last or math.inf)
         if not end_s > start_s:
             raise ValueError
         return start_s, end_s
     except ValueError:
         raise DataFileError(
-            f"--range {words}: write two times in seconds FROM:TO, for example 2:30 or 2:",
+            f"--range {option}: write two times in seconds FROM:TO, for example 2:30 or 2:",
             FileFault.OPTION,
             option="--range",
         ) from None
 
 
-def _controller(words: str) -> "Controller":
+def _parse_controller(option: str) -> "Controller":
     from backend.identification import Controller, DataFileError, FileFault
 
     try:
-        k_p, k_i = (float(word) for word in words.split(","))
+        k_p, k_i = (float(gain) for gain in option.split(","))
     except ValueError:
         raise DataFileError(
-            f"--controller {words}: write two numbers kp,ki, for example 200,256",
+            f"--controller {option}: write two numbers kp,ki, for example 200,256",
             FileFault.OPTION,
             option="--controller",
         ) from None
     return Controller(k_p, k_i)
 
 
-def _method(name: str) -> Any:
+def _parse_method(name: str) -> Any:
     from backend.identification import Method, StructureError
 
     try:
@@ -229,29 +232,36 @@ def _method(name: str) -> Any:
         raise StructureError(f"method '{name}' does not exist: choose one of {METHODS}") from None
 
 
-def _show_reading(reading: "ImportSummary") -> None:
-    """Print what was read of the file."""
+def _print_import(summary: "ImportSummary") -> None:
+    steps = _describe_time_steps(summary)
     rows = [
-        *((role, _with_unit(column, reading.units.get(column))) for role, column in reading.columns.items()),
-        ("time column", _time(reading)),
-        ("sample time", f"{reading.sample_time_s:.6g} s, from {reading.sample_time_from}{_steps(reading)}"),
-        ("rows used", f"{reading.rows_used} of {reading.rows_in_file}, {reading.first_row} to {reading.last_row}"),
-        *([("samples, taken at even instants", str(reading.samples))] if reading.resampled else []),
+        *((role, _format_column(column, summary.units.get(column))) for role, column in summary.columns.items()),
+        ("time column", _describe_time_column(summary)),
+        ("sample time", f"{summary.sample_time_s:.6g} s, from {summary.sample_time_from}{steps}"),
+        ("rows used", f"{summary.rows_used} of {summary.rows_in_file}, {summary.first_row} to {summary.last_row}"),
+        *([("samples, taken at even instants", str(summary.samples))] if summary.resampled else []),
     ]
-    show_layout(reading.file, reading.layout, rows, reading.not_read, reading.notes)
+    print_layout(summary.file, summary.layout, rows, summary.not_read, summary.notes)
 
 
-def show_layout(
+def print_layout(
     file: str,
     layout: "Mapping[str, str | int]",
     rows: "Sequence[tuple[str, str]]",
     not_read: "Mapping[str, str]",
     notes: "Iterable[str]",
 ) -> None:
-    """Print how a file is laid out, ``rows`` that say what was read of it, and what was not."""
-    told = [
+    """Print the layout of a file, then ``rows``, then the columns that were not read, then the notes.
+
+    ``not_read`` has the reason by the name of the column.
+    """
+    lines = [
         ("file", f"{file}, {layout['format']}"),
-        *((name.replace("_", " "), str(value)) for name, value in layout.items() if name not in _SAID and value != 0),
+        *(
+            (name.replace("_", " "), str(value))
+            for name, value in layout.items()
+            if name not in _OMITTED_ENTRIES and value != 0
+        ),
         *rows,
         *(
             ("not read", f"{', '.join(name for name, other in not_read.items() if other == reason)}: {reason}")
@@ -259,88 +269,90 @@ def show_layout(
         ),
         *(("note", note) for note in notes),
     ]
-    print_table(("", "read"), told)
+    print_table(("", "read"), lines)
 
 
-def _with_unit(column: str, unit: str | None) -> str:
+def _format_column(column: str, unit: str | None) -> str:
     return f"{column} [{unit}]" if unit else column
 
 
-def _time(reading: "ImportSummary") -> str:
-    if reading.time_column is None:
+def _describe_time_column(summary: "ImportSummary") -> str:
+    if summary.time_column is None:
         return "none"
-    if reading.time_unit_from == "dates":
-        return f"{reading.time_column}, {reading.time_unit}"
-    return f"{reading.time_column}, unit {reading.time_unit} ({reading.time_unit_from})"
+    if summary.time_unit_from == "dates":
+        return f"{summary.time_column}, {summary.time_unit}"
+    return f"{summary.time_column}, unit {summary.time_unit} ({summary.time_unit_from})"
 
 
-def _steps(reading: "ImportSummary") -> str:
-    if reading.least_step_s is None or reading.largest_step_s is None:
+def _describe_time_steps(summary: "ImportSummary") -> str:
+    if summary.least_step_s is None or summary.largest_step_s is None:
         return ""
-    return f"; rows are {reading.least_step_s:.6g} to {reading.largest_step_s:.6g} s apart"
+    return f"; rows are {summary.least_step_s:.6g} to {summary.largest_step_s:.6g} s apart"
 
 
-def _show_motor(record: "Record", reading: "ImportSummary", resolution: float | None, *, as_json: bool) -> None:
+def _identify_motor(record: "Record", summary: "ImportSummary", resolution: float | None, *, as_json: bool) -> None:
+    """Identify a motor from the record of a file and print its parameters; ``resolution`` is one count [rad]."""
     from backend.identification import NAMES, identify_motor_record
     from backend.models import replace_non_finite
 
-    found = identify_motor_record(record, resolution)
+    estimate = identify_motor_record(record, resolution)
     if as_json:
-        print_json(replace_non_finite({"read": reading.to_json(), **found.summary()}))
+        print_json(replace_non_finite({"read": summary.to_json(), **estimate.summary()}))
         return
-    _show_reading(reading)
+    _print_import(summary)
     units = dict(zip(NAMES, ("rad/(V·s)", "s", "V", "s", "V"), strict=True))
     rows = [
         (f"{name} [{units[name]}]", value, std or "left out: does not differ from 0")
-        for (name, value), std in zip(found.parameters.items(), found.std_errors, strict=True)
+        for (name, value), std in zip(estimate.parameters.items(), estimate.std_errors, strict=True)
     ]
     print_table(("parameter", "value", "standard error"), rows)
     results = [
-        ("method", found.method),
-        ("fit on unseen data [%]", _share(found.fit_percent)),
-        *_tests(found.whiteness, found.input_correlation),
+        ("method", estimate.method),
+        ("fit on unseen data [%]", _format_percent(estimate.fit_percent)),
+        *_build_test_rows(estimate.whiteness, estimate.input_correlation),
     ]
     print_table(("", "result"), results)
-    out.print(found.verdict.sentence, highlight=False, markup=False)
+    console.print(estimate.verdict.sentence, highlight=False, markup=False)
 
 
-def _show(found: "Estimate") -> None:
+def _print_estimate(estimate: "Estimate") -> None:
+    parameters, std_errors = estimate.model.parameters, estimate.std_errors
     print_table(
         ("parameter", "value", "standard error"),
-        [(name, value, _measured(found.std_errors[name], ".4g")) for name, value in found.model.parameters.items()],
+        [(name, value, _format_number(std_errors[name], ".4g")) for name, value in parameters.items()],
     )
-    reduced, tests = found.first_order, found.residuals
+    reduced, tests = estimate.first_order, estimate.residuals
     rows = [
-        ("method", found.method),
-        ("gain K", f"{reduced.K:.4g} ± {_measured(reduced.K_std, '.2g')}"),
+        ("method", estimate.method),
+        ("gain K", f"{reduced.K:.4g} ± {_format_number(reduced.K_std, '.2g')}"),
         (
-            "sum of lags" + (" and dead time" if found.model.dead_time else "") + " T [s]",
-            f"{reduced.T:.4g} ± {_measured(reduced.T_std, '.2g')}",
+            "sum of lags" + (" and dead time" if estimate.model.dead_time else "") + " T [s]",
+            f"{reduced.T:.4g} ± {_format_number(reduced.T_std, '.2g')}",
         ),
-        *_friction(found),
-        *_input_offset(found),
-        ("fit on unseen data [%]", _share(found.fit_percent)),
-        *_tests(tests.whiteness, tests.input_correlation),
+        *_build_friction_rows(estimate),
+        *_build_offset_rows(estimate),
+        ("fit on unseen data [%]", _format_percent(estimate.fit_percent)),
+        *_build_test_rows(tests.whiteness, tests.input_correlation),
     ]
     print_table(("", "result"), rows)
-    out.print(found.verdict.sentence, highlight=False, markup=False)
+    console.print(estimate.verdict.sentence, highlight=False, markup=False)
 
 
-def _tests(whiteness: "CorrelationTest", input_correlation: "CorrelationTest") -> list[tuple[str, str]]:
+def _build_test_rows(whiteness: "CorrelationTest", input_correlation: "CorrelationTest") -> list[tuple[str, str]]:
     return [
-        ("residuals", _tested(whiteness, "white", "coloured")),
-        ("residuals and input", _tested(input_correlation, "independent", "correlated")),
+        ("residuals", _describe_test(whiteness, "white", "coloured")),
+        ("residuals and input", _describe_test(input_correlation, "independent", "correlated")),
     ]
 
 
-def _tested(test: "CorrelationTest", good: str, bad: str) -> str:
+def _describe_test(test: "CorrelationTest", good: str, bad: str) -> str:
     from backend.identification import read_whiteness_test
 
     return f"{good if test.passed else bad}: {read_whiteness_test(test).sentence}"
 
 
-def _friction(found: "Estimate") -> list[tuple[str, str]]:
-    friction = found.friction
+def _build_friction_rows(estimate: "Estimate") -> list[tuple[str, str]]:
+    friction = estimate.friction
     if friction is None:
         return []
     if not friction.found:
@@ -353,22 +365,20 @@ def _friction(found: "Estimate") -> list[tuple[str, str]]:
     ]
 
 
-def _input_offset(found: "Estimate") -> list[tuple[str, str]]:
-    offset = found.input_offset
+def _build_offset_rows(estimate: "Estimate") -> list[tuple[str, str]]:
+    offset = estimate.input_offset
     return [] if offset is None else [("input offset u_0", f"{offset.u_0:.4g} ± {offset.u_0_std:.2g}")]
 
 
-def _share(value: float) -> str:
+def _format_percent(value: float) -> str:
     return percent(value, 2) if math.isfinite(value) else "not measured"
 
 
-def _measured(value: float | None, form: str) -> str:
-    return format(value, form) if value is not None and math.isfinite(value) else "not measured"
+def _format_number(value: float | None, format_spec: str) -> str:
+    return format(value, format_spec) if value is not None and math.isfinite(value) else "not measured"
 
 
-# Identify ------------------------------------------------------------------------------------------
-#
-# ``sinew identify``.
+# sinew identify motor, spring and actuator ---------------------------------------------------------
 
 
 app = typer.Typer(
@@ -379,13 +389,13 @@ app.command()(data)
 
 Tensions = Annotated[
     str | None,
-    typer.Option("--tensions", metavar="N,N,...", help="Tensions [N], one run at each, one after the other."),
+    typer.Option("--tensions", metavar="N,N,...", help="Tensions [N] of several runs, one after the other."),
 ]
 Header = Annotated[
-    int | None, typer.Option("--header", metavar="LINE", min=1, help="Line of the table that names its columns.")
+    int | None, typer.Option("--header", metavar="LINE", min=1, help="Line of the table that names the columns.")
 ]
 Decimal = Annotated[
-    str | None, typer.Option("--decimal", metavar="MARK", help="Mark before the decimals of the table: point or comma.")
+    str | None, typer.Option("--decimal", metavar="MARK", help="Decimal mark of the table: point or comma.")
 ]
 Table = Annotated[
     Path | None,
@@ -405,16 +415,16 @@ def motor(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Identify K_m, T_m and dry friction of both motors from unloaded voltage steps (method section 2).
+    """Identify K_m, T_m and Coulomb friction of both motors from unloaded voltage steps (method section 2).
 
     Settings: u_low, u_high [V], levels, travel_rad [rad], step_s, settle_s [s].
-    Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
+    Settings of the control loop: lam_motor [s], seed. Others come from the active tuning in the data folder.
     """
     from backend.experiments import MotorIdentificationPlan
 
-    _identify(
+    _run_identification(
         MotorIdentificationPlan,
-        values_of(values or []),
+        parse_values(values or []),
         out,
         load_settings(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
         as_json,
@@ -439,7 +449,7 @@ def spring(
     """Identify both springs from a slow sweep of the tension, or one from a measured table (method section 3).
 
     Settings: F_low, F_high [N], sweep_s [s], cycles, settle_s [s].
-    Settings of the loop: lam_motor [s], seed. What is not set is as it is in force in the data folder.
+    Settings of the control loop: lam_motor [s], seed. Others come from the active tuning in the data folder.
     """
     from backend.experiments import SpringIdentificationPlan
 
@@ -449,7 +459,7 @@ def spring(
     if table is None and (header is not None or decimal is not None):
         fail("--header and --decimal are for a --table", status=2)
     elif table is None:
-        _identify(SpringIdentificationPlan, values_of(values or []), out, settings, as_json)
+        _run_identification(SpringIdentificationPlan, parse_values(values or []), out, settings, as_json)
     elif values or out:
         fail("a table is identified as it is: leave --set and --out away", status=2)
     else:
@@ -469,41 +479,44 @@ def actuator(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Identify G_q and G_S in closed loop, at one tendon tension or at several in turn (method section 4).
+    """Identify G_q and G_S in closed loop, at one or several tendon tensions (method section 4).
 
     Runs at tensions at least 5 N apart also give the Coulomb friction of motor A over the load, c0 + c1 r_m F.
 
     Settings: tension_N [N], amplitude_rad [rad], chip_s [s], bits, periods, settle_s [s],
-    estimator (default or arx, the paper's).
-    Settings of the loop: lam_q, lam_S, lam_motor [s], seed. What is not set is as it is in force in the data folder.
+    estimator (default, or arx as in the paper).
+    Settings of the control loop: lam_q, lam_S, lam_motor [s], seed. Others come from the active tuning in the data
+    folder.
     """
     from backend.experiments import ActuatorIdentificationPlan
 
-    settings, chosen = (
-        load_settings(plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station),
-        values_of(values or []),
+    settings = load_settings(
+        plant=plant, virtual_card=virtual_card, wiring=wiring, params=params, data=data, station=station
     )
+    chosen = parse_values(values or [])
     if tensions is None:
-        _identify(
+        _run_identification(
             plan=ActuatorIdentificationPlan,
             values=chosen,
             out=out,
             settings=settings,
             as_json=as_json,
-            together=_load_friction,
+            combine=_estimate_load_friction,
         )
         return
     if "tension_N" in chosen:
         fail("--tensions and --set tension_N=... exclude each other", status=2)
-    standing = in_force(settings)
-    orders = [
-        _order(ActuatorIdentificationPlan, {**chosen, "tension_N": word}, standing) for word in tensions.split(",")
+    base = load_active_tuning(settings)
+    built = [
+        _build_request(ActuatorIdentificationPlan, {**chosen, "tension_N": tension}, base)
+        for tension in tensions.split(",")
     ]
-    run_in_turn(settings, [order for order, _ in orders], orders[0][1], out, as_json=as_json, together=_load_friction)
+    requests, tuning = [request for request, _ in built], built[0][1]
+    run_headless_sequence(settings, requests, tuning, out, as_json=as_json, combine=_estimate_load_friction)
 
 
-def _load_friction(sources: "Sequence[RunData]") -> tuple[dict[str, Any], str]:
-    """Return the friction of motor A over the load from all runs of the command, or why it is not measured."""
+def _estimate_load_friction(sources: "Sequence[RunData]") -> tuple[dict[str, Any], str]:
+    """Return the Coulomb friction of motor A over the load as entries of a JSON document and as a sentence."""
     from backend.analysis import MOTOR_B, build_identification_document, estimate_run_friction
 
     found = estimate_run_friction([(source.run, source.columns) for source in sources])
@@ -512,28 +525,28 @@ def _load_friction(sources: "Sequence[RunData]") -> tuple[dict[str, Any], str]:
     )
 
 
-def _identify(
+def _run_identification(
     plan: "type[IdentificationPlan]",
     values: dict[str, object],
     out: Path | None,
     settings: Settings,
     as_json: bool,
-    together: Together | None = None,
+    combine: CombineRuns | None = None,
 ) -> None:
-    order, tuning = _order(plan, values, in_force(settings))
-    run_headless(settings, order, tuning, out, as_json=as_json, together=together)
+    request, tuning = _build_request(plan, values, load_active_tuning(settings))
+    run_headless(settings, request, tuning, out, as_json=as_json, combine=combine)
 
 
-def _order(
-    plan: "type[IdentificationPlan]", values: dict[str, object], standing: RunConfiguration
+def _build_request(
+    plan: "type[IdentificationPlan]", values: dict[str, object], base: BaseTuning
 ) -> "tuple[RunRequest, str]":
     from functools import partial
 
     from backend.execution import RunRequest
     from backend.models import build_plan, describe_settings
 
-    chosen, loop_settings, tuning = ordered(describe_settings(plan), partial(build_plan, plan), values, standing)
-    return RunRequest(chosen, loop_settings, current_user()), tuning
+    built, loop_settings, tuning = resolve_settings(describe_settings(plan), partial(build_plan, plan), values, base)
+    return RunRequest(built, loop_settings, current_user()), tuning
 
 
 def _identify_table(table: Path, settings: Settings, header: int | None, decimal: str | None, *, as_json: bool) -> None:
@@ -543,27 +556,27 @@ def _identify_table(table: Path, settings: Settings, header: int | None, decimal
     from backend.storage import identifications
 
     try:
-        mark = decimal_mark(decimal)
+        mark = parse_decimal_mark(decimal)
         text = decode_text(table.read_bytes(), table.name)
-        new = fit_spring_table(table.name, text, current_user(), __version__, header=header, decimal=mark)
+        fitted = fit_spring_table(table.name, text, current_user(), __version__, header=header, decimal=mark)
     except (IdentificationError, OSError) as error:
         fail(f"{table}: {error}", status=2)
-    with database_of(settings) as database, database.session() as session:
-        found = identifications.add(session, new)
+    with open_configured_database(settings) as database, database.session() as session:
+        stored = identifications.add(session, fitted)
     if as_json:
-        print_json(asdict(found))
+        print_json(asdict(stored))
         return
-    read = found.table.read
+    read = stored.table.read
     assert read is not None
     columns = [("elongation", f"x [{read.x_unit}]"), ("force", f"F [{read.F_unit}]")]
-    show_layout(
+    print_layout(
         table.name,
         read.layout,
-        [*columns, ("rows used", f"{found.table.points} of {read.layout['rows']}")],
+        [*columns, ("rows used", f"{stored.table.points} of {read.layout['rows']}")],
         read.not_read,
         read.notes,
     )
-    fits = found.springs["table"].model.fits
+    fits = stored.springs["table"].model.fits
     rows = [(fit.order, fit.rms_N, fit.max_N, fit.cross_validation_N) for fit in fits]
-    print_table(("order", "RMS [N]", "largest [N]", "left out [N]"), rows, title=f"identification {found.id}")
-    screen.print(found.verdict, highlight=False, markup=False)
+    print_table(("order", "RMS [N]", "largest [N]", "left out [N]"), rows, title=f"identification {stored.id}")
+    console.print(stored.verdict, highlight=False, markup=False)

@@ -1,4 +1,4 @@
-"""Options that commands share: data folder, parameter set, database, running service."""
+"""Options that commands share, and access to data folder, database and service."""
 
 import http.client
 import json
@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import typer
 from pydantic import BaseModel, ValidationError
 
-from backend.cli.output import fail
+from backend.cli.output import error_console, fail
 from backend.settings import Settings, settings_of_environment
 
 if TYPE_CHECKING:
@@ -21,21 +21,16 @@ if TYPE_CHECKING:
     from plant import PlantParameters
 
 
-# Place ---------------------------------------------------------------------------------------------
-#
-# Where a command works: data folder, parameter set, database.
+# Options -------------------------------------------------------------------------------------------
 
-
-CACHE_FALLBACK = "SINEW_CACHE_FALLBACK"
-"""Variable with the data folder: compiled code is kept there where no cache folder can be written."""
-_INTERRUPTED = "what played it ended while this run was open; found when its folder was opened next"
 
 DataFolder = Annotated[
     Path | None,
     typer.Option("--data", readable=False, help="Folder with the database and the tokens. [./data]"),
 ]
 StationName = Annotated[
-    str | None, typer.Option("--station", help="Name of the rig among several on one database; also SINEW_STATION.")
+    str | None,
+    typer.Option("--station", help="Name of the rig, where several share one database; also SINEW_STATION."),
 ]
 ParameterSet = Annotated[
     str | None, typer.Option("--params", help="Parameter set: lab, lab-stick, ideal or a TOML file. [lab]")
@@ -47,7 +42,7 @@ PlantName = Annotated[
 ]
 VirtualCard = Annotated[
     bool | None,
-    typer.Option("--virtual-card/--real-card", help="With --plant rig: a simulated card in place of the real one."),
+    typer.Option("--virtual-card/--real-card", help="With --plant rig: a simulated card instead of a real one."),
 ]
 WiringFile = Annotated[
     str | None, typer.Option("--wiring", help="With --plant rig: pcie-6323 or a TOML file. [pcie-6323]")
@@ -56,64 +51,98 @@ CardAddress = Annotated[
     str | None, typer.Option("--card-address", help="With --plant rig: HOST:PORT of NI's gRPC device server.")
 ]
 Recording = Annotated[
-    Path | None, typer.Option("--recording", help="With --plant replay: the recording to play back, a file.")
+    Path | None, typer.Option("--recording", help="With --plant replay: file of the recording to play back.")
 ]
 
 
-def load_settings(**chosen: object) -> Settings:
-    """Return the settings: what the command line leaves out comes from the environment or is the default."""
+# Database ------------------------------------------------------------------------------------------
+
+
+CACHE_FALLBACK = "SINEW_CACHE_FALLBACK"
+"""Environment variable with the folder for compiled code if no cache folder is writable."""
+_INTERRUPTED = "what played it ended while this run was open; found when its folder was opened next"
+
+
+def load_settings(**options: object) -> Settings:
+    """Return the settings: options of the command line, then environment, then defaults.
+
+    An option that is None counts as not given.
+    """
     environment = settings_of_environment().model_dump()
-    settings = Settings.model_validate({**environment, **{k: v for k, v in chosen.items() if v is not None}})
+    given = {name: value for name, value in options.items() if value is not None}
+    settings = Settings.model_validate({**environment, **given})
     os.environ[CACHE_FALLBACK] = str(settings.data.absolute())  # of plant.compilation, which takes long to import
     return settings
 
 
 @contextmanager
-def database_of(settings: Settings, *, reading: bool = False, held: bool = False) -> "Iterator[Database]":
-    """Open the database for the block, to write, or only for ``reading``; ``held`` says that the folder is ours.
+def open_configured_database(
+    settings: Settings, *, read_only: bool = False, owns_folder: bool = False
+) -> "Iterator[Database]":
+    """Open the database of the settings for the block.
 
-    A writer migrates a database of an earlier schema, unless a service works on it. A reader never does: it reads the
-    database as it is, where it can. Raises SchemaError.
+    A writer migrates a database of an earlier schema, unless a service uses it. A reader never migrates: it reads the
+    database as it is, if possible. ``owns_folder`` says that the caller holds the lock of the data folder. Raises
+    SchemaError.
     """
     from backend.storage import OutdatedError, is_outdated, open_database
 
-    _complete_restore(settings, held=held)
-    where = settings.data, settings.database_url, settings.database_password(), settings.station
+    _complete_restore(settings, owns_folder=owns_folder)
+    location = settings.data, settings.database_url, settings.database_password(), settings.station
     try:
-        database = open_database(*where, outdated="read" if reading else "refuse")
+        database = open_database(*location, outdated="read" if read_only else "refuse")
     except OutdatedError:
-        if reading:
+        if read_only:
             raise
-        database = _migrated(settings, held=held)
+        database = _open_migrated(settings, owns_folder=owns_folder)
     try:
-        if not (reading and is_outdated(database.engine)):
-            _close_interrupted(settings, database)
+        if not (read_only and is_outdated(database.engine)):
+            _close_interrupted_runs(settings, database)
         yield database
     finally:
         database.close()
 
 
-def _complete_restore(settings: Settings, *, held: bool) -> None:
-    """Complete or take back a restore that was killed, unless somebody works in the folder; say so."""
-    from backend.cli.output import errors
+def has_database(settings: Settings) -> bool:
+    """Whether there is or was a database to read; opening one would create a missing folder."""
+    from backend.storage import FILE_NAME, find_database_traces, is_restore_incomplete
+
+    file = settings.data / FILE_NAME
+    has_traces = is_restore_incomplete(file) or bool(find_database_traces(file, settings.data / "backups"))
+    return settings.database_url is not None or file.exists() or has_traces
+
+
+def load_plant_parameters(settings: Settings, database: "Database") -> "PlantParameters":
+    """Return the parameter set with the identified values applied in this data folder. Raises ParameterError."""
+    from backend.services import load_active_parameters
+    from plant import load_parameters
+
+    return load_active_parameters(database, load_parameters(settings.params))
+
+
+def _complete_restore(settings: Settings, *, owns_folder: bool) -> None:
+    """Complete or revert a restore that was killed, unless another process uses the folder; print what was done."""
     from backend.data_folder import held_by_nobody
     from backend.storage import find_database_file, is_restore_incomplete, recover_database
 
     file = find_database_file(settings.data, settings.database_url)
     if file is None or not is_restore_incomplete(file):
         return
-    with nullcontext(True) if held else held_by_nobody(settings.data) as free:
-        for sentence in recover_database(file) if free else []:
-            errors.print(sentence, highlight=False, markup=False, soft_wrap=True)
+    with nullcontext(True) if owns_folder else held_by_nobody(settings.data) as is_free:
+        for sentence in recover_database(file) if is_free else []:
+            error_console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 
-def _migrated(settings: Settings, *, held: bool) -> "Database":
-    """Migrate the database and open it, unless somebody works in its folder: that may be a service of before claims."""
+def _open_migrated(settings: Settings, *, owns_folder: bool) -> "Database":
+    """Migrate the database and open it, unless another process uses its folder.
+
+    The lock of the folder is checked too, because services of old versions did not claim the database.
+    """
     from backend.data_folder import held_by_nobody
     from backend.storage import SchemaError, open_database
 
-    with nullcontext(True) if held or settings.database_url else held_by_nobody(settings.data) as free:
-        if not free:
+    with nullcontext(True) if owns_folder or settings.database_url else held_by_nobody(settings.data) as is_free:
+        if not is_free:
             raise SchemaError(
                 f"a service or command of another version works on {settings.data}, and this version would migrate its "
                 "database: end it first"
@@ -123,93 +152,76 @@ def _migrated(settings: Settings, *, held: bool) -> "Database":
         )
 
 
-def parameters_in_force(settings: Settings, database: "Database") -> "PlantParameters":
-    """Return the parameter set with what was applied to it in this folder. Raises ParameterError."""
-    from backend.services import load_active_parameters
-    from plant import load_parameters
-
-    return load_active_parameters(database, load_parameters(settings.params))
-
-
-def has_database(settings: Settings) -> bool:
-    """Whether there is, or was, something to read: to open it would make a folder that is not there."""
-    from backend.storage import FILE_NAME, find_database_traces, is_restore_incomplete
-
-    file = settings.data / FILE_NAME
-    was_there = is_restore_incomplete(file) or bool(find_database_traces(file, settings.data / "backups"))
-    return settings.database_url is not None or file.exists() or was_there
-
-
-def _close_interrupted(settings: Settings, database: "Database") -> None:
-    """Close the runs of commands and services that were killed; of a database server only a service can tell them."""
+def _close_interrupted_runs(settings: Settings, database: "Database") -> None:
+    """Close the runs of killed commands and services; on a database server only a service can recognise them."""
     from backend.data_folder import held_by_nobody
     from backend.storage import StorageError, describe_claim, runs
 
     if settings.database_url is not None:
         return
-    with suppress(StorageError):  # of a damaged file as much is done as can be
+    with suppress(StorageError):  # a damaged file: the command itself reports it
         with database.reading() as session:
             interrupted = runs.open_ones(session)
         if interrupted and not describe_claim(database.engine):
-            with held_by_nobody(settings.data) as free:
-                if free:
+            with held_by_nobody(settings.data) as is_free:
+                if is_free:
                     with database.session() as session:
                         runs.close_interrupted(session, _INTERRUPTED)
 
 
 # Running service -----------------------------------------------------------------------------------
-#
-# The service that works on a data folder, asked over HTTP by a command: with the operator's token
-# of that folder.
 
 
-_PATIENCE_S = 30.0
-_Answer = TypeVar("_Answer", bound=BaseModel)
+_TIMEOUT_S = 30.0
+_Response = TypeVar("_Response", bound=BaseModel)
 
 
 @dataclass(frozen=True)
 class RunningService:
-    """``address`` is where it answers; ``token`` is empty where it asks for none."""
+    """HTTP client of the service that uses a data folder.
+
+    ``token`` is the operator's token of that folder, empty if the service requires none.
+    """
 
     address: str
     token: str
 
-    def ask(self, method: str, path: str, body: Any, answer: type[_Answer]) -> _Answer:
-        """Return what a request below ``/api`` is answered with; a refusal ends the command with its words."""
+    def request(self, method: str, path: str, body: Any, response_type: type[_Response]) -> _Response:
+        """Send a request below ``/api`` and return its response; an error response ends the command."""
         headers = {"Authorization": f"Bearer {self.token}"} if self.token else {}
         content = None if body is None else json.dumps(body).encode()
         if content is not None:
             headers["Content-Type"] = "application/json"
-        where = urlsplit(self.address)
-        connection = http.client.HTTPConnection(where.hostname or "", where.port, timeout=_PATIENCE_S)
+        url = urlsplit(self.address)
+        connection = http.client.HTTPConnection(url.hostname or "", url.port, timeout=_TIMEOUT_S)
         try:
-            connection.request(method, f"{where.path}/api{path}", content, headers)
-            said = connection.getresponse()
-            text = said.read()
+            connection.request(method, f"{url.path}/api{path}", content, headers)
+            response = connection.getresponse()
+            text = response.read()
         except (OSError, http.client.HTTPException) as error:
             fail(f"the service at {self.address} does not answer: {error or type(error).__name__}")
         finally:
             connection.close()
-        return self._read(said.status, text, answer)
+        return self._parse_response(response.status, text, response_type)
 
-    def _read(self, status: int, text: bytes, answer: type[_Answer]) -> _Answer:
-        """Return what an answer says; one that refuses, or is none of Sinew's, ends the command."""
+    def _parse_response(self, status: int, text: bytes, response_type: type[_Response]) -> _Response:
+        """Return the parsed response; an error, or a response that is not Sinew's, ends the command."""
         from backend.schemas import ErrorResponse
 
         try:
             if status < http.client.BAD_REQUEST:
-                return answer.model_validate_json(text)
-            refused = ErrorResponse.model_validate_json(text).error.message
+                return response_type.model_validate_json(text)
+            message = ErrorResponse.model_validate_json(text).error.message
         except ValidationError:
             fail(
                 f"what answers at {self.address} is no Sinew: status {status}, {text[:80]!a}; look what works "
                 "there, and start `sinew serve` again"
             )
-        fail(refused)
+        fail(message)
 
 
-def running_service(settings: Settings) -> RunningService:
-    """Return the service of a data folder; without one the command ends."""
+def find_running_service(settings: Settings) -> RunningService:
+    """Return the service that uses the data folder; without one the command ends."""
     from backend.auth import load_tokens
     from backend.data_folder import address_of_service, why_no_address
 

@@ -1,4 +1,4 @@
-"""Output of commands: tables or JSON on standard output, progress and complaints on standard error."""
+"""Output of commands: tables or JSON on standard output, progress and errors on standard error."""
 
 import atexit
 import gc
@@ -25,41 +25,36 @@ if TYPE_CHECKING:
     from backend.models import MeasuredFigure, RunCriterion
     from backend.reports import RunData
 
-    pass
+
+# Console -------------------------------------------------------------------------------------------
 
 
-# Output --------------------------------------------------------------------------------------------
-#
-# How commands speak: tables or JSON on standard output, progress and complaints on standard error.
-
-
-class Screen(Console):
-    """A terminal that obeys nothing that stands in a text: control characters are shown as escapes."""
+class SafeConsole(Console):
+    """Console that prints control characters as escapes, so that no text controls the terminal."""
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print texts with what a terminal would obey, or nobody would see, as escapes; tables as they are."""
+        """Print texts with control and invisible characters escaped; tables unchanged."""
         super().print(*(as_lines(one) if isinstance(one, str) else one for one in objects), **options)
 
 
-out = Screen()
-errors = Screen(stderr=True)
+console = SafeConsole()
+error_console = SafeConsole(stderr=True)
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of tables.")]
 
-
-ANGLES = "SINEW_ANGLES"
-"""Variable of the environment that says in which unit whoever types the commands reads angles."""
+ANGLES_VARIABLE = "SINEW_ANGLES"
+"""Environment variable with the unit of printed angles, ``rad`` or ``deg``."""
 
 
 def angle_unit() -> AngleUnit:
-    """Return the unit of angles in tables and refusals: degrees, unless the environment says rad."""
-    return AngleUnit.RADIANS if os.environ.get(ANGLES) == AngleUnit.RADIANS else AngleUnit.DEGREES
+    """Return the unit of printed angles: degrees, unless the environment selects radians."""
+    return AngleUnit.RADIANS if os.environ.get(ANGLES_VARIABLE) == AngleUnit.RADIANS else AngleUnit.DEGREES
 
 
 def fail(*messages: str, status: int = 1) -> NoReturn:
-    """Print a line for each message, whatever line breaks it has, and end with ``status``."""
+    """Print each message on one line of standard error and exit with ``status``."""
     for message in messages:
-        errors.print(
+        error_console.print(
             f"sinew: {format_angles(' '.join(message.split()), angle_unit())}",
             style="red",
             highlight=False,
@@ -70,56 +65,36 @@ def fail(*messages: str, status: int = 1) -> NoReturn:
 
 
 def escape_unprintable_output() -> None:
-    """Print as an escape what the terminal's encoding has no character for, such as λ in Latin-1."""
+    """Print characters that the terminal's encoding lacks as escapes, such as λ in Latin-1."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
 def print_json(document: Any) -> None:
-    """Print a document for programs."""
+    """Print a document as JSON."""
     print(as_json(document, indent=2))
 
 
 def print_table(
-    columns: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None, whole: Sequence[str] = ()
+    columns: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None, no_wrap: Sequence[str] = ()
 ) -> None:
-    """Print a table; numbers to the right. Columns of ``whole`` keep their width on a narrow terminal."""
+    """Print a table, numbers aligned to the right; columns in ``no_wrap`` keep their width on a narrow terminal."""
     table = Table(title=title and escape(as_line(title)), title_justify="left", title_style="bold")
-    kept = [[shown(cell) for cell in row] for row in rows]
+    cells = [[format_cell(cell) for cell in row] for row in rows]
     for index, column in enumerate(columns):
-        numbers = bool(kept) and all(_is_number(row[index]) for row in kept)
-        table.add_column(as_line(column), justify="right" if numbers else "left", no_wrap=column in whole)
-    for row in kept:
+        is_numeric = bool(cells) and all(_is_number(row[index]) for row in cells)
+        table.add_column(as_line(column), justify="right" if is_numeric else "left", no_wrap=column in no_wrap)
+    for row in cells:
         table.add_row(*row)
-    out.print(table, highlight=False, markup=False)
+    console.print(table, highlight=False, markup=False)
 
 
-def shown(value: object) -> str:
-    """Return a cell: four digits of a number, a dash for what is not there; a text on one line."""
+def format_cell(value: object) -> str:
+    """Return the text of a table cell: numbers with four digits, a dash for nothing, texts on one line."""
     if value is None or value == "":
         return "-"
     return f"{value:.4g}" if isinstance(value, float) else as_line(value)
-
-
-@dataclass(frozen=True)
-class Meter:
-    """A progress bar in seconds of the loop's time."""
-
-    progress: Progress
-    task: Any
-
-    def __call__(self, doing: RunPhase, elapsed_s: float) -> None:
-        """Show how far it is."""
-        self.progress.update(self.task, description=doing, completed=elapsed_s if doing is RunPhase.PROGRAM else None)
-
-
-@contextmanager
-def meter(duration_s: float, *, hidden: bool) -> Iterator[Meter]:
-    """Show progress on standard error while the block runs."""
-    columns = (TextColumn("{task.description:>11}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=errors, disable=hidden, transient=True) as progress:
-        yield Meter(progress, progress.add_task(RunPhase.STARTING, total=duration_s))
 
 
 def _is_number(cell: str) -> bool:
@@ -130,116 +105,131 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-# Run tables ----------------------------------------------------------------------------------------
-#
-# A run on the screen: what it was set to, what was measured, how it was judged.
+# Progress ------------------------------------------------------------------------------------------
 
 
-_JUDGED = {True: "passed", False: "FAILED", None: "not measured"}
+@dataclass(frozen=True)
+class ProgressBar:
+    """Progress of a run in seconds of its program."""
+
+    progress: Progress
+    task: Any
+
+    def __call__(self, phase: RunPhase, elapsed_s: float) -> None:
+        """Show the phase and, during the program, the elapsed time [s]."""
+        self.progress.update(self.task, description=phase, completed=elapsed_s if phase is RunPhase.PROGRAM else None)
 
 
-def show_run(source: "RunData", files: Sequence[Path] = ()) -> None:
-    """Print how a run ended and what came of it, and the files that were written."""
+@contextmanager
+def show_progress(duration_s: float, *, hidden: bool) -> Iterator[ProgressBar]:
+    """Show a progress bar for ``duration_s`` of program time on standard error during the block."""
+    columns = (TextColumn("{task.description:>11}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=error_console, disable=hidden, transient=True) as progress:
+        yield ProgressBar(progress, progress.add_task(RunPhase.STARTING, total=duration_s))
+
+
+# Runs ----------------------------------------------------------------------------------------------
+
+
+_VERDICTS = {True: "passed", False: "FAILED", None: "not measured"}
+
+
+def print_run(source: "RunData", files: Sequence[Path] = ()) -> None:
+    """Print end state, metrics, criteria and verdict of a run, and the files written for it."""
     from backend.reports import judge_stored_run
 
     run, result = source.run, source.result
     end = ": ".join(filter(None, (run.end_state, run.end_detail)))
-    _say(f"run {run.id}, {run.kind}: {end}", style="bold")
+    _print_text(f"run {run.id}, {run.kind}: {end}", style="bold")
     sentence = judge_stored_run(result.metrics if result else None, result.criteria if result else ()).sentence
     if result is not None:
-        _figures(result.metrics.figures)
-        _criteria(result.criteria, sentence)
+        _print_metrics(result.metrics.figures)
+        _print_criteria(result.criteria, sentence)
     if source.identification is not None:
-        _say(source.identification.verdict)
+        _print_text(source.identification.verdict)
     elif result is None or not result.metrics.figures:
-        _say(sentence)
+        _print_text(sentence)
     for path in files:
-        out.print(f"wrote {path}", highlight=False, markup=False)
+        console.print(f"wrote {path}", highlight=False, markup=False)
 
 
-def show_settings(source: "RunData") -> None:
-    """Print what a run was set to."""
+def print_settings(source: "RunData") -> None:
+    """Print the settings of a run."""
     from backend.analysis import select_used_settings
 
-    used = select_used_settings(source.run)
     rows = [
-        (
-            item.meaning,
-            item.symbol,
-            _setting(item.value, item.unit),
-            reading_of(item.unit, angle_unit()).unit,
-        )
-        for item in used
+        (item.meaning, item.symbol, _convert_setting(item.value, item.unit), reading_of(item.unit, angle_unit()).unit)
+        for item in select_used_settings(source.run)
     ]
     if rows:
         print_table(("setting", "symbol", "value", "unit"), rows)
 
 
-def _setting(value: object, unit: str) -> object:
+def _convert_setting(value: object, unit: str) -> object:
     return read(value, unit, angle_unit()) if isinstance(value, float) else value
 
 
-def _figures(figures: "Sequence[MeasuredFigure]") -> None:
+def _print_metrics(metrics: "Sequence[MeasuredFigure]") -> None:
     rows = [
         (
             item.label,
-            _figure(item.value, item.unit),
+            _convert_metric(item.value, item.unit),
             reading_of(item.unit, angle_unit()).unit,
             format_angles(item.reason or "measured", angle_unit()),
         )
-        for item in figures
+        for item in metrics
     ]
     if rows:
-        kept = 4 if any(item.reason for item in figures) else 3
-        print_table(("figure", "value", "unit", "measured")[:kept], [row[:kept] for row in rows])
+        shown = 4 if any(item.reason for item in metrics) else 3
+        print_table(("figure", "value", "unit", "measured")[:shown], [row[:shown] for row in rows])
 
 
-def _criteria(criteria: "Sequence[RunCriterion]", verdict: str) -> None:
+def _print_criteria(criteria: "Sequence[RunCriterion]", verdict: str) -> None:
     rows = [
         (
             item.title,
-            _figure(item.figure, item.unit),
+            _convert_metric(item.figure, item.unit),
             f"{item.relation} {read(item.bound, item.unit, angle_unit()):g}",
             reading_of(item.unit, angle_unit()).unit,
-            format_angles(_judged(item), angle_unit()),
+            format_angles(_describe_verdict(item), angle_unit()),
         )
         for item in criteria
     ]
     if rows:
         print_table(("criterion", "value", "bound", "unit", "verdict"), rows)
-        _say(verdict)
+        _print_text(verdict)
 
 
-def _judged(item: "RunCriterion") -> str:
+def _describe_verdict(item: "RunCriterion") -> str:
     from backend.reports import SEEN
 
     seen = "" if item.passed is None else f"{SEEN[item.relation]}, "
-    return _JUDGED[item.passed] + (f": {seen}{item.reason}" if item.reason else "")
+    return _VERDICTS[item.passed] + (f": {seen}{item.reason}" if item.reason else "")
 
 
-def _figure(value: float | None, unit: str) -> float | str:
+def _convert_metric(value: float | None, unit: str) -> float | str:
     return "not measured" if value is None else read(value, unit, angle_unit())
 
 
-def _say(text: str, style: str = "") -> None:
-    out.print(format_angles(text, angle_unit()), highlight=False, markup=False, style=style)
+def _print_text(text: str, style: str = "") -> None:
+    console.print(format_angles(text, angle_unit()), highlight=False, markup=False, style=style)
 
 
-# Garbage -------------------------------------------------------------------------------------------
+# Garbage collection --------------------------------------------------------------------------------
 #
-# How often the command line looks for garbage: nearly all that a command loads stays until its end.
+# Nearly all objects that a command creates live until its end, so collections find nothing.
 
 
-_SELDOM = 100_000
-_USUAL = gc.get_threshold()
+_RELAXED_THRESHOLD = 100_000
+_DEFAULT_THRESHOLDS = gc.get_threshold()
 
 
 def relax_garbage_collection() -> None:
-    """Look for garbage seldom, and not at all at the end of this process: the two would take a third of a command."""
-    gc.set_threshold(_SELDOM)
+    """Collect garbage rarely, and not at exit: together they take a third of a command's time."""
+    gc.set_threshold(_RELAXED_THRESHOLD)
     atexit.register(gc.freeze)
 
 
 def restore_garbage_collection() -> None:
-    """Look for it as usual from here on: for what runs for days."""
-    gc.set_threshold(*_USUAL)
+    """Collect garbage at the default rate again, for a process that runs for days."""
+    gc.set_threshold(*_DEFAULT_THRESHOLDS)

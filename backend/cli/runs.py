@@ -6,8 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from backend.cli.experiments import current_user
-from backend.cli.options import DataFolder, ParameterSet, StationName, database_of, load_settings, parameters_in_force
-from backend.cli.output import AsJson, angle_unit, fail, out, print_json, print_table, show_run, show_settings
+from backend.cli.options import (
+    DataFolder,
+    ParameterSet,
+    StationName,
+    load_plant_parameters,
+    load_settings,
+    open_configured_database,
+)
+from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_run, print_settings, print_table
 from backend.units import format_angles, read, reading_of
 
 if TYPE_CHECKING:
@@ -37,12 +44,12 @@ def export(
     kind = file.suffix.removeprefix(".")
     if kind not in set(DataFormat):
         fail(f"{file}: name the file .csv, .parquet, .mat or .mcap", status=2)
-    with database_of(load_settings(data=data, station=station), reading=True) as database:
+    with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         try:
             write_export(export_run(database, run, list(dict.fromkeys(formula or ()))), DataFormat(kind), file)
         except (UnknownRecordError, ExportError) as error:
             fail(str(error), status=2)
-    out.print(f"wrote {file}", highlight=False, markup=False)
+    console.print(f"wrote {file}", highlight=False, markup=False)
 
 
 def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
@@ -50,7 +57,7 @@ def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) 
     from backend.exports import mcap, write_file_whole
 
     write_file_whole((mcap.foxglove_layout().encode(),), file)
-    out.print(f"wrote {file}", highlight=False, markup=False)
+    console.print(f"wrote {file}", highlight=False, markup=False)
 
 
 def take_in(
@@ -64,7 +71,7 @@ def take_in(
     from backend.services import import_run_file as store
 
     settings = load_settings(data=data, station=station)
-    with database_of(settings) as database:
+    with open_configured_database(settings) as database:
         try:
             taken = store(database, file, current_user(), settings.data)
         except (ImportRefusedError, OSError) as error:
@@ -73,9 +80,9 @@ def take_in(
     if as_json:
         print_json(vars(taken))
     elif taken.new:
-        out.print(f"run {taken.was} is taken in as run {taken.run}", highlight=False, markup=False)
+        console.print(f"run {taken.was} is taken in as run {taken.run}", highlight=False, markup=False)
     else:
-        out.print(
+        console.print(
             f"run {taken.was} is here already, as run {taken.run}: nothing is done", highlight=False, markup=False
         )
 
@@ -92,12 +99,12 @@ def bundle(
     from backend.storage import UnknownRecordError
 
     settings = load_settings(data=data, station=station)
-    with database_of(settings, reading=True) as database:
+    with open_configured_database(settings, read_only=True) as database:
         try:
             write_file_whole(stream_bundle(database, run, settings.data), file)
         except (UnknownRecordError, ExportError) as error:
             fail(str(error), status=2)
-    out.print(f"wrote {file}", highlight=False, markup=False)
+    console.print(f"wrote {file}", highlight=False, markup=False)
 
 
 # Run library ---------------------------------------------------------------------------------------
@@ -125,7 +132,7 @@ def list_runs(
     """List runs, newest first: all, or those that fit a search (docs/reference/search.md)."""
     from backend.services import RunLibrary, RunQuery
 
-    with database_of(load_settings(data=data, station=station), reading=True) as database:
+    with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         kept = RunLibrary(database).where_of(saved) if saved else ""
         asked = RunQuery(search=search, where=(kept, where), everywhere=all_stations, limit=limit)
         found = _stored_runs(database).found(asked)
@@ -146,9 +153,9 @@ def list_runs(
         for run in found.runs
     ]
     columns = ("run", "started (UTC)", "kind", "parameters", "by", "station", "tags", "end")
-    print_table(columns, rows, whole=columns[:2])
+    print_table(columns, rows, no_wrap=columns[:2])
     if found.total > len(rows):
-        out.print(f"{len(rows)} of {found.total} runs; more with --limit", highlight=False, markup=False)
+        console.print(f"{len(rows)} of {found.total} runs; more with --limit", highlight=False, markup=False)
 
 
 def compare(
@@ -164,7 +171,7 @@ def compare(
     from backend.schemas import ComparisonAsked
     from backend.services import RunLibrary
 
-    with database_of(load_settings(data=data, station=station), reading=True) as database:
+    with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         found = RunLibrary(database).compared(ComparisonAsked.model_construct(run=runs, reference=reference))
     if as_json:
         print_json(found.model_dump(mode="json"))
@@ -172,7 +179,7 @@ def compare(
     for run in found.runs:
         marked = ", the reference" if run.id == found.reference else ""
         at = f" at {run.station}" if run.station else ""
-        out.print(
+        console.print(
             f"run {run.id}{at}{marked}: {run.title}, {run.started:%Y-%m-%d %H:%M} UTC. "
             f"{format_angles(run.verdict, angle_unit())}",
             highlight=False,
@@ -197,7 +204,7 @@ def history(
     """Print a metric of a kind of runs over their dates."""
     from backend.services import RunLibrary
 
-    with database_of(load_settings(data=data, station=station), reading=True) as database:
+    with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         found = RunLibrary(database).history(kind, metric, where, everywhere=all_stations)
     if as_json:
         print_json(found.model_dump(mode="json"))
@@ -212,7 +219,7 @@ def history(
     print_table(("run", "started (UTC)", f"{found.metric.label} [{reading.unit}]"), rows)
     if found.without or found.left_out:
         said = f"{found.without} runs have no value of it, {found.left_out} older points are left out"
-        out.print(said, highlight=False, markup=False)
+        console.print(said, highlight=False, markup=False)
 
 
 def lineage(
@@ -228,8 +235,8 @@ def lineage(
     from backend.services import History
 
     settings = load_settings(params=params, data=data, station=station)
-    with database_of(settings, reading=True) as database:
-        found = History(database, parameters_in_force(settings, database), lambda: None, sys.maxsize).lineage(run)
+    with open_configured_database(settings, read_only=True) as database:
+        found = History(database, load_plant_parameters(settings, database), lambda: None, sys.maxsize).lineage(run)
     if as_json:
         print_json(found.model_dump(mode="json"))
         return
@@ -261,7 +268,7 @@ def tag(
 
     if not add and not remove:
         fail("say which tags: --add TAG or --remove TAG", status=2)
-    with database_of(load_settings(data=data, station=station)) as database:
+    with open_configured_database(load_settings(data=data, station=station)) as database:
         RunLibrary(database).tag(runs, add or [], remove or [])
 
 
@@ -274,9 +281,9 @@ def rename_tag(
     """Call a tag otherwise on all runs of the station."""
     from backend.services import RunLibrary
 
-    with database_of(load_settings(data=data, station=station)) as database:
+    with open_configured_database(load_settings(data=data, station=station)) as database:
         renamed = RunLibrary(database).rename(before, after)
-    out.print(f"renamed on {renamed} runs", highlight=False, markup=False)
+    console.print(f"renamed on {renamed} runs", highlight=False, markup=False)
 
 
 def save_search(
@@ -288,7 +295,7 @@ def save_search(
     """Save a search under a name, for `sinew runs list --saved` and the Runs page."""
     from backend.services import RunLibrary
 
-    with database_of(load_settings(data=data, station=station)) as database:
+    with open_configured_database(load_settings(data=data, station=station)) as database:
         library = RunLibrary(database)
         if where.strip():
             library.keep_search(name, where, current_user())
@@ -300,7 +307,7 @@ def searches(data: DataFolder = None, station: StationName = None, as_json: AsJs
     """List the saved searches."""
     from backend.services import RunLibrary
 
-    with database_of(load_settings(data=data, station=station), reading=True) as database:
+    with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         found = RunLibrary(database).saved_searches()
     if as_json:
         print_json([one.model_dump() for one in found.searches])
@@ -325,11 +332,11 @@ def _end(run: "RunView") -> str:
 def _compared(value: "ComparedValue", unit: str) -> str:
     if value.value is None:
         return f"not measured: {format_angles(value.reason, angle_unit())}"
-    shown = f"{read(value.value, unit, angle_unit()):.4g}"
+    text = f"{read(value.value, unit, angle_unit()):.4g}"
     if not value.difference:
-        return shown
+        return text
     percent = "" if value.percent is None else f", {value.percent:+.3g} %"
-    return f"{shown} ({read(value.difference, unit, angle_unit()):+.4g}{percent})"
+    return f"{text} ({read(value.difference, unit, angle_unit()):+.4g}{percent})"
 
 
 # Runs ----------------------------------------------------------------------------------------------
@@ -361,13 +368,13 @@ def show(run: RunNumber, data: DataFolder = None, station: StationName = None, a
     """Show a run with its settings, metrics and criteria."""
     from backend.reports import build_metrics_document, load_source
 
-    with database_of(load_settings(data=data, station=station), reading=True) as database:
+    with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         source = load_source(database, run)
     if as_json:
         print_json(build_metrics_document(source))
         return
-    show_settings(source)
-    show_run(source)
+    print_settings(source)
+    print_run(source)
 
 
 @app.command()
@@ -375,11 +382,11 @@ def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = Non
     """Compute the result of a run again, from what is stored of it, and store it beside earlier ones."""
     from backend.analysis import reevaluate_run
 
-    with database_of(load_settings(data=data, station=station)) as database:
+    with open_configured_database(load_settings(data=data, station=station)) as database:
         evaluation = reevaluate_run(database, run)
     if evaluation.problem:
         fail(f"run {run}: {evaluation.problem}", status=2)
-    out.print(f"run {run} is evaluated; see it with: sinew runs show {run}", highlight=False, markup=False)
+    console.print(f"run {run} is evaluated; see it with: sinew runs show {run}", highlight=False, markup=False)
 
 
 @app.command()
@@ -392,6 +399,6 @@ def report(
     """Write the report of a run with its data."""
     from backend.reports import write_report_files
 
-    with database_of(load_settings(data=data, station=station), reading=True) as database:
+    with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
         for path in write_report_files(database, run, folder, angle_unit()):
-            out.print(f"wrote {path}", highlight=False, markup=False)
+            console.print(f"wrote {path}", highlight=False, markup=False)

@@ -26,11 +26,11 @@ from backend.cli.options import (
     StationName,
     VirtualCard,
     WiringFile,
-    database_of,
+    find_running_service,
     load_settings,
-    running_service,
+    open_configured_database,
 )
-from backend.cli.output import AsJson, angle_unit, fail, out, print_json, print_table, restore_garbage_collection
+from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_table, restore_garbage_collection
 from backend.units import format_quantity, typed
 
 if TYPE_CHECKING:
@@ -69,7 +69,9 @@ def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
         return
     print_table(("what", "found", "remedy"), [(f.what, f.found, f.remedy) for f in findings])
     open_points = sum(bool(finding.remedy) for finding in findings)
-    out.print("all well" if not open_points else f"{open_points} of {len(findings)} could be better", highlight=False)
+    console.print(
+        "all well" if not open_points else f"{open_points} of {len(findings)} could be better", highlight=False
+    )
 
 
 def _real_time() -> Iterator[DoctorFinding]:
@@ -220,7 +222,7 @@ def recordings(
 
     settings = load_settings(data=data)
     rule = RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days)
-    with database_of(settings) as database:
+    with open_configured_database(settings) as database:
         try:
             found = (
                 delete_recordings(database, rule, delete, current_user())
@@ -234,7 +236,7 @@ def recordings(
         print_json({"total_bytes": found.total_bytes, "limit_bytes": rule.max_bytes, "may_go": may_go})
         return
     total, limit = f"{found.total_bytes / 1e9:.3f} GB", f"{settings.recordings_GB:g} GB"
-    out.print(
+    console.print(
         found.describe or f"recordings take {total}, limit {limit}: nothing has to go", highlight=False, markup=False
     )
     if found.may_go:
@@ -251,7 +253,7 @@ def recordings(
         ]
         print_table(("run", "started (UTC)", "kind", "by", "samples", "note"), rows)
         named = " ".join(f"--delete {run.run_id}" for run in found.may_go)
-        out.print(f"to delete these samples: sinew db recordings {named}", highlight=False, markup=False)
+        console.print(f"to delete these samples: sinew db recordings {named}", highlight=False, markup=False)
 
 
 # Database ------------------------------------------------------------------------------------------
@@ -271,8 +273,8 @@ def upgrade(data: DataFolder = None) -> None:
     """Migrate to the newest schema; an SQLite database is copied to DATA/backups first."""
     from backend.storage import read_revision
 
-    with database_of(load_settings(data=data)) as database:
-        out.print(f"schema {read_revision(database.engine)}", highlight=False)
+    with open_configured_database(load_settings(data=data)) as database:
+        console.print(f"schema {read_revision(database.engine)}", highlight=False)
 
 
 @database_app.command()
@@ -287,11 +289,11 @@ def backup(
 
     settings = load_settings(data=data)
     wanted = file or next_backup_path(settings.data)
-    with database_of(settings) as database:
+    with open_configured_database(settings) as database:
         copy(database.engine, wanted)
         with database.session() as session:
             events.add(session, events.EventKind.BACKUP, f"database copied to {wanted.name}", who=current_user())
-    out.print(f"wrote {wanted}", highlight=False, markup=False)
+    console.print(f"wrote {wanted}", highlight=False, markup=False)
 
 
 @database_app.command()
@@ -312,7 +314,7 @@ def restore(
         if target.exists() and (by := _claimed_by(settings)):
             raise BackupError(f"{by} works on {target}, from another folder: end it first; nothing was changed")
         bring_back(file, target)
-    out.print(f"restored {file}", highlight=False, markup=False)
+    console.print(f"restored {file}", highlight=False, markup=False)
 
 
 def _claimed_by(settings: "Settings") -> str:
@@ -341,7 +343,7 @@ def name_station(
     if not require_station_name(station):
         fail("say what the station is to be called", status=2)
     settings = load_settings(data=data, station="")
-    with only_service_on(settings.data), database_of(settings, held=True) as database:
+    with only_service_on(settings.data), open_configured_database(settings, owns_folder=True) as database:
         held = HeldStation(database.engine, "")
         claim = HeldClaim(database.engine, "")
         try:
@@ -350,8 +352,8 @@ def name_station(
         finally:
             claim.let_go()
             held.let_go()
-    with database_of(settings):  # what runs are searched by is renewed
-        out.print(f"{given} runs are of station {station} now; start its service with --station {station}")
+    with open_configured_database(settings):  # what runs are searched by is renewed
+        console.print(f"{given} runs are of station {station} now; start its service with --station {station}")
 
 
 @database_app.command()
@@ -363,7 +365,7 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
     from backend.recording import RecordingsCheck, check_recordings
     from backend.storage import find_database_errors as problems_of
 
-    with database_of(load_settings(data=data), reading=True) as database:
+    with open_configured_database(load_settings(data=data), read_only=True) as database:
         problems = problems_of(database.engine)
         # what a damaged file still gives of its samples says nothing
         checked = RecordingsCheck(0, (), ()) if problems else check_recordings(database)
@@ -378,11 +380,11 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
             }
         )
     for left_out in () if as_json else checked.not_compared:
-        out.print(f"not compared: {left_out}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"not compared: {left_out}", highlight=False, markup=False, soft_wrap=True)
     if problems:
         fail("; ".join(problems))
     if not as_json:
-        out.print(f"the database is whole; recordings that hold what was recorded: {checked.recordings}")
+        console.print(f"the database is whole; recordings that hold what was recorded: {checked.recordings}")
 
 
 # Serve ---------------------------------------------------------------------------------------------
@@ -444,7 +446,7 @@ def serve(
         log_level=log_level,
     )
     require_available(settings.plant_choice)
-    shown = sys.stdout.isatty() if settings.show_link is None else settings.show_link
+    shows_link = sys.stdout.isatty() if settings.show_link is None else settings.show_link
 
     slow = threading.Timer(SAID_AFTER_S, print, (STILL_STARTING,), {"flush": True})
     slow.daemon = True
@@ -452,7 +454,7 @@ def serve(
     def tell(address: str, tokens: "Tokens | None") -> None:
         slow.cancel()
         addresses = [address, *([settings.public_url] if settings.public_url else [])]
-        if tokens is not None and not shown:
+        if tokens is not None and not shows_link:
             answers = " and ".join(_bases(addresses))
             print(f"Sinew answers at {answers}. The sign-in link: sinew link --data {settings.data}", flush=True)
         else:
@@ -555,7 +557,7 @@ def show(data: DataFolder = None, as_json: AsJson = False) -> None:
     """Print what was learned and from what force on the joint gives way."""
     from backend.schemas import State
 
-    _tell(_service(data).ask("GET", "/state", None, State).touch, as_json=as_json)
+    _tell(_service(data).request("GET", "/state", None, State).touch, as_json=as_json)
 
 
 @touch_app.command()
@@ -573,7 +575,7 @@ def sweep(data: DataFolder = None, as_json: AsJson = False) -> None:
     try:
         while (at := touch.sweep) is not None and at.under_way:
             if at.point != told and not as_json:
-                out.print(f"{at.point} of {at.points}: {at.S_ref:.4g} N·m/rad")
+                console.print(f"{at.point} of {at.points}: {at.S_ref:.4g} N·m/rad")
             told = at.point
             time.sleep(_LOOK_S)
             touch = _order_touch(service, {})  # a script that commands nothing for long holds control no longer
@@ -592,13 +594,13 @@ def forget(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 
 def _service(data: Any) -> RunningService:
-    return running_service(load_settings(data=data))
+    return find_running_service(load_settings(data=data))
 
 
 def _order_touch(service: RunningService, order: dict[str, Any]) -> "TouchView":
     from backend.schemas import TouchView
 
-    return service.ask("PUT", "/touch", order, TouchView)
+    return service.request("PUT", "/touch", order, TouchView)
 
 
 def _tell(touch: "TouchView", *, as_json: bool) -> None:
@@ -606,11 +608,13 @@ def _tell(touch: "TouchView", *, as_json: bool) -> None:
         print_json(touch.model_dump(mode="json"))
         return
     for point in touch.learned:
-        out.print(f"{point.S:.2f} N·m/rad reads {point.F:.2f} ± {point.std_N:.2f} N with nothing outside")
+        console.print(f"{point.S:.2f} N·m/rad reads {point.F:.2f} ± {point.std_N:.2f} N with nothing outside")
     if not touch.learned:
-        out.print("nothing is learned")
+        console.print("nothing is learned")
     armed = touch.contact_N
-    out.print(f"the joint gives way to contacts from {armed:g} N on" if armed else "the joint gives way to no contact")
+    console.print(
+        f"the joint gives way to contacts from {armed:g} N on" if armed else "the joint gives way to no contact"
+    )
 
 
 # Wall ----------------------------------------------------------------------------------------------
@@ -652,10 +656,10 @@ def down(data: DataFolder = None, as_json: AsJson = False) -> None:
 def _order_wall(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None:
     from backend.schemas import WallOrder
 
-    stands = running_service(load_settings(data=data)).ask("PUT", "/wall", {"wall": wall}, WallOrder).wall
+    stands = find_running_service(load_settings(data=data)).request("PUT", "/wall", {"wall": wall}, WallOrder).wall
     if as_json:
         print_json({"wall": stands and stands.model_dump(mode="json")})
     elif stands is None:
-        out.print("no wall stands in the joint's way")
+        console.print("no wall stands in the joint's way")
     else:
-        out.print(f"a wall stands {stands.side} {format_quantity(stands.q_wall, 'rad', angle_unit())}")
+        console.print(f"a wall stands {stands.side} {format_quantity(stands.q_wall, 'rad', angle_unit())}")

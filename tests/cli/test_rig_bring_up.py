@@ -17,7 +17,7 @@ import pytest
 from backend.banks.builder import build_tuning_command
 from backend.cli import main
 from backend.cli.experiments import current_user
-from backend.cli.rig import GivenUpError, Terminal
+from backend.cli.rig import AbandonedError, Terminal
 from backend.commissioning import status as standing
 from backend.commissioning.procedure import StepFinding
 from backend.commissioning.session import OperatorDialog, open_session
@@ -220,11 +220,11 @@ def test_answers_of_a_pipe_end_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
 
     async def asked() -> str:
         terminal = Terminal()
-        await terminal.confirmed("Turn the joint")
-        typed = await terminal.answer("weight", "number")
+        await terminal.confirm("Turn the joint")
+        typed = await terminal.ask("weight", "number")
         for why in ("given up", "come to its end"):
-            with pytest.raises(GivenUpError, match=why):
-                await terminal.confirmed("Go on")
+            with pytest.raises(AbandonedError, match=why):
+                await terminal.confirm("Go on")
         return typed
 
     with os.fdopen(reading) as piped:

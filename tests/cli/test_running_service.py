@@ -29,7 +29,7 @@ def answer(said: bytes) -> object:
         thread = Thread(target=serve)
         thread.start()
         try:
-            return RunningService(f"http://127.0.0.1:{server.getsockname()[1]}", "").ask(
+            return RunningService(f"http://127.0.0.1:{server.getsockname()[1]}", "").request(
                 "GET", "/place", None, QueuePlace
             )
         finally:

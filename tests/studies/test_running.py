@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from backend.banks.tuning_settings import TuningSettings
-from backend.cli.study import _in_time
+from backend.cli.study import _format_duration
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import find_experiment
@@ -237,7 +237,7 @@ def until(reached: Callable[[], bool]) -> None:
 
 @pytest.mark.parametrize(("seconds", "text"), [(59.7, "00:01:00"), (108_000.0, "30:00:00"), (360_000.0, "100:00:00")])
 def test_the_time_left_may_be_more_than_a_day(seconds: float, text: str) -> None:
-    assert _in_time(seconds) == text
+    assert _format_duration(seconds) == text
 
 
 def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
