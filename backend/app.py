@@ -17,7 +17,7 @@ from backend.auth import HANDOVER_PART as HAND_OVER
 from backend.auth import AccessChanged, Authentication, ControlHandover, ControlLease, ControlReleased, HolderChanged
 from backend.commissioning import DriveLockout, find_completed_commissioning
 from backend.data_folder import DATA_FOLDER_PART as FOLDER
-from backend.data_folder import FolderWatch, HeldFolder
+from backend.data_folder import DataFolderMonitor, LockedFolder
 from backend.event_bus import EventBus, StateChanged
 from backend.execution import ExperimentRig
 from backend.faults import Fault
@@ -90,8 +90,8 @@ from backend.storage import (
     recover_database,
     runs,
 )
-from backend.supervision import KeptThread, Part, Supervision
-from backend.workers import SCIENCE, Processes
+from backend.supervision import Part, SupervisedThread, Supervision
+from backend.workers import NUMERIC_LIBRARIES, WorkerProcesses
 from plant import ParameterError, PlantKind, PlantParameters, load_parameters
 
 # Foundation ----------------------------------------------------------------------------------------
@@ -142,7 +142,7 @@ def bootstrap(
     stack.callback(HeldStation(database.engine, settings.station).let_go)
     claim = HeldClaim(database.engine, settings.station)
     stack.callback(claim.let_go)
-    supervision.keep_thread(_CLAIM, claim.run, claim.end)
+    supervision.start_thread(_CLAIM, claim.run, claim.end)
     soundness = Soundness(database, settings.data)
     soundness.before_start()
     _close_interrupted(database)
@@ -229,7 +229,7 @@ class Services:
 def build_services(  # noqa: PLR0915  # a list of constructions, each in need of those above it
     settings: Settings,
     foundation: BootContext,
-    folder: HeldFolder,
+    folder: LockedFolder,
     authentication: Authentication,
     supervision: Supervision,
     events: EventBus,
@@ -240,7 +240,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     def keep(
         part: Part, work: Callable[[], Coroutine[Any, Any, None]], on_death: Callable[[], None] | None = None
     ) -> None:
-        stack.push_async_callback(supervision.keep_task(part, work, on_death).end)
+        stack.push_async_callback(supervision.start_task(part, work, on_death).end)
 
     parameters, database, tuning_store, tuning = (
         foundation.parameters,
@@ -274,7 +274,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     events.subscribe(AccessChanged, lambda access: event_log.add_entry(EventKind.ACCESS, access.text, access.who))
     if foundation.said:
         event_log.add_mark(MarkKind.TUNING, foundation.said, tick=0)
-    supervision.listen(lambda death: event_log.add_mark(MarkKind.FAULT, death, live_state.tick))
+    supervision.add_listener(lambda death: event_log.add_mark(MarkKind.FAULT, death, live_state.tick))
     safe_stop = SafeStop(supervisor, live_state, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name)
     choice = settings.plant_choice
@@ -309,12 +309,12 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
     keep(HAND_OVER, hand_over.run)
     triggers = Triggers(trigger, actuator, event_log, database)
-    watch = FolderWatch((folder.problem, soundness.displaced, foundation.claim.problem), actuator.publish_change)
+    watch = DataFolderMonitor((folder.problem, soundness.displaced, foundation.claim.problem), actuator.publish_change)
     keep(FOLDER, watch.run)
     soundness.start()
 
     history = History(database, parameters, lambda: _id_of_bank(live_state.operator_tuning))
-    processes = Processes(supervision)
+    processes = WorkerProcesses(supervision)
     stack.callback(processes.close)
     evaluations = Evaluations(database, processes.evaluations, lambda: live_state.task, events)
     downloads = Downloads(database, processes.reports, settings.data, evaluations.again)
@@ -323,7 +323,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
 
     def prepare() -> None:
         """Load what evaluation and report need while the program still plays."""
-        processes.computing.prepare(evaluate_finished_run, *SCIENCE)
+        processes.computing.preload(evaluate_finished_run, *NUMERIC_LIBRARIES)
         downloads.prepare()
 
     experiments = OwnExperiments(database)
@@ -354,7 +354,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest(), lambda: live_state.wall),
         "/replay": SceneMirror(parameters, replay.row, replay.wall),
     }
-    drawing: list[KeptThread] = []
+    drawing: list[SupervisedThread] = []
     for mirror in mirrors.values():
         stack.callback(mirror.close)
 
@@ -365,7 +365,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     stack.callback(clear_away)
 
     def draw() -> None:
-        drawing.extend(supervision.keep_thread(SCENE, mirror.run, mirror.end) for mirror in mirrors.values())
+        drawing.extend(supervision.start_thread(SCENE, mirror.run, mirror.end) for mirror in mirrors.values())
 
     scenes = [scene_router(require_signed_in, mirror, path) for path, mirror in mirrors.items()]
     bring_up = CommissioningService(actuator, supervisor, database, parameters, hands)

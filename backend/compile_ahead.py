@@ -1,6 +1,7 @@
-"""``python -m backend.compile_ahead``: compiles and computes at the installation what a first start would wait for.
+"""``python -m backend.compile_ahead``: compiles and computes during installation.
 
-This is the half of the service. ``python -m backend.realtime.compile_ahead`` is that of the loop; both run in parallel.
+The first start of the service then does not wait for it. ``python -m backend.realtime.compile_ahead`` does the same for
+the control loop; both run in parallel.
 """
 
 from backend import app, main
@@ -11,16 +12,16 @@ from backend.server import prepare_routes
 from backend.services import RobustnessCache, default_tuning
 from plant import load_parameters
 
-PARAMETERS = "lab"
-STARTED = (main, app, create_app, server, prepare_routes)
-"""What a start imports: it is bytecode from now on."""
+PARAMETER_FILE = "lab"
+IMPORTED_AT_START = (main, app, create_app, server, prepare_routes)
+"""Modules that a start imports; importing them here writes their bytecode."""
 
 
 def compile_ahead() -> None:
-    """Go through what the service and a tuning compile, and keep what they compute."""
+    """Compile what service and tuning use, and cache the numbers they compute."""
     figures = RobustnessCache()
     figures.load()
-    default_tuning(load_parameters(PARAMETERS))
+    default_tuning(load_parameters(PARAMETER_FILE))
     figures.save()
     heartbeat.compile_heartbeat()
 

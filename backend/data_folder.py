@@ -1,7 +1,7 @@
-"""One service for each data folder, beside commands that play there, and a look at whether the folder is still there.
+"""Locks the data folder for one service or for commands, and restricts its access.
 
-Two locks, as each covers what the other cannot see: one on a file in the folder, found by whoever reaches that file by
-any path; one on the folder's path, found after the folder was deleted and another made in its place.
+Two locks complement each other. A lock on a file in the folder is found through every path to the folder; a lock on
+the folder's path is found even after the folder was deleted and created again.
 """
 
 import asyncio
@@ -18,53 +18,54 @@ from pathlib import Path
 from backend.supervision import Part
 from plant import ErrorCode, SinewError
 
-# Data folder ---------------------------------------------------------------------------------------
-
-
+# Locks ---------------------------------------------------------------------------------------------
 DATA_FOLDER_PART = Part("The look at the data folder", "Nothing tells meanwhile whether it was deleted or replaced.")
-LOCK = "service.lock"
-COMMANDS = "commands.lock"
-LOOK_S = 0.5
+SERVICE_LOCK_FILE = "service.lock"
+COMMAND_LOCK_FILE = "commands.lock"
+CHECK_PERIOD_S = 0.5
 
 
 class AlreadyRunningError(SinewError):
-    """Another service works on this data folder."""
+    """Another service uses this data folder."""
 
     category = ErrorCode.NOT_NOW
 
 
 class DataFolderError(SinewError):
-    """The data folder cannot be used; the message says why and what to do."""
+    """The data folder cannot be used; the message has the reason and the remedy."""
 
     category = ErrorCode.UNAVAILABLE
 
 
 @dataclass(frozen=True)
-class HeldFolder:
-    """A data folder that is held by this process; ``folder`` and ``lock`` are descriptors of it and of its lock."""
+class LockedFolder:
+    """A data folder that this process has locked.
+
+    ``folder`` and ``lock`` are descriptors of the folder and of its lock file.
+    """
 
     path: Path
     folder: int
     lock: int
 
-    def say_address(self, address: str, public_url: str | None = None) -> None:
-        """Leave the address at which the service answers for ``address_of_service``, and that of a proxy before it."""
+    def write_address(self, address: str, public_url: str | None = None) -> None:
+        """Write the service's address, and that of its proxy, for other processes."""
         os.ftruncate(self.lock, 0)
         os.pwrite(self.lock, "\n".join((address, *([public_url] if public_url else []))).encode(), 0)
 
     def problem(self) -> str:
-        """Return why what is written to the folder is not kept, "" while all is well."""
-        for path, descriptor in ((self.path, self.folder), (self.path / LOCK, self.lock)):
-            ours = os.fstat(descriptor)
+        """Return why written files are lost, "" when there is no problem."""
+        for path, descriptor in ((self.path, self.folder), (self.path / SERVICE_LOCK_FILE, self.lock)):
+            opened = os.fstat(descriptor)
             try:
-                there = path.stat()
+                found = path.stat()
             except OSError as error:
-                return self._told(path, error.strerror or str(error))
-            if (there.st_dev, there.st_ino) != (ours.st_dev, ours.st_ino):
-                return self._told(path, "another one stands in its place")
+                return self._describe_loss(path, error.strerror or str(error))
+            if (found.st_dev, found.st_ino) != (opened.st_dev, opened.st_ino):
+                return self._describe_loss(path, "another one stands in its place")
         return ""
 
-    def _told(self, path: Path, why: str) -> str:
+    def _describe_loss(self, path: Path, why: str) -> str:
         what = "the data folder" if path == self.path else "the lock in the data folder"
         return (
             f"{what} {path} was deleted, moved or replaced while the service works on it ({why}): what is recorded now "
@@ -73,15 +74,16 @@ class HeldFolder:
 
 
 @contextmanager
-def only_service_on(data: Path) -> Iterator[HeldFolder]:
-    """Hold the data folder, so that no second service takes its open runs for interrupted ones.
+def lock_for_service(data: Path) -> Iterator[LockedFolder]:
+    """Lock the data folder for the only service that may use it.
 
-    Raises AlreadyRunningError, DataFolderError.
+    A second service would take the open runs of the first for interrupted ones. Raises AlreadyRunningError,
+    DataFolderError.
     """
     with ExitStack() as stack:
         path = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
         try:
-            path.bind(_name_of(data))
+            path.bind(_lock_socket_name(data))
         except OSError:
             raise AlreadyRunningError(
                 f"another service works on the folder {data}, or on one that was there before: stop it or choose --data"
@@ -90,50 +92,59 @@ def only_service_on(data: Path) -> Iterator[HeldFolder]:
             data.mkdir(mode=0o700, parents=True, exist_ok=True)
             folder = os.open(data, os.O_RDONLY | os.O_DIRECTORY)
             stack.callback(os.close, folder)
-            lock = os.open(data / LOCK, os.O_RDWR | os.O_CREAT, 0o600)
+            lock = os.open(data / SERVICE_LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o600)
             stack.callback(os.close, lock)
         except OSError as error:
-            raise DataFolderError(_refused(data, error)) from None
+            raise DataFolderError(_describe_os_error(data, error)) from None
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise AlreadyRunningError(f"another service works on the folder {data}: stop it or choose --data") from None
-        held = HeldFolder(data, folder, lock)
-        held.say_address("")
+        held = LockedFolder(data, folder, lock)
+        held.write_address("")
         yield held
-        held.say_address("")
+        held.write_address("")
 
 
 @contextmanager
-def playing_in(data: Path) -> Iterator[None]:
-    """Let nobody take the open runs of this command for interrupted ones; other commands may play beside it."""
-    with (data / COMMANDS).open("ab") as lock:
+def lock_for_command(data: Path) -> Iterator[None]:
+    """Protect the open runs of a command from being taken for interrupted ones.
+
+    Several commands can hold this lock at the same time.
+    """
+    with (data / COMMAND_LOCK_FILE).open("ab") as lock:
         fcntl.flock(lock, fcntl.LOCK_SH)
         yield
 
 
 @contextmanager
-def held_by_nobody(data: Path) -> Iterator[bool]:
-    """Give whether neither a service nor a command plays in a folder; in the block none begins to."""
+def lock_if_unused(data: Path) -> Iterator[bool]:
+    """Lock a folder that neither a service nor a command uses.
+
+    The context yields whether the lock was taken; until it ends no service or command can start.
+    """
     with ExitStack() as stack:
         try:
-            stack.enter_context(only_service_on(data))
-            fcntl.flock(stack.enter_context((data / COMMANDS).open("ab")), fcntl.LOCK_EX | fcntl.LOCK_NB)
-            free = True
+            stack.enter_context(lock_for_service(data))
+            fcntl.flock(stack.enter_context((data / COMMAND_LOCK_FILE).open("ab")), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            is_locked = True
         except (AlreadyRunningError, DataFolderError, OSError):
-            free = False
-        yield free
+            is_locked = False
+        yield is_locked
 
 
-def address_of_service(data: Path) -> str | None:
-    """Return where the service of a data folder answers, None when there is none. Raises DataFolderError."""
-    return next(iter(addresses_of_service(data)), None)
+def read_service_address(data: Path) -> str | None:
+    """Return the address of a data folder's service, None without a service.
+
+    Raises DataFolderError.
+    """
+    return next(iter(read_service_addresses(data)), None)
 
 
-def why_no_address(data: Path) -> str:
-    """Return in words why ``addresses_of_service`` is empty: none works there, or one has not begun to answer."""
+def describe_missing_address(data: Path) -> str:
+    """Return why ``read_service_addresses`` is empty: no service, or it is starting."""
     try:
-        is_starting = _is_held(data / LOCK)
+        is_starting = _is_locked(data / SERVICE_LOCK_FILE)
     except OSError:
         is_starting = False
     if is_starting:
@@ -141,8 +152,8 @@ def why_no_address(data: Path) -> str:
     return f"no service works on the folder {data}: start it with `sinew serve`, or choose --data"
 
 
-def _is_held(lock: Path) -> bool:
-    """Return whether a service holds the lock. Raises OSError where the file cannot be opened."""
+def _is_locked(lock: Path) -> bool:
+    """Return whether a service holds the lock. Raises OSError if it cannot be opened."""
     with lock.open("rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -151,51 +162,55 @@ def _is_held(lock: Path) -> bool:
     return False
 
 
-def addresses_of_service(data: Path) -> list[str]:
-    """Return where the service of a data folder answers, behind it its public URL where it has one.
+def read_service_addresses(data: Path) -> list[str]:
+    """Return the address of a data folder's service, followed by its public URL.
 
-    Empty when there is no service. Raises DataFolderError.
+    The list is empty without a service. Raises DataFolderError.
     """
     try:
-        addresses = (data / LOCK).read_text(encoding="utf-8").splitlines()
-        # held by the service that wrote it, not left behind by one that was killed
-        return addresses if addresses and _is_held(data / LOCK) else []
+        addresses = (data / SERVICE_LOCK_FILE).read_text(encoding="utf-8").splitlines()
+        # locked by the service that wrote it, not left over from one that was killed
+        return addresses if addresses and _is_locked(data / SERVICE_LOCK_FILE) else []
     except FileNotFoundError:
         return []
     except OSError as error:
-        raise DataFolderError(_refused(data, error)) from None
+        raise DataFolderError(_describe_os_error(data, error)) from None
 
 
-class FolderWatch:
-    """Looks again and again whether what is written is still kept; ``problem`` says why it is not.
+class DataFolderMonitor:
+    """Checks periodically that written files are not lost.
 
-    ``looks`` return a sentence each, "" while all is well; ``changed`` is told when the answer is another one.
+    ``checks`` return a problem each, "" if there is none; ``problem`` is the first of them. ``on_change`` is called
+    when it changes.
     """
 
-    def __init__(self, looks: Sequence[Callable[[], str]], changed: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, checks: Sequence[Callable[[], str]], on_change: Callable[[], None] = lambda: None) -> None:
         self.problem = ""
-        self._looks = looks
-        self._changed = changed
+        self._checks = checks
+        self._on_change = on_change
 
     async def run(self) -> None:
-        """Look until cancelled, in a thread: a network drive may let a look wait."""
+        """Check until cancelled, in a thread: a network drive may block."""
         while True:
-            found = await asyncio.to_thread(self._look)
-            if found != self.problem:
-                self.problem = found
-                self._changed()
-            await asyncio.sleep(LOOK_S)
+            problem = await asyncio.to_thread(self._find_problem)
+            if problem != self.problem:
+                self.problem = problem
+                self._on_change()
+            await asyncio.sleep(CHECK_PERIOD_S)
 
-    def _look(self) -> str:
-        return next((said for look in self._looks if (said := look())), "")
+    def _find_problem(self) -> str:
+        return next((problem for check in self._checks if (problem := check())), "")
 
 
-def _name_of(data: Path) -> bytes:
-    """Name of a socket that stands for a path; it is in no file system and ends with the process that holds it."""
+def _lock_socket_name(data: Path) -> bytes:
+    """Return the name of the abstract socket that locks a path.
+
+    The socket is in no file system and disappears with the process that bound it.
+    """
     return b"\0sinew-data-" + hashlib.sha256(os.fsencode(data.resolve())).hexdigest().encode()
 
 
-def _refused(data: Path, error: OSError) -> str:
+def _describe_os_error(data: Path, error: OSError) -> str:
     if isinstance(error, PermissionError):
         remedy = "change its owner or mode, or choose another --data"
         return f"{error.filename or data} cannot be used: {error.strerror}; {remedy}"
@@ -204,52 +219,61 @@ def _refused(data: Path, error: OSError) -> str:
     return f"the data folder {data} cannot be used: {error.strerror} ({error.filename}); choose another --data"
 
 
-# Private -------------------------------------------------------------------------------------------
+# Access rights -------------------------------------------------------------------------------------
 #
-# Keeps what the service writes to its owner: no other account of the machine reads tokens, sessions
-# or recordings.
+# No other account of the machine may read tokens, sessions or recordings.
 
 
-FOLDER, FILE = 0o700, 0o600
+FOLDER_MODE, FILE_MODE = 0o700, 0o600
 UMASK = 0o077
-"""For the whole process from its start on: what SQLite and others create is born private."""
+"""Mask for the whole process: files that SQLite and others create are private."""
 
-_OURS = ("sinew*.db*", "token", "viewer-token", "signing-key", "*.new", "sessions.json", "service.lock", "backups/*")
+_PRIVATE_FILES = (
+    "sinew*.db*",
+    "token",
+    "viewer-token",
+    "signing-key",
+    "*.new",
+    "sessions.json",
+    "service.lock",
+    "backups/*",
+)
 
 
 def make_private(data: Path) -> list[str]:
-    """Create the data folder, and take from others what they may do there, old files of ours included.
+    """Create the data folder and remove the access rights of other accounts.
 
-    Returns a sentence for each place that could not be changed; a folder that everyone shares is left as it is.
+    Existing files of the service are included; a folder that all accounts share (sticky bit) keeps its rights. Returns
+    a message for each path whose rights could not be changed.
     """
-    data.mkdir(mode=FOLDER, parents=True, exist_ok=True)
-    return [sentence for path, mode in _places(data) if (sentence := _tighten(path, mode))]
+    data.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
+    return [problem for path, mode in _list_private_paths(data) if (problem := _restrict_mode(path, mode))]
 
 
 def write_private(path: Path, text: str) -> None:
-    """Put a file in the place of ``path``, whole or not at all, readable by its owner only. Raises OSError."""
-    fresh = path.with_name(f"{path.name}.new")
-    descriptor = os.open(fresh, os.O_CREAT | os.O_TRUNC | os.O_WRONLY | os.O_NOFOLLOW, FILE)
+    """Replace a file atomically, readable by its owner only. Raises OSError."""
+    new = path.with_name(f"{path.name}.new")
+    descriptor = os.open(new, os.O_CREAT | os.O_TRUNC | os.O_WRONLY | os.O_NOFOLLOW, FILE_MODE)
     with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        os.fchmod(file.fileno(), FILE)
+        os.fchmod(file.fileno(), FILE_MODE)
         file.write(text)
         file.flush()
         os.fsync(file.fileno())
-    os.replace(fresh, path)
+    os.replace(new, path)
 
 
-def _places(data: Path) -> Iterator[tuple[Path, int]]:
+def _list_private_paths(data: Path) -> Iterator[tuple[Path, int]]:
     if not data.stat().st_mode & stat.S_ISVTX:  # such as /tmp
-        yield data, FOLDER
+        yield data, FOLDER_MODE
     if (data / "backups").is_dir():
-        yield data / "backups", FOLDER
-    for pattern in _OURS:
+        yield data / "backups", FOLDER_MODE
+    for pattern in _PRIVATE_FILES:
         for path in data.glob(pattern):
             if path.is_file() and not path.is_symlink():
-                yield path, FILE
+                yield path, FILE_MODE
 
 
-def _tighten(path: Path, mode: int) -> str | None:
+def _restrict_mode(path: Path, mode: int) -> str | None:
     if stat.S_IMODE(path.stat().st_mode) & ~mode == 0:
         return None
     try:

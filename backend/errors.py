@@ -1,4 +1,4 @@
-"""Refusals: the reason, or the quantity with its value, bounds and unit, and what to do."""
+"""Errors for the user: reason or violated range, with the remedy."""
 
 import math
 import re
@@ -6,23 +6,31 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Any
 
-from backend.units import DIGITS, AngleUnit, format_quantity, in_digits, read, reading_of, with_unit
+from backend.units import (
+    DIGITS,
+    AngleUnit,
+    append_unit,
+    convert_to_display,
+    format_number,
+    format_quantity,
+    get_display_unit,
+)
 from plant import ErrorCode as ErrorCode
 from plant import SinewError as SinewError
 
-# Refusal -------------------------------------------------------------------------------------------
-#
-# What is said when something is refused: why, or which quantity in the operator's words, its
-# bounds, what to do.
+# Rejected requests and values ----------------------------------------------------------------------
 
 
-_DIGITS_OF_BOUND = 3
-"""Significant digits of a bound that is no whole number: enough to choose by."""
+_BOUND_DIGITS = 3
+"""Significant digits of a bound that is not an integer."""
 
 Path = tuple[str | int, ...]
-"""Where a value stands in what was asked for: names, and places in lists from 0; ("phases", 0, "parts", 2, "q_ref")."""
+"""Path of a value in a request: names, and list indices from 0.
 
-WORDS = {
+For example ("phases", 0, "parts", 2, "q_ref").
+"""
+
+QUANTITY_LABELS = {
     "q_ref": "position reference",
     "S_ref": "stiffness reference",
     "F_push": "push",
@@ -42,13 +50,14 @@ WORDS = {
     "u": "voltage step",
     "theta_start": "motor position where a step starts",
 }
-"""Operator's words for quantities that are refused at several places."""
+"""Labels of quantities that several modules check."""
 
 
 class RequestRejectedError(SinewError):
-    """Something asked for is not done. ``code`` tells programs why, ``legal`` lists what would be accepted.
+    """A request that is not carried out.
 
-    ``retry_after_s`` is how long [s] to wait before asking again, 0 where waiting is not what helps.
+    ``code`` is the reason for programs, ``legal`` lists the accepted values. ``retry_after_s`` is the time [s] to wait
+    before another request, 0 where waiting does not help.
     """
 
     category: ErrorCode
@@ -70,44 +79,50 @@ class RequestRejectedError(SinewError):
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Code, and what would be accepted."""
+        """Fields of the error response: code and accepted values."""
         return {"code": self.code, "legal": self.legal}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Come from one process to another as it is: it is not made of its words alone."""
-        return _as_it_was, (type(self), self.args, vars(self))
+        """Pickle the error with its attributes, which its arguments do not contain."""
+        return _rebuild_error, (type(self), self.args, vars(self))
 
 
 class InvalidValueError(SinewError, ValueError, ABC):
-    """A value that is not taken. ``quantity`` is its name in the code, ``words`` the operator's, ``path`` its place."""
+    """A rejected value.
+
+    ``quantity`` is its name in the code, ``words`` its label for people, ``path`` its place in the request.
+    """
 
     category = ErrorCode.BAD_VALUE
     code = "bad_value"
 
     def __init__(self, quantity: str, *, words: str = "", path: Path | None = None) -> None:
         self.quantity = quantity
-        self.words = words or WORDS.get(quantity, quantity)
+        self.words = words or QUANTITY_LABELS.get(quantity, quantity)
         self.path: Path = (quantity,) if path is None else path
-        super().__init__(self.sentence(AngleUnit.RADIANS))
+        super().__init__(self.format_message(AngleUnit.RADIANS))
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Code, and the refused quantity with its place."""
+        """Fields of the error response: code, quantity and its place."""
         return {"code": self.code, "quantity": self.quantity, "words": self.words, "path": list(self.path) or None}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Come from one process to another as it is: it is not made of its words alone."""
-        return _as_it_was, (type(self), self.args, vars(self))
+        """Pickle the error with its attributes, which its arguments do not contain."""
+        return _rebuild_error, (type(self), self.args, vars(self))
 
     @abstractmethod
-    def sentence(self, angles: AngleUnit) -> str:
-        """Say it to somebody who reads angles in this unit; the text of the exception itself is in SI."""
+    def format_message(self, angles: AngleUnit) -> str:
+        """Return the message with angles in this unit; ``str`` of the error is in SI."""
 
 
 class OutOfRangeError(InvalidValueError):
-    """A number outside what is allowed. ``minimum`` or ``maximum`` is None where that side has no bound."""
+    """A number outside its range.
 
-    code = "out_of_range"
+    ``minimum`` or ``maximum`` is None where that side has no bound.
+    """
+
+    code = "describe_out_of_range"
 
     def __init__(
         self,
@@ -130,53 +145,56 @@ class OutOfRangeError(InvalidValueError):
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Code, and the refused quantity with its value, bounds and unit."""
+        """Fields of the error response: code, quantity, value, bounds and unit."""
         bounds = {"minimum": self.minimum, "maximum": self.maximum, "unit": self.unit}
         return {**super().fields, "value": self.value, **bounds}
 
-    def sentence(self, angles: AngleUnit) -> str:
-        """Say it to somebody who reads angles in this unit."""
-        fault, remedy = out_of_range(self.value, self.minimum, self.maximum, self.unit, angles)
+    def format_message(self, angles: AngleUnit) -> str:
+        """Return the message with angles in this unit."""
+        fault, remedy = describe_out_of_range(self.value, self.minimum, self.maximum, self.unit, angles)
         return f"{self.words}: {fault}; {self.remedy or remedy}"
 
 
-def out_of_range(
+def describe_out_of_range(
     value: float, minimum: float | None, maximum: float | None, unit: str, angles: AngleUnit
 ) -> tuple[str, str]:
-    """Return in words that a value is outside its bounds, and what can be done where nothing better is known."""
-    given, read_in = format_quantity(value, unit, angles), reading_of(unit, angles).unit
+    """Return the message that a value is outside its range, and a general remedy."""
+    given, read_in = format_quantity(value, unit, angles), get_display_unit(unit, angles).unit
     if minimum is not None and maximum is not None:
-        ends = " to ".join(bound_texts(minimum, maximum, unit, angles))
-        return f"{given} is outside {with_unit(ends, read_in)}", "choose a value between the two"
+        ends = " to ".join(format_bounds(minimum, maximum, unit, angles))
+        return f"{given} is outside {append_unit(ends, read_in)}", "choose a value between the two"
     if maximum is not None:
-        most = with_unit(bound_text(maximum, unit, angles, upper=True), read_in)
+        most = append_unit(format_bound(maximum, unit, angles, upper=True), read_in)
         return f"{given} is more than {most}", f"choose {most} at most"
     if minimum is not None:
-        least = with_unit(bound_text(minimum, unit, angles, upper=False), read_in)
+        least = append_unit(format_bound(minimum, unit, angles, upper=False), read_in)
         return f"{given} is less than {least}", f"choose {least} at least"
     return f"{given} is not a finite number", "choose a finite one"
 
 
-def bound_texts(minimum: float, maximum: float, unit: str, angles: AngleUnit) -> tuple[str, str]:
-    """Write both ends of a range, in as many digits as it takes to leave something between them."""
-    for digits in range(_DIGITS_OF_BOUND, 17):
-        least = bound_text(minimum, unit, angles, upper=False, digits=digits)
-        most = bound_text(maximum, unit, angles, upper=True, digits=digits)
+def format_bounds(minimum: float, maximum: float, unit: str, angles: AngleUnit) -> tuple[str, str]:
+    """Format both ends of a range, with enough digits to keep them apart."""
+    for digits in range(_BOUND_DIGITS, 17):
+        least = format_bound(minimum, unit, angles, upper=False, digits=digits)
+        most = format_bound(maximum, unit, angles, upper=True, digits=digits)
         if float(least) < float(most):
             break
     return least, most
 
 
-def bound_text(bound: float, unit: str, angles: AngleUnit, *, upper: bool, digits: int = _DIGITS_OF_BOUND) -> str:
-    """Write a bound so that the number which is read lies within it: a whole one, or rounded towards the inside."""
-    if isinstance(bound, int) and reading_of(unit, angles).factor == 1.0:
+def format_bound(bound: float, unit: str, angles: AngleUnit, *, upper: bool, digits: int = _BOUND_DIGITS) -> str:
+    """Format a bound so that the displayed number lies within the range.
+
+    Integers are written exactly, others are rounded towards the inside of the range.
+    """
+    if isinstance(bound, int) and get_display_unit(unit, angles).factor == 1.0:
         return str(bound)
-    shown = read(bound, unit, angles)
-    text = in_digits(shown, max(digits, DIGITS) if shown == round(shown) else digits)
+    shown = convert_to_display(bound, unit, angles)
+    text = format_number(shown, max(digits, DIGITS) if shown == round(shown) else digits)
     if math.isinf(shown) or abs(float(text) - shown) <= 1e-12 * abs(shown):
         return text
     place = 10.0 ** (math.floor(math.log10(abs(shown))) - digits + 1)
-    return in_digits((math.floor if upper else math.ceil)(shown / place) * place, max(digits, DIGITS))
+    return format_number((math.floor if upper else math.ceil)(shown / place) * place, max(digits, DIGITS))
 
 
 def check_range(
@@ -190,7 +208,7 @@ def check_range(
     words: str = "",
     path: Path | None = None,
 ) -> None:
-    """Raise OutOfRangeError unless minimum <= value <= maximum; nan and infinities are refused too."""
+    """Raise OutOfRangeError unless minimum <= value <= maximum; NaN and ±∞ raise too."""
     above = minimum is None or value >= minimum
     below = maximum is None or value <= maximum
     if not (above and below and abs(value) < float("inf")):
@@ -206,27 +224,27 @@ def check_range(
         )
 
 
-def _as_it_was(kind: type[Exception], words: tuple[Any, ...], state: dict[str, Any]) -> Exception:
+def _rebuild_error(kind: type[Exception], words: tuple[Any, ...], state: dict[str, Any]) -> Exception:
     error = kind.__new__(kind, *words)
     vars(error).update(state)
     return error
 
 
-# Station -------------------------------------------------------------------------------------------
-#
-# What a station may be called: a rig with a service of its own, among several on one database.
-# Pure.
+# Names of stations ---------------------------------------------------------------------------------
 
 
-STATION_MAX = 40
-_NAME = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._-]{{0,{STATION_MAX - 1}}}", re.ASCII)
+STATION_NAME_LENGTH = 40
+_NAME = re.compile(rf"[A-Za-z0-9][A-Za-z0-9._-]{{0,{STATION_NAME_LENGTH - 1}}}", re.ASCII)
 
 
-def require_station_name(name: str) -> str:
-    """Return a station's name as it is; "" is the only station of a database. Raises ValueError."""
+def check_station_name(name: str) -> str:
+    """Return a station's name unchanged, or raise ValueError.
+
+    "" is the name of the only station of a database.
+    """
     if name and not _NAME.fullmatch(name):
         raise ValueError(
-            f"{name[:60]!r} is no name of a station: 1 to {STATION_MAX} letters, digits, dots, dashes or underscores, "
-            "the first a letter or a digit; for example rig-2"
+            f"{name[:60]!r} is no name of a station: 1 to {STATION_NAME_LENGTH} letters, digits, dots, dashes or "
+            "underscores, the first a letter or a digit; for example rig-2"
         )
     return name

@@ -1,6 +1,7 @@
-"""Faults stop the actuator and stay latched; limits clip a command and pass. Few, named, each with a remedy.
+"""Faults, limits and their explanations.
 
-``docs/reference/faults.md`` carries cause, reaction and remedy of each; a test holds the two together.
+A fault stops the actuator and stays latched; a limit clips a command and clears by itself. Each fault has a remedy.
+``docs/reference/faults.md`` lists the cause, reaction and remedy of each; a test compares both.
 """
 
 from enum import IntFlag, StrEnum
@@ -8,7 +9,7 @@ from typing import NamedTuple
 
 
 class Fault(StrEnum):
-    """Why the loop stopped. The position in this enum is the code in the sample."""
+    """Reason why the loop stopped. Its position here is its code in the sample."""
 
     NONE = "none"
     STOP_PRESSED = "stop_pressed"
@@ -37,7 +38,7 @@ FAULT_CODE: dict[Fault, int] = {fault: code for code, fault in enumerate(FAULTS)
 
 
 class Limit(IntFlag):
-    """What clipped the command in a tick; the bits ride in the sample."""
+    """Limits that clipped the command in a tick, as bits in the sample."""
 
     VOLTAGE_A = 1
     VOLTAGE_B = 2
@@ -49,13 +50,13 @@ class Limit(IntFlag):
 
 
 class Explanation(NamedTuple):
-    """What a fault means, and what the person at the bench does about it."""
+    """Meaning of a fault, and what a person at the rig does about it."""
 
     message: str
     remedy: str
 
 
-EXPLAINED: dict[Fault, Explanation] = {
+EXPLANATIONS: dict[Fault, Explanation] = {
     Fault.NONE: Explanation("No fault.", "Nothing to do."),
     Fault.STOP_PRESSED: Explanation("STOP was pressed.", "Make sure that the rig is clear, then reset."),
     Fault.FORCE_LIMIT: Explanation(
@@ -128,7 +129,7 @@ EXPLAINED: dict[Fault, Explanation] = {
 }
 
 
-def explained(fault: Fault, seen: str = "") -> str:
-    """Say what a fault means and, after a colon, what was seen of it."""
-    message = EXPLAINED[fault].message
+def describe_fault(fault: Fault, seen: str = "") -> str:
+    """Return the meaning of a fault, followed by the observation ``seen``."""
+    message = EXPLANATIONS[fault].message
     return f"{message.removesuffix('.')}: {seen.removesuffix('.')}." if seen else message

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 
 from backend import logs, workers
 from backend.auth import TokenFiles, Tokens
-from backend.data_folder import UMASK, HeldFolder, make_private, only_service_on
+from backend.data_folder import UMASK, LockedFolder, lock_for_service, make_private
 from backend.realtime import launch_loop
 from backend.server import Ending, browser_address, listening_socket, raise_limit
 from backend.settings import Settings
 from backend.supervision import Part, Supervision
-from backend.workers import refuse_forks
+from backend.workers import forbid_forks
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -44,10 +44,10 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
     Raises AlreadyRunningError, DataFolderError, CannotListenError, and what keeps a part from starting.
     """
     os.umask(UMASK)
-    logs.begin(settings.log_level)
+    logs.configure_logging(settings.log_level)
     raise_limit()
-    refuse_forks()
-    with only_service_on(settings.data) as folder, listening_socket(settings.host, settings.port) as listening:
+    forbid_forks()
+    with lock_for_service(settings.data) as folder, listening_socket(settings.host, settings.port) as listening:
         make_private(settings.data)
         _ask_for_priority()
         sys.setswitchinterval(SWITCH_S)
@@ -56,7 +56,7 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
 
 
 async def _serve(
-    settings: Settings, folder: HeldFolder, listening: socket.socket, ready: Callable[[str, Tokens | None], None]
+    settings: Settings, folder: LockedFolder, listening: socket.socket, ready: Callable[[str, Tokens | None], None]
 ) -> None:
     parts, ending = AsyncExitStack(), Ending()
 
@@ -118,15 +118,15 @@ async def _serve(
     address = browser_address(settings.host, listening.getsockname()[1])
 
     def load_the_rest() -> None:
-        workers.load(*workers.SCIENCE)
+        workers.import_modules(*workers.NUMERIC_LIBRARIES)
         foundation.figures.save()
 
     def announce() -> None:
         _log.info("The service started: plant %s, data folder %s, address %s", settings.plant, settings.data, address)
-        folder.say_address(address, settings.public_url)
+        folder.write_address(address, settings.public_url)
         assembled.draw()
         ready(address, files.tokens if files else None)
-        supervision.keep_thread(LIBRARIES, load_the_rest, lambda: None)
+        supervision.start_thread(LIBRARIES, load_the_rest, lambda: None)
 
     try:
         await Server(app, announce, ending).serve([listening])
@@ -164,7 +164,7 @@ async def _join_loop(
     await starting
     recorder.follow(supervisor.ring)
     stack.push_async_callback(asyncio.to_thread, recorder.close)
-    stack.callback(supervision.keep_thread(RECORDER, recorder.run_recording, recorder.end).end)
+    stack.callback(supervision.start_thread(RECORDER, recorder.run_recording, recorder.end).end)
     stack.push_async_callback(lambda: supervisor.stop(ending.cause))
 
 

@@ -1,4 +1,4 @@
-"""The address at which browsers reach the service through a reverse proxy, and the proxies that are trusted."""
+"""The address of the service behind a reverse proxy, and the trusted proxies."""
 
 import ipaddress
 import re
@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 
 LOOPBACK: tuple[Network, ...] = (ipaddress.ip_network("127.0.0.0/8"), ipaddress.ip_network("::1/128"))
-"""The proxies that are trusted where none is named: those of this machine."""
+"""Networks of the proxies that are trusted by default: those of this machine."""
 
 _PORTS = {"http": 80, "https": 443}
 _HOST = re.compile(r"[a-z0-9]([a-z0-9._-]{0,251}[a-z0-9])?|\[[0-9a-f:.]+\]")
@@ -19,7 +19,10 @@ _FORM = "give scheme, host and path, such as https://rig.lab/sinew/"
 
 @dataclass(frozen=True)
 class PublicUrl:
-    """Scheme, host in lower case (an IPv6 address in brackets), port, and path prefix without its last slash."""
+    """Address of the service as browsers see it.
+
+    ``host`` is in lower case (an IPv6 address in brackets); ``prefix`` is the path without its last slash.
+    """
 
     scheme: str
     host: str
@@ -29,12 +32,12 @@ class PublicUrl:
 
     @property
     def netloc(self) -> str:
-        """Host, and port where it is not the scheme's own: what a browser sends as Host."""
+        """Host header of a browser: host, and port unless it is the scheme's default."""
         return self.host if self.port == _PORTS[self.scheme] else f"{self.host}:{self.port}"
 
     @property
     def origin(self) -> str:
-        """What a browser sends as Origin."""
+        """Origin header of a browser."""
         return f"{self.scheme}://{self.netloc}"
 
     @property
@@ -42,8 +45,8 @@ class PublicUrl:
         """Whether browsers reach it over https."""
         return self.scheme == "https"
 
-    def trusts(self, address: str) -> bool:
-        """Return whether a connection from an IP address is one of a trusted proxy."""
+    def is_trusted_proxy(self, address: str) -> bool:
+        """Return whether an IP address belongs to a trusted proxy."""
         try:
             found = ipaddress.ip_address(address)
         except ValueError:
@@ -56,8 +59,11 @@ class PublicUrl:
         return f"{self.origin}{self.prefix}"
 
 
-def read_public_url(text: str) -> PublicUrl:
-    """Return the address that a text says. Raises ValueError with what is wrong and what to write."""
+def parse_public_url(text: str) -> PublicUrl:
+    """Parse the address of the service behind a proxy.
+
+    Raises ValueError with the mistake and the expected form.
+    """
     try:
         parts = urlsplit(text.strip())
         port = parts.port
@@ -75,8 +81,11 @@ def read_public_url(text: str) -> PublicUrl:
     return PublicUrl(parts.scheme, host, _PORTS[parts.scheme] if port is None else port, parts.path.rstrip("/"))
 
 
-def read_networks(names: Iterable[str]) -> tuple[Network, ...]:
-    """Return the networks that addresses such as 10.0.0.5 or 10.0.0.0/24 name. Raises ValueError."""
+def parse_networks(names: Iterable[str]) -> tuple[Network, ...]:
+    """Parse addresses and networks such as 10.0.0.5 or 10.0.0.0/24.
+
+    Raises ValueError.
+    """
     found: list[Network] = []
     for name in names:
         try:

@@ -1,8 +1,8 @@
-"""The sample: one row per tick, defined once.
+"""Columns of the sample: one row of values per control step.
 
-The shared-memory ring, the stored recording, the websocket frame, the exports and the TypeScript types all derive
-from ``FIELDS``. A new signal is a new row here, and its value by name in ``backend.control.step.write_row``.
-``COMBINED`` are signals that nobody stores: what is drawn of them follows from the columns.
+Ring buffer, recordings, live stream, exports and TypeScript types derive from ``FIELDS``. A new signal is a new row
+here, and its value by name in ``backend.control.step.write_row``. ``COMBINED_SIGNALS`` are not stored: charts and
+exports compute them from the columns.
 """
 
 from collections.abc import Iterable
@@ -10,30 +10,30 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Literal
 
-from backend.documented import ANSWER, HIDDEN
+from backend.response_docs import HIDDEN_FIELD, RESPONSE_CONFIG
 
 
 @dataclass(frozen=True)
 class Field:
     """One column of a sample.
 
-    ``name`` is the spelling everywhere (Python, SQL, JSON, TypeScript, CSV); ``symbol`` is what a person reads;
-    ``unit`` is SI, "1" for counts and codes. Columns that ``derived`` marks follow from the index of the row, so
-    that recording and wire leave them out and rebuild them.
+    ``name`` is the identifier everywhere (Python, SQL, JSON, TypeScript, CSV); ``symbol`` is shown to people; ``unit``
+    is SI, "1" for counts and codes. ``derived`` columns follow from the index of the row: recordings and live stream
+    omit them.
     """
 
-    __pydantic_config__ = ANSWER
+    __pydantic_config__ = RESPONSE_CONFIG
 
     name: str
     symbol: str
     unit: str
     meaning: str
-    derived: bool = field(default=False, metadata=HIDDEN)
+    derived: bool = field(default=False, metadata=HIDDEN_FIELD)
 
 
 @dataclass(frozen=True)
 class Term:
-    """A column times ``sign``, and times a length of the joint's geometry where ``length`` names one."""
+    """A column times ``sign`` and, if ``length`` is set, times that joint dimension."""
 
     column: str
     sign: Literal[1, -1]
@@ -41,8 +41,8 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Combined:
-    """A signal that is the sum of its terms, tick by tick; ``name`` and ``unit`` as of a column."""
+class CombinedSignal:
+    """A signal that is the sum of its terms in each tick."""
 
     name: str
     unit: str
@@ -100,37 +100,44 @@ STORED_NAMES: tuple[str, ...] = tuple(field.name for field in STORED)
 ADDED_LATER: frozenset[str] = frozenset({"F_ext_hat", "F_wall"})
 """Signals that recordings and exports of earlier versions lack."""
 STORED_COLUMNS: list[int] = [INDEX[name] for name in STORED_NAMES]
-"""Where the stored fields stand in a row; a list, because numpy takes a tuple for one place in several dimensions."""
+"""Positions of the stored fields in a row.
+
+A list: numpy would take a tuple for one index in several dimensions.
+"""
 
 
-def _difference(of: str, taken: str, meaning: str) -> Combined:
-    unit = FIELDS[INDEX[of]].unit
-    return Combined(f"{of} - {taken}", unit, meaning, (Term(of, 1), Term(taken, -1)))
+def _make_difference(minuend: str, subtrahend: str, meaning: str) -> CombinedSignal:
+    unit = FIELDS[INDEX[minuend]].unit
+    return CombinedSignal(f"{minuend} - {subtrahend}", unit, meaning, (Term(minuend, 1), Term(subtrahend, -1)))
 
 
-COMBINED: tuple[Combined, ...] = (
-    _difference("q", "q_ref", "error of the joint position against its reference"),
-    _difference("q", "q_ref_gov", "error of the joint position against the governed reference, or the trajectory"),
-    _difference("S", "S_ref", "error of the joint stiffness against its reference"),
-    _difference("S", "S_ref_gov", "error of the joint stiffness against the governed reference, or the trajectory"),
-    _difference("S", "S_true", "error of the estimated joint stiffness against that of the simulator"),
-    _difference("theta_A", "theta_A_ref", "error of the position of motor A against its reference"),
-    _difference("theta_B", "theta_B_ref", "error of the position of motor B against its reference"),
-    _difference("F_A", "F_B", "force that the tendons turn the joint with, at r_j"),
-    Combined(
+COMBINED_SIGNALS: tuple[CombinedSignal, ...] = (
+    _make_difference("q", "q_ref", "error of the joint position against its reference"),
+    _make_difference("q", "q_ref_gov", "error of the joint position against the governed reference, or the trajectory"),
+    _make_difference("S", "S_ref", "error of the joint stiffness against its reference"),
+    _make_difference(
+        "S", "S_ref_gov", "error of the joint stiffness against the governed reference, or the trajectory"
+    ),
+    _make_difference("S", "S_true", "error of the estimated joint stiffness against that of the simulator"),
+    _make_difference("theta_A", "theta_A_ref", "error of the position of motor A against its reference"),
+    _make_difference("theta_B", "theta_B_ref", "error of the position of motor B against its reference"),
+    _make_difference("F_A", "F_B", "force that the tendons turn the joint with, at r_j"),
+    CombinedSignal(
         "x_A", "m", "elongation of spring A, by the measured angles", (Term("theta_A", 1, "r_m"), Term("q", -1, "r_j"))
     ),
-    Combined(
+    CombinedSignal(
         "x_B", "m", "elongation of spring B, by the measured angles", (Term("theta_B", 1, "r_m"), Term("q", 1, "r_j"))
     ),
 )
-COMBINED_BY_NAME: dict[str, Combined] = {combined.name: combined for combined in COMBINED}
-UNIT_OF: dict[str, str] = {field.name: field.unit for field in STORED} | {one.name: one.unit for one in COMBINED}
-"""Unit of everything that can be drawn."""
+COMBINED_SIGNAL_BY_NAME: dict[str, CombinedSignal] = {combined.name: combined for combined in COMBINED_SIGNALS}
+UNIT_BY_SIGNAL: dict[str, str] = {field.name: field.unit for field in STORED} | {
+    one.name: one.unit for one in COMBINED_SIGNALS
+}
+"""Unit of each signal that can be drawn."""
 
 
-def nearest(name: str, known: Iterable[str] = UNIT_OF) -> str:
-    """Return the known name that is most like a wrong one."""
+def find_nearest_name(name: str, known: Iterable[str] = UNIT_BY_SIGNAL) -> str:
+    """Return the known name that is most similar to a misspelled one."""
     names = list(known)
-    alike = [one for one in names if one.lower() == name.lower()]
-    return (alike or get_close_matches(name, names, 1, 0.0))[0]
+    same_letters = [known_name for known_name in names if known_name.lower() == name.lower()]
+    return (same_letters or get_close_matches(name, names, 1, 0.0))[0]

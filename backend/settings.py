@@ -1,4 +1,4 @@
-"""What the service can be told from outside: environment (``SINEW_...``) and command line."""
+"""Settings of the service: environment variables (``SINEW_...``) and command line."""
 
 import ipaddress
 import json
@@ -10,9 +10,9 @@ from typing import Annotated
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from backend.errors import require_station_name
+from backend.errors import check_station_name
 from backend.logs import Level
-from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
+from backend.public_url import LOOPBACK, PublicUrl, parse_networks, parse_public_url
 from plant import DEFAULT_WIRING, ErrorCode, PlantChoice, PlantKind, SinewError
 
 _PREFIX = "SINEW_"
@@ -20,13 +20,13 @@ _HOST_NAME = re.compile(r"[\w.-]{1,253}", re.ASCII)
 
 
 class UnusableSettingError(SinewError):
-    """The environment says something that cannot be used; the message names the variable and what it takes."""
+    """An environment variable with a rejected value; the message names it."""
 
     category = ErrorCode.BAD_VALUE
 
 
-def _listed(given: object) -> object:
-    """Return the texts in ``given``: with commas between them, or a JSON list."""
+def _split_list(given: object) -> object:
+    """Split a text at commas, or parse it as a JSON list; other types stay unchanged."""
     if not isinstance(given, str):
         return given
     try:
@@ -36,25 +36,25 @@ def _listed(given: object) -> object:
     return [text.strip() if isinstance(text, str) else str(text) for text in texts]
 
 
-def _host_names(given: tuple[str, ...]) -> tuple[str, ...]:
+def _check_host_names(given: tuple[str, ...]) -> tuple[str, ...]:
     for name in given:
         if not _HOST_NAME.fullmatch(name) or name.isdigit():
             raise ValueError(f"{name!r} is no host name: give names such as rig.lab, without http:// or a port")
     return given
 
 
-def _public_url(given: str | None) -> str | None:
-    """Return the address in its one form; ValueError for what is none."""
-    return None if given is None else f"{read_public_url(given)}/"
+def _normalize_public_url(given: str | None) -> str | None:
+    """Return the normal form of the address. Raises ValueError."""
+    return None if given is None else f"{parse_public_url(given)}/"
 
 
-def _networks(given: tuple[str, ...]) -> tuple[str, ...]:
-    read_networks(given)
+def _check_networks(given: tuple[str, ...]) -> tuple[str, ...]:
+    parse_networks(given)
     return given
 
 
-def _without_tilde(path: Path) -> Path:
-    """Return a path with ~ as the home of an account, where no shell has put that in its place."""
+def _expand_home(path: Path) -> Path:
+    """Return a path with ~ replaced, as a shell does it on the command line."""
     try:
         return path.expanduser()
     except RuntimeError:
@@ -62,51 +62,76 @@ def _without_tilde(path: Path) -> Path:
 
 
 class Settings(BaseSettings):
-    """Settings of one service process.
-
-    ``plant`` is ``simulator``, ``rig``, ``replay`` or the name of a plant that an installed package offers. A rig
-    has a ``wiring``, shipped or a file; with ``virtual_card`` a simulated card takes the place of the real one, at
-    ``card_address`` it is reached through NI's device server. A replay plays ``recording``. ``database_url``
-    defaults to SQLite in the data folder; its password may stand in a file instead, so that no environment shows
-    it. ``allowed_hosts`` are further names the dashboard may be reached by (the Host header is checked against DNS
-    rebinding). ``public_url`` is the address at which browsers reach the service through a reverse proxy,
-    ``trusted_proxies`` are the addresses or networks of the proxies whose X-Forwarded-For counts: with a public URL
-    those of this machine where none is named. ``require_token`` off makes everyone an operator and is refused on
-    any address but a loopback one, and with a public URL. ``show_link`` says whether the sign-in link is printed at
-    the start; None: on a terminal only, as what is not a terminal is a log that others keep and read. Flight
-    records of trips beyond ``flight_records`` or ``flight_records_MB`` give way to new ones, captures of triggers
-    likewise. Recordings beyond ``recordings_GB`` may go once they are older than ``recordings_keep_days``, which is
-    for a person to decide. ``station`` tells rigs apart that share a database. The log on standard error holds
-    ``log_level`` and above; start, stop, connections, modes and runs are at info.
-    """
+    """Settings of one service process."""
 
     model_config = SettingsConfigDict(env_prefix=_PREFIX, env_ignore_empty=True, extra="ignore", frozen=True)
 
-    data: Annotated[Path, AfterValidator(_without_tilde)] = Path("data")
+    data: Annotated[Path, AfterValidator(_expand_home)] = Path("data")
+
     plant: str = "simulator"
+    """``simulator``, ``rig``, ``replay`` or the name of a plant from an installed package."""
+
     virtual_card: bool = False
+    """Whether a simulated card replaces the card of the rig."""
+
     wiring: str = DEFAULT_WIRING
+    """Wiring file of the rig: the name of a shipped one, or a path."""
+
     card_address: str = ""
+    """Address of the card on NI's device server; empty for a local card."""
+
     recording: Path | None = None
+    """Recording that plant ``replay`` plays."""
+
     params: str = "lab"
     host: str = "127.0.0.1"
     port: int = Field(default=8000, ge=0, le=65535)
+
     database_url: str | None = Field(default=None, repr=False)
+    """None selects SQLite in the data folder."""
+
     database_password_file: Path | None = None
+    """File with the password, so that no environment variable shows it."""
+
     station: str = ""
+    """Name of this rig among several on one database."""
+
     require_token: bool = True
-    allowed_hosts: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_listed), AfterValidator(_host_names)] = ()
-    public_url: Annotated[str | None, AfterValidator(_public_url)] = None
-    trusted_proxies: Annotated[tuple[str, ...], NoDecode, BeforeValidator(_listed), AfterValidator(_networks)] = ()
+    """False makes everyone an operator: rejected beyond loopback addresses, and with a public URL."""
+
+    allowed_hosts: Annotated[
+        tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_check_host_names)
+    ] = ()
+    """Further names of the dashboard, for the check of the Host header against DNS rebinding."""
+
+    public_url: Annotated[str | None, AfterValidator(_normalize_public_url)] = None
+    """Address at which browsers reach the service through a reverse proxy."""
+
+    trusted_proxies: Annotated[
+        tuple[str, ...], NoDecode, BeforeValidator(_split_list), AfterValidator(_check_networks)
+    ] = ()
+    """Proxies whose X-Forwarded-For is used, as addresses or networks; with a public URL by default this machine."""
+
     show_link: bool | None = None
+    """Whether the start prints the sign-in link; None: on a terminal only, as others may read a log."""
+
     flight_records: int = Field(default=300, ge=1, le=100_000)
+    """Number of flight records that are stored; the oldest are deleted. Trigger captures have the same limit."""
+
     flight_records_MB: int = Field(default=100, ge=1, le=100_000)
+    """Size of the stored flight records [MB], and of the trigger captures."""
+
     recordings_GB: float = Field(default=20.0, gt=0.0, le=100_000.0)
+    """Size [GB] beyond which recordings may be deleted, which a person decides."""
+
     recordings_keep_days: int = Field(default=30, ge=0, le=36_500)
+    """Age [days] from which recordings may be deleted."""
+
     log_level: Level = "warning"
+    """Least level of the log on standard error; start, stop, connections, modes and runs have level info."""
 
     @model_validator(mode="after")
-    def _no_open_door(self) -> "Settings":
+    def _require_token_beyond_loopback(self) -> "Settings":
         if not self.require_token and not is_loopback(self.host):
             raise ValueError(
                 f"host {self.host} is reachable from other machines and needs the token: "
@@ -115,7 +140,7 @@ class Settings(BaseSettings):
         return self
 
     @model_validator(mode="after")
-    def _no_open_proxy(self) -> "Settings":
+    def _require_token_behind_proxy(self) -> "Settings":
         if not self.require_token and self.public_url is not None:
             raise ValueError(
                 f"{self.public_url} is reachable from other machines and needs the token: leave require_token on"
@@ -123,12 +148,12 @@ class Settings(BaseSettings):
         return self
 
     @model_validator(mode="after")
-    def _named_station(self) -> "Settings":
-        require_station_name(self.station)
+    def _check_station(self) -> "Settings":
+        check_station_name(self.station)
         return self
 
     @model_validator(mode="after")
-    def _one_plant(self) -> "Settings":
+    def _check_plant(self) -> "Settings":
         rig = self.plant == PlantKind.RIG
         for given, name in ((self.virtual_card, "virtual_card"), (self.card_address, "card_address")):
             if given and not rig:
@@ -140,21 +165,21 @@ class Settings(BaseSettings):
         return self
 
     @model_validator(mode="after")
-    def _proxies_of_a_public_url(self) -> "Settings":
+    def _check_proxies(self) -> "Settings":
         if self.trusted_proxies and self.public_url is None:
             raise ValueError("trusted_proxies are those of a public URL: give public_url too, or leave them out")
         return self
 
     @property
     def public(self) -> PublicUrl | None:
-        """Where browsers reach the service through a proxy, with the proxies that are trusted; None without one."""
+        """The address behind a proxy with its trusted proxies; None without a proxy."""
         if self.public_url is None:
             return None
-        return replace(read_public_url(self.public_url), proxies=read_networks(self.trusted_proxies) or LOOPBACK)
+        return replace(parse_public_url(self.public_url), proxies=parse_networks(self.trusted_proxies) or LOOPBACK)
 
     @property
     def plant_choice(self) -> PlantChoice:
-        """Which plant is to be driven."""
+        """The plant to control."""
         match self.plant:
             case PlantKind.SIMULATOR:
                 return PlantChoice()
@@ -167,7 +192,7 @@ class Settings(BaseSettings):
                 return PlantChoice(PlantKind.PACKAGE, package=package)
 
     def database_password(self) -> str | None:
-        """Return the password in ``database_password_file``, None where no file is named.
+        """Read the password from ``database_password_file``; None without a file.
 
         Raises UnusableSettingError.
         """
@@ -183,19 +208,21 @@ class Settings(BaseSettings):
         return password
 
 
-def settings_of_environment() -> Settings:
-    """Return what the environment says, defaults elsewhere. Raises UnusableSettingError."""
+def load_environment_settings() -> Settings:
+    """Return the settings of the environment. Raises UnusableSettingError."""
     try:
         return Settings()
     except ValidationError as error:
         details = error.errors(include_url=False)
-        said = "; ".join(_sentence(detail["loc"], detail["input"], detail["msg"]) for detail in details)
-        raise UnusableSettingError(said) from None
+        message = "; ".join(
+            _format_validation_error(detail["loc"], detail["input"], detail["msg"]) for detail in details
+        )
+        raise UnusableSettingError(message) from None
 
 
-def _sentence(place: tuple[int | str, ...], given: object, message: str) -> str:
-    said = message.removeprefix("Value error, ")
-    return f"{_PREFIX}{str(place[0]).upper()}={given}: {said}" if place else said
+def _format_validation_error(location: tuple[int | str, ...], given: object, message: str) -> str:
+    reason = message.removeprefix("Value error, ")
+    return f"{_PREFIX}{str(location[0]).upper()}={given}: {reason}" if location else reason
 
 
 def is_loopback(host: str) -> bool:

@@ -1,7 +1,7 @@
-"""Keeps what runs in the background running: a task or a thread that dies is logged, told, and started anew.
+"""Runs background tasks and threads; logs, reports and restarts those that die.
 
-Nothing here can itself die unseen: a task's end calls back, whoever ended it, and threads are looked at by a timer of
-the event loop. A part that dies again soon is started again later each time, LONGEST_PAUSE_S later at most.
+The end of a task triggers a callback; a timer of the event loop checks the threads. The restart delay doubles with each
+failure in a row, up to MAX_RESTART_DELAY_S.
 """
 
 import asyncio
@@ -12,220 +12,236 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-FIRST_PAUSE_S = 0.1
-LONGEST_PAUSE_S = 10.0
+FIRST_RESTART_DELAY_S = 0.1
+MAX_RESTART_DELAY_S = 10.0
 
-WELL_S = 60.0
-"""A part that has lived for so long [s] since it was started anew is well: its death is a matter for the journal."""
+STABLE_AFTER_S = 60.0
+"""Time [s] after its restart at which a part counts as stable.
 
-LOOK_S = 0.1
-"""How often threads are looked at [s]."""
+Listeners are notified when a stable part fails, not of each failure in a row.
+"""
 
-_LOG = logging.getLogger(__name__)
+CHECK_PERIOD_S = 0.1
+"""Period of the check of the threads [s]."""
+
+_log = logging.getLogger(__name__)
 
 
 class Part(NamedTuple):
-    """Something that runs in the background.
+    """A task, thread or process that runs in the background.
 
-    ``name`` begins a sentence ("The live stream"); ``meaning`` is one for the operator: what is lost while the part is
-    not there.
+    ``name`` begins a sentence of a message ("The live stream"). ``consequence`` is a sentence for the operator: what
+    does not work while the part is not running.
     """
 
     name: str
-    meaning: str
+    consequence: str
 
 
 @dataclass
-class _Deaths:
-    """How often a part has died lately, of what, when last [s], and when it is started anew."""
+class _FailureRecord:
+    """Recent failures of one part: cause, number in a row, time of the restart [s]."""
 
     part: Part
     cause: str = ""
     count: int = 0
-    at: float = 0.0
-    again_at: float = 0.0
+    restart_at: float = 0.0
 
 
 class Supervision:
-    """The parts of one service. Belongs to one asyncio event loop."""
+    """Starts and restarts the background parts of one service.
+
+    Belongs to one asyncio event loop.
+    """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._deaths: dict[str, _Deaths] = {}
-        self._threads: list[KeptThread] = []
-        self._tasks: list[KeptTask] = []
+        self._failures: dict[str, _FailureRecord] = {}
+        self._threads: list[SupervisedThread] = []
+        self._tasks: list[SupervisedTask] = []
         self._listeners: list[Callable[[str], None]] = []
-        self._look_due: asyncio.TimerHandle | None = None
+        self._check_timer: asyncio.TimerHandle | None = None
 
-    def listen(self, told: Callable[[str], None]) -> None:
-        """Call ``told`` with a sentence when a part dies that was well before."""
-        self._listeners.append(told)
+    def add_listener(self, listener: Callable[[str], None]) -> None:
+        """Call ``listener`` with a message whenever a part fails that was stable."""
+        self._listeners.append(listener)
 
-    def keep_task(
+    def start_task(
         self, part: Part, work: Callable[[], Coroutine[Any, Any, None]], on_death: Callable[[], None] | None = None
-    ) -> "KeptTask":
-        """Run ``work()`` as a task until it returns or is ended; ``on_death`` is called at once when it dies."""
-        kept = KeptTask(part, work, self.died, on_death)
-        self._tasks = [*(earlier for earlier in self._tasks if not earlier.is_over), kept]
-        return kept
+    ) -> "SupervisedTask":
+        """Run ``work()`` as a task until it returns or is ended.
 
-    def keep_thread(self, part: Part, work: Callable[[], None], tell: Callable[[], None]) -> "KeptThread":
-        """Run ``work()`` in a thread until it returns; ``tell`` tells it to."""
-        kept = KeptThread(part, work, tell, self.died)
-        self._threads.append(kept)
-        if self._look_due is None:
-            self._look()
-        return kept
+        ``on_death`` is called at once when the task fails; the task restarts after a delay.
+        """
+        task = SupervisedTask(part, work, self.record_failure, on_death)
+        self._tasks = [*(earlier for earlier in self._tasks if not earlier.is_finished), task]
+        return task
 
-    def died(self, part: Part, cause: str, error: BaseException | None = None) -> float:
-        """Take note of a death; return after how long [s] the part may be started anew.
+    def start_thread(
+        self, part: Part, work: Callable[[], None], request_stop: Callable[[], None]
+    ) -> "SupervisedThread":
+        """Run ``work()`` in a thread until it returns; ``request_stop`` asks it to."""
+        thread = SupervisedThread(part, work, request_stop, self.record_failure)
+        self._threads.append(thread)
+        if self._check_timer is None:
+            self._check_threads()
+        return thread
 
-        Called by what was begun here, and by whoever starts something anew by itself.
+    def record_failure(self, part: Part, cause: str, error: BaseException | None = None) -> float:
+        """Record that a part failed and return the delay [s] until its restart.
+
+        Called by the tasks and threads of this module, and by parts that restart their own processes.
         """
         now = self._clock()
-        deaths = self._deaths.setdefault(part.name, _Deaths(part))
-        was_well = not deaths.count or now - deaths.again_at >= WELL_S
-        deaths.count = 1 if was_well else deaths.count + 1
-        deaths.cause, deaths.at = cause, now
-        pause = min(FIRST_PAUSE_S * 2.0 ** min(deaths.count - 1, 30), LONGEST_PAUSE_S)
-        deaths.again_at = now + pause
-        _LOG.error("%s died: %s", part.name, cause, exc_info=error)
-        if was_well:
-            self._tell(f"{part.name} died ({cause}) and is started anew.")
-        return pause
+        record = self._failures.setdefault(part.name, _FailureRecord(part))
+        was_stable = not record.count or now - record.restart_at >= STABLE_AFTER_S
+        record.count = 1 if was_stable else record.count + 1
+        record.cause = cause
+        delay_s = min(FIRST_RESTART_DELAY_S * 2.0 ** min(record.count - 1, 30), MAX_RESTART_DELAY_S)
+        record.restart_at = now + delay_s
+        _log.error("%s died: %s", part.name, cause, exc_info=error)
+        if was_stable:
+            self._notify(f"{part.name} died ({cause}) and is started anew.")
+        return delay_s
 
     @property
     def problems(self) -> list[str]:
-        """What has died lately and what that means, a few sentences per part."""
+        """Messages on the parts that failed recently, one per part."""
         now = self._clock()
-        return [_sentence(deaths, now) for deaths in self._deaths.values() if now - deaths.again_at < WELL_S]
+        return [
+            _describe_failure(record, now)
+            for record in self._failures.values()
+            if now - record.restart_at < STABLE_AFTER_S
+        ]
 
     async def close(self) -> None:
-        """End the tasks that are left and look at threads no longer; those are ended by whoever began them."""
-        if self._look_due is not None:
-            self._look_due.cancel()
-        for kept in self._tasks:
-            await kept.end()
+        """End the tasks and stop checking the threads, which their owners end."""
+        if self._check_timer is not None:
+            self._check_timer.cancel()
+        for task in self._tasks:
+            await task.end()
 
-    def _tell(self, sentence: str) -> None:
-        for told in self._listeners:
+    def _notify(self, message: str) -> None:
+        for listener in self._listeners:
             try:
-                told(sentence)
+                listener(message)
             except Exception:
-                _LOG.exception("A listener failed on %r.", sentence)
+                _log.exception("A listener failed on %r.", message)
 
-    def _look(self) -> None:
-        self._look_due = asyncio.get_running_loop().call_later(LOOK_S, self._look)
+    def _check_threads(self) -> None:
+        self._check_timer = asyncio.get_running_loop().call_later(CHECK_PERIOD_S, self._check_threads)
         now = self._clock()
-        for kept in self._threads:
-            kept.look(now)
-        self._threads = [kept for kept in self._threads if not kept.done]
+        for thread in self._threads:
+            thread.check(now)
+        self._threads = [thread for thread in self._threads if not thread.is_done]
 
 
-class KeptTask:
-    """A task that is started anew when it dies: of an exception, or cancelled by anybody but ``end``."""
+class SupervisedTask:
+    """A task that restarts when it raises, or is cancelled by anyone but ``end``."""
 
     def __init__(
         self,
         part: Part,
         work: Callable[[], Coroutine[Any, Any, None]],
-        died: Callable[[Part, str, BaseException | None], float],
+        on_failure: Callable[[Part, str, BaseException | None], float],
         on_death: Callable[[], None] | None = None,
     ) -> None:
-        self._part, self._work, self._died, self._on_death = part, work, died, on_death
+        self._part, self._work, self._on_failure, self._on_death = part, work, on_failure, on_death
         self._loop = asyncio.get_running_loop()
         self._ending = False
-        self._over = asyncio.Event()
-        self._again: asyncio.TimerHandle | None = None
+        self._finished = asyncio.Event()
+        self._restart_timer: asyncio.TimerHandle | None = None
         self._task = self._start()
 
     @property
-    def is_over(self) -> bool:
+    def is_finished(self) -> bool:
         """Whether the work has returned or was ended."""
-        return self._over.is_set()
+        return self._finished.is_set()
 
-    async def ended(self) -> None:
+    async def wait(self) -> None:
         """Wait until the work has returned or was ended."""
-        await self._over.wait()
+        await self._finished.wait()
 
     async def end(self) -> None:
         """Cancel the work and wait for its end."""
         self.cancel()
-        await self._over.wait()
+        await self._finished.wait()
 
     def cancel(self) -> None:
-        """Cancel the work, without waiting; it is not started anew."""
+        """Cancel the work without waiting; it does not restart."""
         self._ending = True
-        if self._again is not None:
-            self._again.cancel()
+        if self._restart_timer is not None:
+            self._restart_timer.cancel()
         if self._task.done():
-            self._over.set()
+            self._finished.set()
         else:
             self._task.cancel()
 
     @property
     def is_current(self) -> bool:
-        """Whether this is the task that asks."""
+        """Whether the caller runs in this task."""
         return self._task is asyncio.current_task()
 
     def _start(self) -> asyncio.Task[None]:
         self._task = self._loop.create_task(self._work(), name=self._part.name)
-        self._task.add_done_callback(self._ended)
+        self._task.add_done_callback(self._on_done)
         return self._task
 
-    def _ended(self, task: asyncio.Task[None]) -> None:
+    def _on_done(self, task: asyncio.Task[None]) -> None:
         error = None if task.cancelled() else task.exception()
         if self._ending or (error is None and not task.cancelled()):
             if error is not None:
-                _LOG.error("%s failed while it ended.", self._part.name, exc_info=error)
-            self._over.set()
+                _log.error("%s failed while it ended.", self._part.name, exc_info=error)
+            self._finished.set()
             return
         try:
-            pause = self._died(self._part, _cause(error, "it was cancelled"), error)
+            delay_s = self._on_failure(self._part, _describe_cause(error, "it was cancelled"), error)
         except Exception:
-            _LOG.exception("The supervision could not record that %s failed.", self._part.name)
-            pause = LONGEST_PAUSE_S
-        self._again = self._loop.call_later(pause, self._start)
+            _log.exception("The supervision could not record that %s failed.", self._part.name)
+            delay_s = MAX_RESTART_DELAY_S
+        self._restart_timer = self._loop.call_later(delay_s, self._start)
         if self._on_death is not None:
             self._on_death()
 
 
-class KeptThread:
-    """A thread that is started anew when it dies of an exception, or without a word."""
+class SupervisedThread:
+    """A thread that restarts when it raises or ends without returning."""
 
     def __init__(
         self,
         part: Part,
         work: Callable[[], None],
-        tell: Callable[[], None],
-        died: Callable[[Part, str, BaseException | None], float],
+        request_stop: Callable[[], None],
+        on_failure: Callable[[Part, str, BaseException | None], float],
     ) -> None:
-        self._part, self._work, self._tell, self._died = part, work, tell, died
+        self._part, self._work, self._request_stop, self._on_failure = part, work, request_stop, on_failure
         self._error: BaseException | None = None
         self._returned = False
         self._ending = False
-        self._again_at: float | None = None
+        self._restart_at: float | None = None
         self._thread = self._start()
 
     @property
-    def done(self) -> bool:
-        """Whether nothing is left to keep."""
+    def is_done(self) -> bool:
+        """Whether the work has returned, or the thread was ended."""
         return self._returned or (self._ending and not self._thread.is_alive())
 
     def end(self, timeout_s: float | None = None) -> None:
-        """Tell the work to end and wait for that; it is not started anew."""
+        """Ask the work to stop and wait for that; it does not restart."""
         self._ending = True
-        self._tell()
+        self._request_stop()
         self._thread.join(timeout_s)
 
-    def look(self, now: float) -> None:
-        """Start the thread anew where it has died and its pause is over."""
+    def check(self, now: float) -> None:
+        """Restart the thread when it has died and its delay is over; ``now`` in s."""
         if self._returned or self._ending or self._thread.is_alive():
             return
-        if self._again_at is None:
-            self._again_at = now + self._died(self._part, _cause(self._error, "it ended without a word"), self._error)
-        elif now >= self._again_at:
-            self._error = self._again_at = None
+        if self._restart_at is None:
+            self._restart_at = now + self._on_failure(
+                self._part, _describe_cause(self._error, "it ended without a word"), self._error
+            )
+        elif now >= self._restart_at:
+            self._error = self._restart_at = None
             self._start()
 
     def _start(self) -> threading.Thread:
@@ -236,17 +252,17 @@ class KeptThread:
     def _run(self) -> None:
         try:
             self._work()
-        except BaseException as error:  # SystemExit too: a thread that ends so says nothing by itself
+        except BaseException as error:  # SystemExit too: it would end the thread silently
             self._error = error
         else:
             self._returned = True
 
 
-def _cause(error: BaseException | None, otherwise: str) -> str:
+def _describe_cause(error: BaseException | None, otherwise: str) -> str:
     return otherwise if error is None else f"{type(error).__name__}: {error}".removesuffix(": ")
 
 
-def _sentence(deaths: _Deaths, now: float) -> str:
-    being = "was" if now >= deaths.again_at else "is being"
-    times = "" if deaths.count == 1 else f", {deaths.count} times in a row"
-    return f"{deaths.part.name} died ({deaths.cause}) and {being} started anew{times}. {deaths.part.meaning}"
+def _describe_failure(record: _FailureRecord, now: float) -> str:
+    being = "was" if now >= record.restart_at else "is being"
+    times = "" if record.count == 1 else f", {record.count} times in a row"
+    return f"{record.part.name} died ({record.cause}) and {being} started anew{times}. {record.part.consequence}"

@@ -1,4 +1,4 @@
-"""Worker processes beside the service: what they may load and take, and the results they hand back."""
+"""Worker processes of the service, with limits of time and memory."""
 
 import asyncio
 import multiprocessing
@@ -24,126 +24,125 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 from backend.supervision import Part, Supervision
 from plant import ErrorCode, SinewError
 
-# Forks ---------------------------------------------------------------------------------------------
+# Start of processes --------------------------------------------------------------------------------
 #
-# No process of ours is ever copied: a fork would hold the lock, the database and every socket, and
-# outlive us.
-#
-# Processes that are started anew import nothing from the working directory, where a file may be
-# called as a module is.
+# The service never forks: the copy would keep its lock, its database and its sockets open after the
+# service has ended. Spawned processes do not import from the working directory, where a file may
+# have the name of a module.
 
 
 SAFE_PATH = "PYTHONSAFEPATH"
-"""Variable that keeps Python from searching the working directory for modules, as -P does."""
+"""Variable that excludes the working directory from imports, as option -P does."""
 
 
-class ForkRefusedError(SinewError):
-    """Something tried to fork the process."""
+class ForkForbiddenError(SinewError):
+    """Code of this process called fork."""
 
 
 def exclude_working_directory() -> None:
-    """Let no Python process that this one starts import from the working directory; for good, and for theirs too.
+    """Keep all later child processes from importing from the working directory.
 
-    multiprocessing has no option for its processes and its tracker of resources: they take it from the environment.
+    Uses the environment, which children inherit: multiprocessing has no option for its processes and its resource
+    tracker.
     """
     os.environ[SAFE_PATH] = "1"
 
 
-def spawning() -> SpawnContext:
-    """Return the context whose processes are programs started anew, which import nothing from here."""
+def get_spawn_context() -> SpawnContext:
+    """Return the context that spawns processes, without the working directory."""
     exclude_working_directory()
     return multiprocessing.get_context("spawn")
 
 
-def refuse_forks() -> None:
-    """Let every fork of this process fail with ForkRefusedError, for good.
+def forbid_forks() -> None:
+    """Make every fork of this process raise ForkForbiddenError, permanently.
 
-    New programs can still be started, as all descriptors of ours close on exec: subprocesses, and processes of
-    ``multiprocessing``, which are spawned unless they ask for a fork by name.
+    New programs can still be started, as all descriptors close on exec: subprocesses, and processes of
+    ``multiprocessing``, which are spawned unless a fork is requested by name.
     """
     exclude_working_directory()
     multiprocessing.set_start_method("spawn", force=True)
-    sys.addaudithook(_refuse)
+    sys.addaudithook(_reject_fork)
 
 
-def _refuse(event: str, _arguments: object) -> None:
+def _reject_fork(event: str, _arguments: object) -> None:
     if event in ("os.fork", "os.forkpty"):
-        raise ForkRefusedError("the service does not fork: its lock, database and sockets would live on in the copy")
+        raise ForkForbiddenError("the service does not fork: its lock, database and sockets would live on in the copy")
 
 
 # Libraries -----------------------------------------------------------------------------------------
 #
-# The libraries that no start needs and that take seconds to load: whoever computes with one imports
-# it where it does.
-#
-# The first curve waits for none of them. The service loads them behind it (``backend.main``), so
-# that whoever asks first does not wait for that either; a process beside the service loads what its
-# work will need.
+# Libraries that take seconds to load and that the start does not need. Code that computes with them
+# imports them where it does. The service loads them after its start (``backend.main``), so that the
+# first request does not wait; a worker process loads those of its work.
 
 
-SCIENCE = ("scipy.fft", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats", "control")
-DRAWING = ("scipy.signal", "matplotlib.figure", "typst")
-TABLES = ("scipy.io", "pyarrow.csv", "pyarrow.parquet")
+NUMERIC_LIBRARIES = ("scipy.fft", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.stats", "control")
+DRAWING_LIBRARIES = ("scipy.signal", "matplotlib.figure", "typst")
+TABLE_LIBRARIES = ("scipy.io", "pyarrow.csv", "pyarrow.parquet")
 
 
-def load(*names: str) -> None:
-    """Import these modules, in this order."""
+def import_modules(*names: str) -> None:
+    """Import modules in this order."""
     for name in names:
         import_module(name)
 
 
-# Offload -------------------------------------------------------------------------------------------
+# Worker process ------------------------------------------------------------------------------------
 #
-# A process beside the service for what takes long: the live stream does not stutter while it
-# computes.
+# Long computations run in a process of their own, so that the live stream is not delayed. When the
+# process dies, this is reported at once, the interrupted work is repeated once, and the next work
+# starts a new process. Work beyond its limit of time or memory is killed and not repeated.
 #
-# The process may die (killed for memory, by a person, by what it computes): that is told at once,
-# the next work starts another one, and the work that it died over is done once more. Work that
-# takes longer or more memory than its limit allows is ended with its process, and not done again.
-#
-# Imports nothing of the project but ``forks``, so that the process loads only what its work needs.
+# This module imports few modules of the project, because each worker process imports it.
 
 
 P = ParamSpec("P")
 T = TypeVar("T")
 
-POLITE = 10
-"""Niceness of work that nobody at the bench waits for: the loop, the recorder and the stream come first."""
+BACKGROUND_NICENESS = 10
+"""Niceness of work that nobody at the rig waits for.
+
+Control loop, recorder and live stream come first.
+"""
 
 
-_MEMORY_ENDS = (-signal.SIGABRT, -signal.SIGSEGV)
-"""Exit codes of libraries that end their process when they are refused memory."""
+_OUT_OF_MEMORY_EXIT_CODES = (-signal.SIGABRT, -signal.SIGSEGV)
+"""Exit codes of processes whose libraries abort when an allocation fails."""
 
-_END_S = 5.0
-"""Longest time between the last sign of a process that dies and its end [s]."""
+_EXIT_TIMEOUT_S = 5.0
+"""Longest time from the closed pipes of a dying process to its exit code [s]."""
 
-_LOOK_S = 0.01
+_EXIT_POLL_S = 0.01
 
 
 class WorkerDiedError(SinewError):
-    """The process died over a work, and the one after it too."""
+    """The worker process died twice during the same work."""
 
     category = ErrorCode.UNAVAILABLE
 
 
 @dataclass(frozen=True)
 class WorkLimits:
-    """What one work may take: ``limit_s`` of time [s] and ``memory_bytes`` beyond its loaded modules; None: no limit.
-
-    The start of the process and the import of the work's module and of ``libraries``, which it imports only when it
-    runs, do not count. ``remedy`` says what to change.
-    """
+    """Limits of one work; the start of the process and imports do not count."""
 
     limit_s: float | None = None
+    """Time [s]; None: no limit."""
+
     memory_bytes: int | None = None
+    """Memory beyond the loaded modules [bytes]; None: no limit."""
+
     remedy: str = "ask for less"
+    """What the user can change to stay within the limits."""
+
     libraries: tuple[str, ...] = ()
+    """Modules that the work imports only when it runs; they are imported before the limits apply."""
 
 
 class WorkLimitError(SinewError):
-    """A work took more than its limit of ``quantity`` [``unit``] and was ended.
+    """A work exceeded its limit of ``quantity`` [``unit``] and was killed.
 
-    ``bound`` is None where the memory of the machine itself was the limit.
+    ``bound`` is None where the memory of the machine was the limit.
     """
 
     category = ErrorCode.BAD_VALUE
@@ -155,162 +154,176 @@ class WorkLimitError(SinewError):
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Code, and the limit with its unit."""
+        """Fields of the error response: code, and the limit with its unit."""
         return {"code": "work_limit", "quantity": self.quantity, "maximum": self.bound, "unit": self.unit}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Come from one process to another as it is."""
+        """Pickle the error by the arguments of its constructor."""
         return type(self), (self.quantity, self.bound, self.unit, self.remedy)
 
 
-class Offload:
-    """One process of a ``niceness``, started by the first work; works one after the other, each within ``limits``.
+class WorkerProcess:
+    """One worker process that runs works one after the other within limits.
 
-    ``died`` is called with a cause when the process dies without having been ended. Belongs to one event loop.
+    The first work starts the process. ``on_death`` is called with a cause when the process dies unexpectedly. Belongs
+    to one event loop.
     """
 
-    def __init__(self, died: Callable[[str], object], niceness: int = POLITE, limits: WorkLimits | None = None) -> None:
-        self._died = died
+    def __init__(
+        self, on_death: Callable[[str], object], niceness: int = BACKGROUND_NICENESS, limits: WorkLimits | None = None
+    ) -> None:
+        self._on_death = on_death
         self._niceness = niceness
         self._limits = limits or WorkLimits()
-        self._worker: _Worker | None = None
-        self._turn = asyncio.Lock()
+        self._pool: _SingleProcessPool | None = None
+        self._lock = asyncio.Lock()
         self._closed = False
 
     async def run(self, work: Callable[P, T], *arguments: P.args, **_none: P.kwargs) -> T:
         """Return ``work(*arguments)``, computed in the process; both must be picklable.
 
-        One that is cancelled meanwhile ends the process: nobody waits for the result. Work that its process dies over
-        is done again, so that it may be done twice, never halfway. Raises WorkerDiedError the second time, and
-        WorkLimitError for work beyond the limits.
+        Cancelling this coroutine kills the process. Work during which the process dies is repeated once, so it may run
+        twice, but never incompletely. Raises WorkerDiedError if the process dies again, and WorkLimitError for work
+        beyond the limits.
         """
-        async with self._turn:
+        async with self._lock:
             for _ in range(2):
-                worker = self._present()
+                pool = self._get_pool()
                 try:
-                    return await self._limited(worker, work, *arguments, **_none)
+                    return await self._run_limited(pool, work, *arguments, **_none)
                 except BrokenProcessPool:
                     if self._closed:
                         raise
-                    self._gone(worker)
-                    if self._limits.memory_bytes is not None and await worker.exit_code() in _MEMORY_ENDS:
-                        raise self._beyond_memory() from None
-                except MemoryError:  # what the process holds by now is not known
-                    self._end(worker)
-                    raise self._beyond_memory() from None
+                    self._on_exit(pool)
+                    if self._limits.memory_bytes is not None and await pool.exit_code() in _OUT_OF_MEMORY_EXIT_CODES:
+                        raise self._memory_error() from None
+                except MemoryError:  # the state of the process is unknown
+                    self._end(pool)
+                    raise self._memory_error() from None
                 except asyncio.CancelledError:
-                    self._end(worker)
+                    self._end(pool)
                     raise
         raise WorkerDiedError(
             "the process that computes this died over it twice: look whether the machine is short of memory"
         )
 
-    async def _limited(self, worker: "_Worker", work: Callable[P, T], *arguments: P.args, **_none: P.kwargs) -> T:
+    async def _run_limited(
+        self, pool: "_SingleProcessPool", work: Callable[P, T], *arguments: P.args, **_none: P.kwargs
+    ) -> T:
         limits = self._limits
-        await asyncio.wrap_future(worker.pool.submit(_load, work, limits.libraries))
-        if limits.memory_bytes is not None and not worker.is_limited:
-            await asyncio.wrap_future(worker.pool.submit(_limit_memory, limits.memory_bytes))
-            worker.is_limited = True
-        working = asyncio.wrap_future(worker.pool.submit(partial(_carried, work, *arguments)))
+        await asyncio.wrap_future(pool.executor.submit(_import_libraries, work, limits.libraries))
+        if limits.memory_bytes is not None and not pool.is_limited:
+            await asyncio.wrap_future(pool.executor.submit(_limit_memory, limits.memory_bytes))
+            pool.is_limited = True
+        working = asyncio.wrap_future(pool.executor.submit(partial(_run_work, work, *arguments)))
         try:
             done, _ = await asyncio.wait({working}, timeout=limits.limit_s)
         finally:
-            if not working.done():  # nobody hears what becomes of it
+            if not working.done():  # nobody awaits its result
                 working.cancel()
         if not done:
-            self._end(worker)
+            self._end(pool)
             raise WorkLimitError("computing time", limits.limit_s, "s", limits.remedy)
         result = working.result()
-        if isinstance(result, _Raised):
-            raise result.restored()
+        if isinstance(result, _RaisedError):
+            raise result.rebuild()
         return result
 
-    def _beyond_memory(self) -> WorkLimitError:
+    def _memory_error(self) -> WorkLimitError:
         most = self._limits.memory_bytes
         return WorkLimitError("memory", None if most is None else most / 1e6, "MB", self._limits.remedy)
 
-    def prepare(self, work: Callable[..., object], *libraries: str) -> None:
-        """Start the process and let it load what ``work`` needs, without waiting for it or for what becomes of it.
+    def preload(self, work: Callable[..., object], *libraries: str) -> None:
+        """Start the process and let it import what ``work`` needs, without waiting.
 
-        ``libraries`` are modules that ``work`` imports only when it runs.
+        ``libraries`` are modules that ``work`` imports only when it runs. Errors are ignored.
         """
         with suppress(BrokenProcessPool):
-            self._present().pool.submit(_load, work, libraries)
+            self._get_pool().executor.submit(_import_libraries, work, libraries)
 
-    def begin(self, work: Callable[P, object], *arguments: P.args, **_none: P.kwargs) -> None:
-        """Start the process, unless there is one, and let it do ``work`` first; nobody hears what becomes of that."""
-        if self._worker is None and not self._closed:
+    def warm_up(self, work: Callable[P, object], *arguments: P.args, **_none: P.kwargs) -> None:
+        """Start the process, unless it runs, with ``work`` as its first work.
+
+        Does not wait; errors are ignored.
+        """
+        if self._pool is None and not self._closed:
             with suppress(BrokenProcessPool):
-                self._present().pool.submit(partial(work, *arguments))
+                self._get_pool().executor.submit(partial(work, *arguments))
 
     def close(self) -> None:
-        """End the process, whatever it works on: it stores whole or nothing."""
+        """Kill the process, whatever it computes: works store their result atomically."""
         self._closed = True
-        if self._worker is not None:
-            self._end(self._worker)
+        if self._pool is not None:
+            self._end(self._pool)
 
-    def _present(self) -> "_Worker":
-        if self._worker is None:
-            self._worker = _Worker(self._niceness, self._gone)
-        return self._worker
+    def _get_pool(self) -> "_SingleProcessPool":
+        if self._pool is None:
+            self._pool = _SingleProcessPool(self._niceness, self._on_exit)
+        return self._pool
 
-    def _gone(self, worker: "_Worker") -> None:
-        """Forget a worker whose process has died; what is asked next starts another one."""
-        if self._worker is worker:
-            self._worker = None
-            worker.forget()
-            self._died("its process was killed, or ended by itself")
+    def _on_exit(self, pool: "_SingleProcessPool") -> None:
+        """Release a process that has died; the next work starts another one."""
+        if self._pool is pool:
+            self._pool = None
+            pool.release()
+            self._on_death("its process was killed, or ended by itself")
 
-    def _end(self, worker: "_Worker") -> None:
-        if self._worker is worker:
-            self._worker = None
-        worker.end()
+    def _end(self, pool: "_SingleProcessPool") -> None:
+        if self._pool is pool:
+            self._pool = None
+        pool.end()
 
 
-class _Worker:
-    """A pool of one process, whose number is the first thing that it is asked for; ``gone`` is called when it dies."""
+class _SingleProcessPool:
+    """A pool of one process; ``on_exit`` is called when the process dies.
 
-    def __init__(self, niceness: int, gone: Callable[["_Worker"], None]) -> None:
-        self.pool = ProcessPoolExecutor(1, spawning(), begin_beside, (niceness,))
+    The first task of the process returns its PID, by which the event loop watches it.
+    """
+
+    def __init__(self, niceness: int, on_exit: Callable[["_SingleProcessPool"], None]) -> None:
+        self.executor = ProcessPoolExecutor(1, get_spawn_context(), initialize_worker, (niceness,))
         self._loop = asyncio.get_running_loop()
-        self._gone = gone
-        self._process: int | None = None
+        self._on_exit = on_exit
+        self._pidfd: int | None = None
         self._child: BaseProcess | None = None
         self._ended = False
         self.is_limited = False
-        self.pool.submit(os.getpid).add_done_callback(self._there)
+        self.executor.submit(os.getpid).add_done_callback(self._on_pid)
 
     async def exit_code(self) -> int | None:
-        """Return how the dead process ended, minus the number of the signal; None where that is not known."""
+        """Return the exit code of the dead process, None if unknown.
+
+        Negative values are signal numbers.
+        """
         if self._child is None:
             return None
-        await asyncio.to_thread(self._child.join, _END_S)  # its pipes are closed a little before it has ended
+        await asyncio.to_thread(self._child.join, _EXIT_TIMEOUT_S)  # its pipes are closed a little before it has ended
         # The pool's thread waits for the same process: it may have the status and not have noted it yet.
-        end = self._loop.time() + _END_S
+        end = self._loop.time() + _EXIT_TIMEOUT_S
         while (code := self._child.exitcode) is None and self._loop.time() < end:
-            await asyncio.sleep(_LOOK_S)
+            await asyncio.sleep(_EXIT_POLL_S)
         return code
 
     def end(self) -> None:
-        """Kill the process, as soon as it is there, and watch it no longer."""
-        self._let_go(cancel=True)
+        """Kill the process, once it runs, and stop watching it."""
+        self._release(cancel=True)
 
-    def forget(self) -> None:
-        """Let go of a process that has died: what waited for it is told so by the pool, and not cancelled."""
-        self._let_go(cancel=False)
+    def release(self) -> None:
+        """Release a dead process; its pending works raise BrokenProcessPool."""
+        self._release(cancel=False)
 
-    def _let_go(self, *, cancel: bool) -> None:
-        self._ended = True  # first: whoever hears of the process from now on kills it
-        self.pool.shutdown(wait=False, cancel_futures=cancel)
-        if self._process is not None:
-            self._loop.remove_reader(self._process)
+    def _release(self, *, cancel: bool) -> None:
+        self._ended = True  # first, so that _on_pid kills a process that starts now
+        self.executor.shutdown(wait=False, cancel_futures=cancel)
+        if self._pidfd is not None:
+            self._loop.remove_reader(self._pidfd)
             with suppress(ProcessLookupError):
-                signal.pidfd_send_signal(self._process, signal.SIGKILL)
-            os.close(self._process)
-            self._process = None
+                signal.pidfd_send_signal(self._pidfd, signal.SIGKILL)
+            os.close(self._pidfd)
+            self._pidfd = None
 
-    def _there(self, pid: Future[int]) -> None:
-        """Hear of the process, in a thread of the pool."""
+    def _on_pid(self, pid: Future[int]) -> None:
+        """Receive the PID of the process, in a thread of the pool."""
         if self._ended:
             with suppress(BrokenProcessPool, CancelledError, ProcessLookupError):
                 os.kill(pid.result(), signal.SIGKILL)
@@ -320,198 +333,209 @@ class _Worker:
 
     def _watch(self, pid: Future[int]) -> None:
         try:
-            self._process = os.pidfd_open(pid.result())
+            self._pidfd = os.pidfd_open(pid.result())
         except (BrokenProcessPool, CancelledError, ProcessLookupError):
-            self._gone(self)
+            self._on_exit(self)
             return
         number = pid.result()
         self._child = next((child for child in multiprocessing.active_children() if child.pid == number), None)
-        self._loop.add_reader(self._process, self._gone, self)
-        if self._ended:  # meanwhile
+        self._loop.add_reader(self._pidfd, self._on_exit, self)
+        if self._ended:  # since the PID was received
             self.end()
 
 
-class _Raised(NamedTuple):
-    """An exception of the work in parts, as pickling one calls its class with the message alone."""
+class _RaisedError(NamedTuple):
+    """An exception of the work in parts.
+
+    Unpickling an exception calls its class with the message alone, which fails for classes with further arguments.
+    """
 
     kind: type[Exception]
     arguments: tuple[Any, ...]
     fields: dict[str, Any]
 
-    def restored(self) -> Exception:
-        """Return the exception with its message, its fields and where it was raised."""
+    def rebuild(self) -> Exception:
+        """Return the exception with its message, attributes and notes."""
         error = self.kind.__new__(self.kind)
         error.args = self.arguments
         error.__dict__.update(self.fields)
         return error
 
 
-def _carried(work: Callable[P, T], *arguments: P.args, **_none: P.kwargs) -> T | _Raised:
-    """Return what ``work`` returns, or the exception that it raises, in parts."""
+def _run_work(work: Callable[P, T], *arguments: P.args, **_none: P.kwargs) -> T | _RaisedError:
+    """Return the result of ``work``, or the exception that it raises, in parts."""
     try:
         return work(*arguments, **_none)
     except MemoryError:
         raise
     except Exception as error:
         error.add_note(format_exc())
-        return _Raised(type(error), error.args, dict(error.__dict__))
+        return _RaisedError(type(error), error.args, dict(error.__dict__))
 
 
-def _load(_work: Callable[..., object], libraries: tuple[str, ...]) -> None:
-    """Import the libraries; unpickling ``_work`` has loaded its module."""
+def _import_libraries(_work: Callable[..., object], libraries: tuple[str, ...]) -> None:
+    """Import the libraries; unpickling ``_work`` has imported its module."""
     for library in libraries:
         import_module(library)
 
 
 def _limit_memory(memory_bytes: int) -> None:
-    """Refuse this process more memory than it has now and ``memory_bytes`` beyond.
+    """Limit the memory of this process to its present size plus ``memory_bytes``.
 
-    Of writable memory (RLIMIT_DATA): address space (RLIMIT_AS) would also count what each thread's heap only reserves,
-    64 MB a core and more.
+    The limit counts writable memory (RLIMIT_DATA): address space (RLIMIT_AS) would include what each thread's heap
+    only reserves, 64 MB a core and more.
     """
     data_pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
     most = data_pages * resource.getpagesize() + memory_bytes
     resource.setrlimit(resource.RLIMIT_DATA, (most, resource.getrlimit(resource.RLIMIT_DATA)[1]))
 
 
-def begin_beside(niceness: int) -> None:
-    """Begin a process that works for another one, and gives way to others.
+def initialize_worker(niceness: int) -> None:
+    """Set priority and signals of this worker process, and end it with its parent.
 
-    Ctrl+C and the end of the terminal, which reach all processes, are left to that one. End when it dies without
-    telling, as nobody else would.
+    Ctrl+C and the end of the terminal reach all processes; the parent alone reacts to them.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     os.setpriority(os.PRIO_PROCESS, 0, niceness)
     parent = multiprocessing.parent_process()
 
-    def wait() -> None:
+    def exit_with_parent() -> None:
         if parent is not None:
             parent.join()
             os._exit(1)
 
-    threading.Thread(target=wait, daemon=True).start()
+    threading.Thread(target=exit_with_parent, daemon=True).start()
 
 
-# Piping --------------------------------------------------------------------------------------------
+# Streams -------------------------------------------------------------------------------------------
 #
-# What a process of its own yields, handed on piece by piece: for what is too long to be held at
-# once.
-#
-# The process is started for one piece of work and killed when nobody takes its pieces any more; it
-# waits for whoever is slow. Imports nothing of the project but ``forks`` and ``offload``, so that
-# the process loads only what its work needs.
+# Results that are too large for memory are passed on in chunks. Each stream has a process of its
+# own, which waits for a slow reader and is killed when the reader stops.
 
 
-_PIECE = 1 << 20
+_CHUNK_BYTES = 1 << 20
 
 
-async def piped(work: Callable[P, Iterable[bytes]], *arguments: P.args, **_none: P.kwargs) -> AsyncGenerator[bytes]:
-    """Yield the pieces of ``work(*arguments)``; both must be picklable.
+async def stream_from_process(
+    work: Callable[P, Iterable[bytes]], *arguments: P.args, **_none: P.kwargs
+) -> AsyncGenerator[bytes]:
+    """Yield the chunks of ``work(*arguments)``; both must be picklable.
 
-    Raises what the work raises, and WorkerDiedError when its process dies over it.
+    Raises the exception of the work, and WorkerDiedError when its process dies.
     """
-    mine, its = multiprocessing.Pipe(duplex=False)
-    process = spawning().Process(target=_send, args=(its, work, arguments), daemon=True)
-    loop, thread = asyncio.get_running_loop(), ThreadPoolExecutor(1, "piped")  # those of the loop are for short work
+    receiver, sender = multiprocessing.Pipe(duplex=False)
+    process = get_spawn_context().Process(target=_send_chunks, args=(sender, work, arguments), daemon=True)
+    loop, thread = (
+        asyncio.get_running_loop(),
+        ThreadPoolExecutor(1, "stream_from_process"),
+    )  # the event loop's own threads are for short work
     try:
         await loop.run_in_executor(thread, process.start)
-        its.close()  # or nobody would hear of the end of the process
-        while (piece := await loop.run_in_executor(thread, _received, mine)) is not None:
-            yield piece
+        sender.close()  # otherwise the receiver would not notice the end of the process
+        while (chunk := await loop.run_in_executor(thread, _receive_chunk, receiver)) is not None:
+            yield chunk
     finally:
-        _kill(process)  # who waits for it in the thread hears of that
-        await asyncio.shield(loop.run_in_executor(thread, _end, process))
+        _kill_process(process)  # also ends a pending _receive_chunk in the thread
+        await asyncio.shield(loop.run_in_executor(thread, _stop_process, process))
         thread.shutdown(wait=False)
-        its.close()
-        mine.close()
+        sender.close()
+        receiver.close()
 
 
-def _received(connection: Connection) -> bytes | None:
-    """Wait for the next piece; None when there are no more. Raises what the work has raised, WorkerDiedError."""
+def _receive_chunk(connection: Connection) -> bytes | None:
+    """Wait for the next chunk; None at the end.
+
+    Raises the exception of the work, and WorkerDiedError.
+    """
     try:
-        told: bytes | Exception | None = connection.recv()
+        received: bytes | Exception | None = connection.recv()
     except (EOFError, OSError):
         lost = "the process that writes this died: look whether the machine is short of memory"
         raise WorkerDiedError(lost) from None
-    if isinstance(told, Exception):
-        raise told
-    return told
+    if isinstance(received, Exception):
+        raise received
+    return received
 
 
-def _kill(process: BaseProcess) -> None:
+def _kill_process(process: BaseProcess) -> None:
     if process.pid is not None:
         process.kill()
 
 
-def _end(process: BaseProcess) -> None:
-    """End a process that has been started by now, if ever."""
-    _kill(process)
+def _stop_process(process: BaseProcess) -> None:
+    """Kill a process and wait for its end, if it was started."""
+    _kill_process(process)
     if process.pid is not None:
         process.join()
 
 
-def _send(connection: Connection, work: Callable[..., Iterable[bytes]], arguments: tuple[object, ...]) -> None:
-    begin_beside(POLITE)
+def _send_chunks(connection: Connection, work: Callable[..., Iterable[bytes]], arguments: tuple[object, ...]) -> None:
+    initialize_worker(BACKGROUND_NICENESS)
     try:
-        for piece in work(*arguments):
-            for begin in range(0, len(piece), _PIECE):
-                connection.send(piece[begin : begin + _PIECE])
+        for chunk in work(*arguments):
+            for begin in range(0, len(chunk), _CHUNK_BYTES):
+                connection.send(chunk[begin : begin + _CHUNK_BYTES])
         connection.send(None)
-    except BrokenPipeError:  # nobody wants it any more
+    except BrokenPipeError:  # the reader has stopped
         pass
     except Exception as error:
         connection.send(error)
 
 
-# Processes -----------------------------------------------------------------------------------------
+# Worker processes of the service -------------------------------------------------------------------
 #
-# The processes beside the service, one for each kind of work that must not wait for the others.
-#
-# What they compute would keep Python's lock for longer than the loop waits for a heartbeat. Each is
-# started by its first work. What a person can make arbitrarily costly has limits of time and
-# memory.
+# One process for each kind of work that must not wait for the others. In the service their
+# computations would hold the interpreter lock for longer than the loop waits for a heartbeat. Work
+# whose cost depends on a person's input has limits of time and memory.
 
 
-_AGAIN = "What it worked on is done once more."
+_RETRY_NOTE = "What it worked on is done once more."
 
-DRY_RUNS = WorkLimits(600.0, 4_000_000_000, "play a shorter experiment, or play it with `sinew experiment`")
-"""What a dry run may take; of ten minutes of motion it is about one minute."""
+DRY_RUN_LIMITS = WorkLimits(600.0, 4_000_000_000, "play a shorter experiment, or play it with `sinew experiment`")
+"""Limits of a dry run; ten minutes of motion take about one minute."""
 
-TEXTS = WorkLimits(30.0, 1_000_000_000, "shorten the text, or split it", SCIENCE)
-"""What looking over a text that a person wrote or brought in may take; what is accepted takes about a second."""
+TEXT_LIMITS = WorkLimits(30.0, 1_000_000_000, "shorten the text, or split it", NUMERIC_LIBRARIES)
+"""Limits of the check of a text; an accepted one takes about a second."""
 
-SHEETS = WorkLimits(60.0, 1_000_000_000, "draw fewer curves, or shorter texts", ("typst",))
-"""What a sheet of charts may take to become a PDF; the largest that is accepted takes about a second."""
+SHEET_LIMITS = WorkLimits(60.0, 1_000_000_000, "draw fewer curves, or shorter texts", ("typst",))
+"""Limits of the PDF of a chart sheet; the largest takes about a second."""
 
-REPORTS = WorkLimits(1800.0, None, "report fewer runs, or shorter ones")
-"""What a report, or the envelope of a long recording, may take: an hour at 1 kHz takes minutes."""
+REPORT_LIMITS = WorkLimits(1800.0, None, "report fewer runs, or shorter ones")
+"""Limits of a report, or of the envelope of a long recording.
 
-EVALUATIONS = WorkLimits(1800.0, None, "evaluate a shorter run")
-"""What it may take to evaluate a stored run once more."""
+An hour at 1 kHz takes minutes.
+"""
+
+EVALUATION_LIMITS = WorkLimits(1800.0, None, "evaluate a shorter run")
+"""Limits of the new evaluation of a stored run."""
 
 
-class Processes:
-    """``computing`` is what somebody at the bench waits for; all others give way to it.
+class WorkerProcesses:
+    """The worker processes of the service.
 
-    ``texts`` and ``viewers_texts`` look over what operators and viewers have written, ``evaluations`` stored runs once
-    more. ``studies`` has processes of its own, one for each core but one.
+    ``computing`` serves what a person at the rig waits for; the others have lower priority, except ``texts``.
+    ``texts`` and ``viewers_texts`` check texts of operators and viewers, ``evaluations`` evaluates stored runs again.
+    ``studies`` starts further processes, one for each core but one.
     """
 
     def __init__(self, supervision: Supervision) -> None:
-        def process(works: str, niceness: int = POLITE, limits: WorkLimits | None = None) -> Offload:
-            return Offload(partial(supervision.died, Part(f"The process for {works}", _AGAIN)), niceness, limits)
+        def create_worker(
+            works: str, niceness: int = BACKGROUND_NICENESS, limits: WorkLimits | None = None
+        ) -> WorkerProcess:
+            part = Part(f"The process for {works}", _RETRY_NOTE)
+            return WorkerProcess(partial(supervision.record_failure, part), niceness, limits)
 
-        self.computing = process("results and banks", niceness=0)
-        self.evaluations = process("evaluations of stored runs", limits=EVALUATIONS)
-        self.reports = process("reports and exports", limits=REPORTS)
-        self.sheets = process("sheets of charts", limits=SHEETS)
-        self.dry_runs = process("dry runs", limits=DRY_RUNS)
-        self.texts = process("texts of operators", niceness=0, limits=TEXTS)
-        self.viewers_texts = process("texts of viewers", limits=TEXTS)
-        self.studies = process("studies")
+        self.computing = create_worker("results and banks", niceness=0)
+        self.evaluations = create_worker("evaluations of stored runs", limits=EVALUATION_LIMITS)
+        self.reports = create_worker("reports and exports", limits=REPORT_LIMITS)
+        self.sheets = create_worker("sheets of charts", limits=SHEET_LIMITS)
+        self.dry_runs = create_worker("dry runs", limits=DRY_RUN_LIMITS)
+        self.texts = create_worker("texts of operators", niceness=0, limits=TEXT_LIMITS)
+        self.viewers_texts = create_worker("texts of viewers", limits=TEXT_LIMITS)
+        self.studies = create_worker("studies")
 
     def close(self) -> None:
-        """End them, whatever they work on."""
+        """End all processes, whatever they compute."""
         for process in vars(self).values():
             process.close()

@@ -9,13 +9,13 @@ import pytest
 
 from backend.data_folder import (
     AlreadyRunningError,
-    HeldFolder,
-    address_of_service,
-    addresses_of_service,
-    held_by_nobody,
-    only_service_on,
-    playing_in,
-    why_no_address,
+    LockedFolder,
+    describe_missing_address,
+    lock_for_command,
+    lock_for_service,
+    lock_if_unused,
+    read_service_address,
+    read_service_addresses,
 )
 
 
@@ -26,14 +26,14 @@ def data(tmp_path: Path) -> Path:
 
 def refused(data: Path) -> bool:
     """Whether a second process may not work on ``data``."""
-    program = "import sys, pathlib, backend.data_folder as d\nwith d.only_service_on(pathlib.Path(sys.argv[1])): pass"
+    program = "import sys, pathlib, backend.data_folder as d\nwith d.lock_for_service(pathlib.Path(sys.argv[1])): pass"
     ended = subprocess.run([sys.executable, "-c", program, str(data)], capture_output=True, text=True, check=False)
     assert ended.returncode == 0 or AlreadyRunningError.__name__ in ended.stderr, ended.stderr
     return ended.returncode != 0
 
 
 def test_a_folder_that_was_replaced_is_told_and_takes_no_second_service(data: Path) -> None:
-    with only_service_on(data) as held:
+    with lock_for_service(data) as held:
         assert held.problem() == ""
         shutil.rmtree(data)
         assert f"the data folder {data} was deleted" in held.problem()
@@ -47,7 +47,7 @@ def test_a_folder_that_was_replaced_is_told_and_takes_no_second_service(data: Pa
 
 
 def test_a_folder_that_was_moved_is_told_until_it_is_back(data: Path) -> None:
-    with only_service_on(data) as held:
+    with lock_for_service(data) as held:
         aside = data.rename(data.with_name("aside"))
         assert "was deleted, moved or replaced" in held.problem()
         assert refused(aside)
@@ -57,58 +57,58 @@ def test_a_folder_that_was_moved_is_told_until_it_is_back(data: Path) -> None:
 
 
 def test_a_lock_that_was_deleted_is_told(data: Path) -> None:
-    with only_service_on(data) as held:
+    with lock_for_service(data) as held:
         (data / "service.lock").unlink()
         assert "the lock in the data folder" in held.problem()
         assert refused(data)
 
 
 def test_the_same_folder_by_another_path_takes_no_second_service(data: Path, tmp_path: Path) -> None:
-    with only_service_on(data):
+    with lock_for_service(data):
         (tmp_path / "link").symlink_to(data)
         assert refused(tmp_path / "link")
 
 
 def test_the_address_is_that_of_a_service_that_lives(data: Path) -> None:
-    assert address_of_service(data) is None
-    with only_service_on(data) as held:
-        assert address_of_service(data) is None
-        held.say_address("http://127.0.0.1:1234")
-        assert address_of_service(data) == "http://127.0.0.1:1234"
-    assert address_of_service(data) is None
+    assert read_service_address(data) is None
+    with lock_for_service(data) as held:
+        assert read_service_address(data) is None
+        held.write_address("http://127.0.0.1:1234")
+        assert read_service_address(data) == "http://127.0.0.1:1234"
+    assert read_service_address(data) is None
     (data / "service.lock").write_text("http://127.0.0.1:1234")  # as one that was killed leaves it
-    assert address_of_service(data) is None
+    assert read_service_address(data) is None
 
 
 def test_a_held_folder_ends_with_its_process(data: Path) -> None:
     program = (
         "import sys, os, signal, pathlib, backend.data_folder as d\n"
-        "with d.only_service_on(pathlib.Path(sys.argv[1])): os.kill(os.getpid(), signal.SIGKILL)"
+        "with d.lock_for_service(pathlib.Path(sys.argv[1])): os.kill(os.getpid(), signal.SIGKILL)"
     )
     subprocess.run([sys.executable, "-c", program, str(data)], check=False)
-    with only_service_on(data) as held:
-        assert isinstance(held, HeldFolder)
+    with lock_for_service(data) as held:
+        assert isinstance(held, LockedFolder)
 
 
 def test_a_folder_is_held_by_services_and_by_commands_that_play(data: Path) -> None:
     def is_free() -> bool:
-        with held_by_nobody(data) as free:
+        with lock_if_unused(data) as free:
             assert not free or refused(data)
             return free
 
     assert is_free()
-    with only_service_on(data):
+    with lock_for_service(data):
         assert not is_free()
-    with playing_in(data), playing_in(data):
+    with lock_for_command(data), lock_for_command(data):
         assert not is_free()
     assert is_free()
 
 
 def test_a_service_that_has_not_begun_to_answer_is_told_from_none(data: Path) -> None:
-    assert "no service works on the folder" in why_no_address(data)
-    with only_service_on(data) as held:
-        assert addresses_of_service(data) == []
-        assert "still starting" in why_no_address(data)
-        held.say_address("http://127.0.0.1:8000")
-        assert addresses_of_service(data) == ["http://127.0.0.1:8000"]
-    assert "no service works on the folder" in why_no_address(data)
+    assert "no service works on the folder" in describe_missing_address(data)
+    with lock_for_service(data) as held:
+        assert read_service_addresses(data) == []
+        assert "still starting" in describe_missing_address(data)
+        held.write_address("http://127.0.0.1:8000")
+        assert read_service_addresses(data) == ["http://127.0.0.1:8000"]
+    assert "no service works on the folder" in describe_missing_address(data)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.workers import WorkerDiedError, piped
+from backend.workers import WorkerDiedError, stream_from_process
 
 LARGE = bytes(range(256)) * 20_000
 
@@ -51,7 +51,7 @@ def waiting(gate: Path) -> Iterator[bytes]:
 
 
 async def collected(work: object, *arguments: object) -> list[bytes]:
-    return [piece async for piece in piped(work, *arguments)]  # type: ignore[arg-type]
+    return [piece async for piece in stream_from_process(work, *arguments)]  # type: ignore[arg-type]
 
 
 def test_all_pieces_come_in_order() -> None:
@@ -66,7 +66,7 @@ def test_what_the_work_refuses_is_raised_before_the_first_piece() -> None:
 @pytest.mark.parametrize(("work", "error"), [(breaking, ValueError), (dying, WorkerDiedError)])
 def test_what_breaks_off_is_no_end(work: object, error: type[Exception]) -> None:
     async def take() -> list[bytes]:
-        async with aclosing(piped(work)) as stream:  # type: ignore[arg-type]
+        async with aclosing(stream_from_process(work)) as stream:  # type: ignore[arg-type]
             taken = [await anext(stream)]
             with pytest.raises(error):
                 await anext(stream)
@@ -80,7 +80,7 @@ def test_who_waits_for_a_piece_leaves_the_threads_of_the_loop_to_others(tmp_path
 
     async def take() -> bytes:
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
-        async with aclosing(piped(waiting, gate)) as stream:
+        async with aclosing(stream_from_process(waiting, gate)) as stream:
             assert await anext(stream) == b"begun"
             awaited = asyncio.ensure_future(anext(stream))
             await asyncio.sleep(0)
@@ -93,7 +93,7 @@ def test_who_waits_for_a_piece_leaves_the_threads_of_the_loop_to_others(tmp_path
 
 def test_the_process_ends_when_nobody_takes_its_pieces_any_more() -> None:
     async def take() -> int:
-        async with aclosing(piped(endless)) as stream:
+        async with aclosing(stream_from_process(endless)) as stream:
             number = int(await anext(stream))
             await anext(stream)
         return number

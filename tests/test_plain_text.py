@@ -13,18 +13,18 @@ from backend.experiments import parser
 from backend.experiments.parser import ExperimentError
 from backend.exports.base import read_strict
 from backend.plain_text import (
-    STORED,
+    STORED_CONTEXT,
     PlainTextError,
-    as_cell,
-    as_comment,
-    as_file_name,
-    as_json,
-    as_json_cells,
-    as_line,
-    as_lines,
-    require_line,
-    require_plain,
-    require_plain_texts,
+    check_plain_text,
+    check_plain_texts,
+    check_single_line,
+    escape_json_for_csv,
+    escape_line,
+    escape_lines,
+    format_csv_cell,
+    format_csv_comment,
+    format_json,
+    make_file_name,
 )
 from backend.schemas.identification import SpringTableRequest
 from backend.schemas.preferences import ChartLayout
@@ -54,8 +54,8 @@ def as_yaml(title: str = "", description: str = "") -> str:
 
 
 PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
-    "a text": (PlainTextError, require_plain),
-    "a key": (PlainTextError, lambda words: require_plain_texts([{"a": {words: 1}}])),
+    "a text": (PlainTextError, check_plain_text),
+    "a key": (PlainTextError, lambda words: check_plain_texts([{"a": {words: 1}}])),
     "a request": (RequestRejectedError, lambda words: require_valid_body(json.dumps({"note": words}).encode())),
     "YAML": (ExperimentError, lambda words: parser.read(as_yaml(description=words))),
     "JSON as a text": (ExperimentError, lambda words: parser.read(json.dumps(described(f"x{words}y")))),
@@ -76,7 +76,7 @@ def with_setting(**parts: Any) -> str:
 
 
 LINES: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
-    "a line": (PlainTextError, require_line),
+    "a line": (PlainTextError, check_single_line),
     "a title in YAML": (ExperimentError, lambda words: parser.read(as_yaml(words))),
     "a title in JSON": (ExperimentError, lambda words: parser.read(json.dumps(experiment(words)))),
     "a phase": (
@@ -149,21 +149,21 @@ def test_names_of_any_language_are_taken(path: str, words: str) -> None:
 def test_what_an_earlier_version_stored_is_read_and_shown_escaped(words: str) -> None:
     title = f"x{words}y" if words.strip() else words
     read = parser.parse_canonical(json.dumps(experiment(title)))
-    assert read.title == as_line(title)
+    assert read.title == escape_line(title)
     assert read.title.isprintable()
-    assert parser.read(json.dumps(experiment(title)), stored=True)[0].title == as_line(title)
+    assert parser.read(json.dumps(experiment(title)), stored=True)[0].title == escape_line(title)
     assert STUDY.validate_json(
-        json.dumps({"format": 1, "name": "a", "title": as_line(title)}), context=STORED
-    ).title == as_line(title)
+        json.dumps({"format": 1, "name": "a", "title": escape_line(title)}), context=STORED_CONTEXT
+    ).title == escape_line(title)
     assert parser.parse_canonical(parser.canonical(read)) == read
 
 
 def test_a_terminal_is_given_escapes() -> None:
-    assert as_line("a\x1b[2J\u202eb\n\ud800\U000e0041") == "a\\x1b[2J\\u202eb\\x0a\\ud800\\U000e0041"
-    assert as_lines("a\n\tb\r\x9b") == "a\n\tb\\x0d\\x9b"
+    assert escape_line("a\x1b[2J\u202eb\n\ud800\U000e0041") == "a\\x1b[2J\\u202eb\\x0a\\ud800\\U000e0041"
+    assert escape_lines("a\n\tb\r\x9b") == "a\n\tb\\x0d\\x9b"
     document = {"a\x9b": ["\u202e", "\ud800", "λ", 1.5], "\U000e0041": None}
-    assert json.loads(as_json(document, indent=2)) == document
-    assert as_lines(as_json(document, indent=2)) == as_json(document, indent=2)
+    assert json.loads(format_json(document, indent=2)) == document
+    assert escape_lines(format_json(document, indent=2)) == format_json(document, indent=2)
 
 
 FORMULAS = ("=1", "+1+1", "-1+1", "@SUM(1)", "=HYPERLINK(1)", "\t=1", " =1", "\r=1", "\n@a", "＝1", "-1|a!b", "+a")
@@ -171,13 +171,13 @@ FORMULAS = ("=1", "+1+1", "-1+1", "@SUM(1)", "=HYPERLINK(1)", "\t=1", " =1", "\r
 
 @pytest.mark.parametrize("formula", FORMULAS, ids=ascii)
 def test_no_cell_is_a_formula(formula: str) -> None:
-    cell = as_cell(formula)
-    assert cell == f"'{as_line(formula)}"
+    cell = format_csv_cell(formula)
+    assert cell == f"'{escape_line(formula)}"
     for cut in (",", ";"):
-        line = as_comment(f"run 1: a{cut}{formula}{cut}b, c")
+        line = format_csv_comment(f"run 1: a{cut}{formula}{cut}b, c")
         assert not any(part.startswith(("=", "+", "-", "@", "＝")) for part in line.split(cut))
         document = {"note": f"a{cut}{formula}", "b": [formula, -1.5, -1], formula: f'{cut}{formula}"{cut}{formula}'}
-        written = as_json_cells(json.dumps(document, ensure_ascii=False))
+        written = escape_json_for_csv(json.dumps(document, ensure_ascii=False))
         assert json.loads(written) == document
         for quoted in (False, True):
             row = next(csv.reader([written], delimiter=cut)) if quoted else written.split(cut)
@@ -196,15 +196,15 @@ def _is_number(words: str) -> bool:
 
 @pytest.mark.parametrize("value", ["-5", "+1e-3", "a=b", "λ_q′", "1 - 2", "", None, -5, -0.1, True])
 def test_numbers_and_plain_texts_are_cells_as_they_are(value: Any) -> None:
-    assert as_cell(value) == ("" if value is None else repr(value) if isinstance(value, float) else value)
+    assert format_csv_cell(value) == ("" if value is None else repr(value) if isinstance(value, float) else value)
 
 
 def test_a_file_name_is_no_path_and_nothing_hidden() -> None:
-    assert as_file_name("../../etc/passwd") == "etc-passwd"
-    assert as_file_name('.a"\r\nb: c') == "a-x0d-x0ab-c"
-    assert as_file_name("sinew-run-12.csv") == "sinew-run-12.csv"
-    assert as_file_name("\u202e") == "u202e"
-    assert as_file_name("..") == "file"
+    assert make_file_name("../../etc/passwd") == "etc-passwd"
+    assert make_file_name('.a"\r\nb: c') == "a-x0d-x0ab-c"
+    assert make_file_name("sinew-run-12.csv") == "sinew-run-12.csv"
+    assert make_file_name("\u202e") == "u202e"
+    assert make_file_name("..") == "file"
 
 
 @pytest.mark.parametrize("path", PATHS)

@@ -8,7 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.units import AngleUnit, counted, format_angles, format_quantity, percent, read, typed
+from backend.units import (
+    AngleUnit,
+    convert_to_display,
+    format_angles,
+    format_count,
+    format_percent,
+    format_quantity,
+    parse_quantity,
+)
 
 DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 
@@ -35,10 +43,10 @@ def test_what_is_converted_hangs_on_the_unit(value: float, unit: str, degrees: s
 
 
 @given(st.decimals(min_value=-1000, max_value=1000, places=6))
-def test_what_was_typed_in_degrees_is_read_again(typed: Fraction) -> None:
+def test_what_was_typed_in_degrees_is_read_again(parse_quantity: Fraction) -> None:
     """Sent as the nearest double of the conversion, any angle comes back as it was typed."""
-    sent = math.radians(float(typed))
-    assert round(read(sent, "rad", DEG), 9) == round(float(typed), 9)
+    sent = math.radians(float(parse_quantity))
+    assert round(convert_to_display(sent, "rad", DEG), 9) == round(float(parse_quantity), 9)
 
 
 @pytest.mark.parametrize(
@@ -85,13 +93,13 @@ def test_a_text_in_degrees_can_be_read_in_radians() -> None:
 )
 def test_a_word_of_the_command_line_may_say_its_unit(word: str, unit: str, value: float) -> None:
     """A plain number is in SI, as it ever was: 1.0 that came to mean a degree would move the joint by a 57th."""
-    assert typed(word, unit) == value
+    assert parse_quantity(word, unit) == value
 
 
 @pytest.mark.parametrize(("word", "unit"), [("60deg", "N"), ("deg", "rad"), ("60 turns", "rad"), ("6rad", "s")])
 def test_a_unit_that_is_not_the_quantitys_is_no_number(word: str, unit: str) -> None:
     with pytest.raises(ValueError, match="could not convert"):
-        typed(word, unit)
+        parse_quantity(word, unit)
 
 
 @pytest.mark.parametrize("unit", ["rad", "rad/s", "N", "1"])
@@ -104,11 +112,11 @@ def test_a_whole_number_beyond_any_float_is_told_by_its_length(unit: str) -> Non
     ("value", "text"), [(99.96, "99.96"), (99.9996, "99.9996"), (99.94, "99.9"), (100.0, "100.0"), (-3.2, "-3.2")]
 )
 def test_nothing_less_than_the_whole_reads_100(value: float, text: str) -> None:
-    assert percent(value) == text
+    assert format_percent(value) == text
 
 
 def test_one_is_one_day_and_all_else_are_days() -> None:
-    assert [counted(days, "day") for days in (1, 1.0, 0, 30.0, 0.5)] == [
+    assert [format_count(days, "day") for days in (1, 1.0, 0, 30.0, 0.5)] == [
         "1 day",
         "1 day",
         "0 days",

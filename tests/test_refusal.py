@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.errors import InvalidValueError, OutOfRangeError, RequestRejectedError, bound_text, check_range
+from backend.errors import InvalidValueError, OutOfRangeError, RequestRejectedError, check_range, format_bound
 from backend.experiments.library import build_ready_plan, find_experiment
 from backend.experiments.parser import ExperimentError
 from backend.models.settings import SettingError
@@ -20,7 +20,7 @@ DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 
 
 def said(refused: InvalidValueError, angles: AngleUnit = DEG) -> str:
-    return refused.sentence(angles)
+    return refused.format_message(angles)
 
 
 def test_a_segment_is_named_as_it_was_numbered() -> None:
@@ -64,11 +64,11 @@ def test_one_bound_or_two(minimum: float | None, maximum: float | None, sentence
 def test_a_bound_that_is_read_and_typed_is_accepted(bound: float) -> None:
     """Bounds are rounded towards the inside: who types what the refusal offers is not refused again."""
     for angles, back in ((DEG, math.radians), (RAD, float)):
-        least, most = (float(bound_text(bound, "rad", angles, upper=upper)) for upper in (False, True))
+        least, most = (float(format_bound(bound, "rad", angles, upper=upper)) for upper in (False, True))
         assert back(most) <= bound + 1e-12 * abs(bound)
         assert back(least) >= bound - 1e-12 * abs(bound)
         assert abs(back(most) - bound) <= 1e-2 * abs(bound)
-        texts = [bound_text(bound, "rad", angles, upper=upper) for upper in (False, True)]
+        texts = [format_bound(bound, "rad", angles, upper=upper) for upper in (False, True)]
         assert all(digits(text) <= 3 or back(float(text)) == pytest.approx(bound, rel=1e-12) for text in texts)
 
 
@@ -89,7 +89,7 @@ def digits(text: str) -> int:
 )
 def test_a_bound_has_no_more_digits_than_it_needs(low: float, high: float, unit: str, texts: tuple[str, str]) -> None:
     """Whole where it is exact; else three digits, towards the inside. quantity.test.ts has the page's."""
-    assert (bound_text(low, unit, DEG, upper=False), bound_text(high, unit, DEG, upper=True)) == texts
+    assert (format_bound(low, unit, DEG, upper=False), format_bound(high, unit, DEG, upper=True)) == texts
 
 
 def test_what_is_no_number_is_called_that_where_there_is_no_bound() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from backend.supervision import FIRST_PAUSE_S, LONGEST_PAUSE_S, WELL_S, Part, Supervision
+from backend.supervision import FIRST_RESTART_DELAY_S, MAX_RESTART_DELAY_S, STABLE_AFTER_S, Part, Supervision
 
 PART = Part("The clerk", "Letters wait.")
 TIMEOUT_S = 20.0
@@ -43,7 +43,7 @@ async def _be_cancelled() -> None:
 def test_a_task_that_dies_is_told_and_works_again(die: Callable[[], Awaitable[None]], cause: str) -> None:
     async def session(supervision: Supervision) -> None:
         told: list[str] = []
-        supervision.listen(told.append)
+        supervision.add_listener(told.append)
         lives = 0
 
         async def work() -> None:
@@ -54,7 +54,7 @@ def test_a_task_that_dies_is_told_and_works_again(die: Callable[[], Awaitable[No
             await asyncio.Event().wait()
 
         deaths: list[int] = []
-        kept = supervision.keep_task(PART, work, on_death=lambda: deaths.append(lives))
+        kept = supervision.start_task(PART, work, on_death=lambda: deaths.append(lives))
         assert supervision.problems == []
         await until(lambda: lives == 2)
         assert deaths == [1]
@@ -76,12 +76,12 @@ def test_a_task_that_is_ended_or_returns_is_not_started_anew() -> None:
             nonlocal lives
             lives += 1
 
-        await supervision.keep_task(PART, work).ended()
-        waiting = supervision.keep_task(PART, asyncio.Event().wait)  # type: ignore[arg-type] # returns True, never seen
+        await supervision.start_task(PART, work).wait()
+        waiting = supervision.start_task(PART, asyncio.Event().wait)  # type: ignore[arg-type] # returns True, never seen
         await waiting.end()
-        dead = supervision.keep_task(PART, _raise, on_death=lambda: dead.cancel())  # before it can be started anew
-        await dead.ended()
-        await asyncio.sleep(2 * FIRST_PAUSE_S)
+        dead = supervision.start_task(PART, _raise, on_death=lambda: dead.cancel())  # before it can be started anew
+        await dead.wait()
+        await asyncio.sleep(2 * FIRST_RESTART_DELAY_S)
         assert lives == 1
         assert "in a row" not in supervision.problems[0]
 
@@ -97,7 +97,7 @@ def test_a_thread_that_is_killed_is_told_and_works_again() -> None:
             while not ending.is_set():
                 time.sleep(0.01)
 
-        kept = supervision.keep_thread(PART, work, ending.set)
+        kept = supervision.start_thread(PART, work, ending.set)
         await until(lambda: len(lives) == 1)
         kill = ctypes.pythonapi.PyThreadState_SetAsyncExc
         kill(ctypes.c_ulong(lives[0]), ctypes.py_object(SystemExit))
@@ -106,7 +106,7 @@ def test_a_thread_that_is_killed_is_told_and_works_again() -> None:
         await until(lambda: supervision.problems == ["The clerk died (SystemExit) and was started anew. Letters wait."])
         kept.end()
         assert PART.name not in {thread.name for thread in threading.enumerate()}
-        await asyncio.sleep(3 * FIRST_PAUSE_S)
+        await asyncio.sleep(3 * FIRST_RESTART_DELAY_S)
         assert len(lives) == 2
 
     run(session)
@@ -116,15 +116,15 @@ def test_the_pauses_grow_and_a_part_that_lives_long_is_well_again() -> None:
     now = 0.0
     supervision = Supervision(clock=lambda: now)
     told: list[str] = []
-    supervision.listen(told.append)
-    pauses = [supervision.died(PART, "no paper") for _ in range(12)]
-    assert pauses[:3] == [FIRST_PAUSE_S, 2 * FIRST_PAUSE_S, 4 * FIRST_PAUSE_S]
-    assert pauses[-1] == LONGEST_PAUSE_S
+    supervision.add_listener(told.append)
+    pauses = [supervision.record_failure(PART, "no paper") for _ in range(12)]
+    assert pauses[:3] == [FIRST_RESTART_DELAY_S, 2 * FIRST_RESTART_DELAY_S, 4 * FIRST_RESTART_DELAY_S]
+    assert pauses[-1] == MAX_RESTART_DELAY_S
     assert supervision.problems == [
         "The clerk died (no paper) and is being started anew, 12 times in a row. Letters wait."
     ]
     assert len(told) == 1
-    now = LONGEST_PAUSE_S + WELL_S
+    now = MAX_RESTART_DELAY_S + STABLE_AFTER_S
     assert supervision.problems == []
-    assert supervision.died(PART, "no paper") == FIRST_PAUSE_S
+    assert supervision.record_failure(PART, "no paper") == FIRST_RESTART_DELAY_S
     assert len(told) == 2

@@ -76,7 +76,7 @@ from backend.models import (
     TriedStructure,
     UnreadableDocumentError,
 )
-from backend.plain_text import PlainTextError, require_line, require_plain
+from backend.plain_text import PlainTextError, check_plain_text, check_single_line
 from backend.realtime import Excitation
 from backend.recording import Columns, count_missing_ticks, read_recorded_columns
 from backend.storage import Database, EndState, NewIdentification, Run, RunKind
@@ -550,7 +550,7 @@ def fit_spring_table(
     ``header`` is the line that names the columns, ``decimal`` "point" or "comma"; both are found where they are not
     given. Raises IdentificationError.
     """
-    for what, words, require in (("name of the table", name, require_line), ("the table", text, require_plain)):
+    for what, words, require in (("name of the table", name, check_single_line), ("the table", text, check_plain_text)):
         try:
             require(words.removeprefix("\ufeff"))
         except PlainTextError as error:

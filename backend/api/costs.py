@@ -38,25 +38,25 @@ LOOP = Cost("the control process", at_a_time="any")
 FORMULAS = Cost("a thread of the service, formulas of bounded numbers", at_a_time="any")
 TEXT = Cost(
     "the process for texts: one for operators, one for viewers",
-    workers.TEXTS,
+    workers.TEXT_LIMITS,
     _places(background_work.TEXT_PLACES, background_work.VIEWERS_TEXT_PLACES, background_work.TEXT_PLACES_EACH),
 )
 PREVIEW = Cost(
     "the process for texts: one for operators, one for viewers",
-    workers.TEXTS,
+    workers.TEXT_LIMITS,
     _places(background_work.PREVIEWS, background_work.VIEWERS_PREVIEWS, background_work.PREVIEWS_EACH),
 )
-ORDERED_TEXT = Cost("the process for texts of operators", workers.TEXTS)
-DRY_RUN = Cost("the process for dry runs", workers.DRY_RUNS, _places(queue.PLACES, queue.VIEWERS_PLACES, each=1))
+ORDERED_TEXT = Cost("the process for texts of operators", workers.TEXT_LIMITS)
+DRY_RUN = Cost("the process for dry runs", workers.DRY_RUN_LIMITS, _places(queue.PLACES, queue.VIEWERS_PLACES, each=1))
 SHEET = Cost(
     "the process for sheets of charts",
-    workers.SHEETS,
+    workers.SHEET_LIMITS,
     _places(background_work.SHEET_PLACES, background_work.VIEWERS_SHEET_PLACES, background_work.SHEET_PLACES_EACH),
 )
-REPORT = Cost("the process for reports", workers.REPORTS)
-LONG_RECORDING = Cost("a thread; of long recordings the process for reports", workers.REPORTS)
+REPORT = Cost("the process for reports", workers.REPORT_LIMITS)
+LONG_RECORDING = Cost("a thread; of long recordings the process for reports", workers.REPORT_LIMITS)
 RANGE = Cost("threads of the service; of long ranges and of files a process for each", at_a_time=f"{signals.AT_ONCE}")
-EVALUATION = Cost("the process for evaluations of stored runs", workers.EVALUATIONS)
+EVALUATION = Cost("the process for evaluations of stored runs", workers.EVALUATION_LIMITS)
 MODELS = Cost("the process for results and banks")
 STUDY = Cost("the processes for studies")
 DOWNLOAD = Cost("a process for each download", at_a_time=f"{downloads.AT_ONCE}")

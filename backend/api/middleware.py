@@ -29,7 +29,7 @@ from backend.server import (
     replay_body,
     require_valid_body,
 )
-from backend.units import in_digits
+from backend.units import format_number
 from plant import ErrorCode
 
 # Admission -----------------------------------------------------------------------------------------
@@ -182,7 +182,7 @@ def _told(name: str, value: object) -> str:
         return f"{name} {'yes' if value else 'no'}"
     if isinstance(value, int | float):
         unit = UNITS.get(name, "1")
-        return f"{name} {in_digits(value)}" + ("" if unit == "1" else f" {unit}")
+        return f"{name} {format_number(value)}" + ("" if unit == "1" else f" {unit}")
     if isinstance(value, str) and value.isprintable() and 0 < len(value) <= _LONGEST_VALUE:
         return f"{name} {value}"
     return ""

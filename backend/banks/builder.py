@@ -9,11 +9,11 @@ from typing import Any, Protocol
 
 from backend.banks.tuning_settings import TuningSettings, default_lam_motor
 from backend.control import build_decoupler, pid, stiffness_slope
-from backend.documented import described
 from backend.identification import MAX_GAIN_ERROR_PERCENT
 from backend.models import ENTRY, PLANT_NUMBERS, EntryModel, StoredPlantNumber
-from backend.plain_text import PlainTextError, as_line, require_line, require_plain_texts
+from backend.plain_text import PlainTextError, check_plain_texts, check_single_line, escape_line
 from backend.realtime import SetTuning, make_tuning_command
+from backend.response_docs import describe_field
 from backend.storage import Bank, BankEntry, Database, Identification, Session, banks, entry_name, identifications, runs
 from backend.tuning import (
     OuterProcess,
@@ -199,7 +199,7 @@ def require_name(name: str) -> None:
     if not name.strip():
         raise BankError("a bank needs a name")
     try:
-        require_line(name)
+        check_single_line(name)
     except PlainTextError as error:
         raise BankError(f"name of a bank: {error}") from None
 
@@ -246,20 +246,20 @@ class OuterLoopFigures:
     ``M_s`` is None where the loop would be unstable.
     """
 
-    K: float = field(metadata=described("gain of the model"))
-    T: float = field(metadata=described("time constant of the model", "s"))
-    k_p: float = field(metadata=described("proportional gain, through the decoupler"))
-    k_i: float = field(metadata=described("integral gain, through the decoupler", "1/s"))
-    M_s: float | None = field(metadata=described("sensitivity peak on the high-order model; null when unstable"))
+    K: float = field(metadata=describe_field("gain of the model"))
+    T: float = field(metadata=describe_field("time constant of the model", "s"))
+    k_p: float = field(metadata=describe_field("proportional gain, through the decoupler"))
+    k_i: float = field(metadata=describe_field("integral gain, through the decoupler", "1/s"))
+    M_s: float | None = field(metadata=describe_field("sensitivity peak on the high-order model; null when unstable"))
 
 
 @dataclass(frozen=True)
 class BankEntryFigures:
     """Both loops of one entry, at its stiffness [N·m/rad] and tension [N]."""
 
-    S_nominal: float = field(metadata=described("stiffness of the point", "N·m/rad"))
-    tension_N: float | None = field(metadata=described("tendon tension of the point", "N"))
-    estimate: int | None = field(metadata=described("number of the stored estimate; null for an imported entry"))
+    S_nominal: float = field(metadata=describe_field("stiffness of the point", "N·m/rad"))
+    tension_N: float | None = field(metadata=describe_field("tendon tension of the point", "N"))
+    estimate: int | None = field(metadata=describe_field("number of the stored estimate; null for an imported entry"))
     position: OuterLoopFigures
     stiffness: OuterLoopFigures
 
@@ -355,8 +355,8 @@ def build_bank_document(bank: Bank) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        "name": as_line(bank.name),
-        "exported_from": {"bank": bank.id, "version": bank.version, "who": as_line(bank.who), "made": made},
+        "name": escape_line(bank.name),
+        "exported_from": {"bank": bank.id, "version": bank.version, "who": escape_line(bank.who), "made": made},
         "units": _UNITS,
         "entries": entries,
     }
@@ -368,7 +368,7 @@ def parse_bank_file(text: str) -> dict[str, Any]:
         raise BankError(f"the file is larger than {MAX_BYTES} bytes: that is no bank")
     try:
         document = json.loads(text)
-        require_plain_texts(document)
+        check_plain_texts(document)
     except PlainTextError as error:
         raise BankError(f"the file: {error}") from None
     except (ValueError, RecursionError) as error:

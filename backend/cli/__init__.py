@@ -69,7 +69,7 @@ def main() -> None:
             raise
         if isinstance(error.__cause__, WiringError):
             fail(*error.__cause__.sentences)
-        fail(error.sentence(angle_unit()) if isinstance(error, InvalidValueError) else str(error))
+        fail(error.format_message(angle_unit()) if isinstance(error, InvalidValueError) else str(error))
     finally:
         restore_garbage_collection()
 

@@ -38,9 +38,9 @@ from backend.cli.output import (
     print_table,
     show_progress,
 )
-from backend.plain_text import as_line, as_lines
+from backend.plain_text import escape_line, escape_lines
 from backend.settings import Settings
-from backend.units import counted
+from backend.units import format_count
 
 if TYPE_CHECKING:
     from backend.banks import TuningSettings
@@ -223,13 +223,13 @@ def run_headless_sequence(
 @contextmanager
 def _open_simulator(settings: Settings, first: "RunRequest") -> "Iterator[_RunFunction]":
     """Open database and simulator with the loop settings of ``first``, and yield the function that runs a request."""
-    from backend.data_folder import playing_in
+    from backend.data_folder import lock_for_command
     from backend.execution import open_headless_rig, run_experiment
     from backend.reports import load_source
 
     with (
         open_configured_database(settings) as database,
-        playing_in(settings.data),
+        lock_for_command(settings.data),
         open_headless_rig(
             database, load_plant_parameters(settings, database), first.loop_settings, settings.plant_choice
         ) as rig,
@@ -415,7 +415,7 @@ def text(name: Name, data: DataFolder = None) -> None:
 
     with open_configured_database(load_settings(data=data), read_only=True) as database:
         source = OwnExperiments(database).written(name).text
-    print(as_lines(source) if sys.stdout.isatty() else source, end="")
+    print(escape_lines(source) if sys.stdout.isatty() else source, end="")
 
 
 @experiments_app.command()
@@ -434,7 +434,7 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
         print_json(checked.model_dump())
         return
     changes = f", {checked.changes_of_tuning} changes of the tuning" if checked.changes_of_tuning else ""
-    segments = counted(checked.segments, "segment")
+    segments = format_count(checked.segments, "segment")
     text = f"{checked.name} can be run: {checked.duration_s:.6g} s in {segments}{changes}"
     console.print(text, highlight=False, markup=False)
     if checked.peak_voltage_V is not None and checked.min_tension_N is not None and checked.max_tension_N is not None:
@@ -609,7 +609,7 @@ def _follow_queue(service: RunningService, *, hidden: bool) -> "QueueView":
             if task is None and queue.run is None and not queue.running:
                 return queue
             if task is not None:
-                text = as_line(f"run {task.run}, {task.phase}; {len(queue.items)} wait")
+                text = escape_line(f"run {task.run}, {task.phase}; {len(queue.items)} wait")
                 total = max(task.duration_s, 1e-9)
                 left = _format_time_left(task)
                 progress.update(bar, description=text, total=total, completed=task.elapsed_s, left=left)

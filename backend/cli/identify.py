@@ -32,7 +32,7 @@ from backend.cli.options import (
 )
 from backend.cli.output import AsJson, console, fail, print_json, print_table
 from backend.settings import Settings
-from backend.units import percent
+from backend.units import format_percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -361,7 +361,7 @@ def _build_friction_rows(estimate: "Estimate") -> list[tuple[str, str]]:
         ("dry friction u_c", f"{friction.u_c:.4g} ± {friction.u_c_std:.2g}"),
         ("gain K with friction", f"{friction.K:.4g} ± {friction.K_std:.2g}"),
         ("lag T with friction [s]", f"{friction.T:.4g} ± {friction.T_std:.2g}"),
-        ("fit with friction [%]", percent(friction.fit_percent, 2)),
+        ("fit with friction [%]", format_percent(friction.fit_percent, 2)),
     ]
 
 
@@ -371,7 +371,7 @@ def _build_offset_rows(estimate: "Estimate") -> list[tuple[str, str]]:
 
 
 def _format_percent(value: float) -> str:
-    return percent(value, 2) if math.isfinite(value) else "not measured"
+    return format_percent(value, 2) if math.isfinite(value) else "not measured"
 
 
 def _format_number(value: float | None, format_spec: str) -> str:

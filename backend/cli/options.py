@@ -14,7 +14,7 @@ import typer
 from pydantic import BaseModel, ValidationError
 
 from backend.cli.output import error_console, fail
-from backend.settings import Settings, settings_of_environment
+from backend.settings import Settings, load_environment_settings
 
 if TYPE_CHECKING:
     from backend.storage import Database
@@ -68,7 +68,7 @@ def load_settings(**options: object) -> Settings:
 
     An option that is None counts as not given.
     """
-    environment = settings_of_environment().model_dump()
+    environment = load_environment_settings().model_dump()
     given = {name: value for name, value in options.items() if value is not None}
     settings = Settings.model_validate({**environment, **given})
     os.environ[CACHE_FALLBACK] = str(settings.data.absolute())  # of plant.compilation, which takes long to import
@@ -122,13 +122,13 @@ def load_plant_parameters(settings: Settings, database: "Database") -> "PlantPar
 
 def _complete_restore(settings: Settings, *, owns_folder: bool) -> None:
     """Complete or revert a restore that was killed, unless another process uses the folder; print what was done."""
-    from backend.data_folder import held_by_nobody
+    from backend.data_folder import lock_if_unused
     from backend.storage import find_database_file, is_restore_incomplete, recover_database
 
     file = find_database_file(settings.data, settings.database_url)
     if file is None or not is_restore_incomplete(file):
         return
-    with nullcontext(True) if owns_folder else held_by_nobody(settings.data) as is_free:
+    with nullcontext(True) if owns_folder else lock_if_unused(settings.data) as is_free:
         for sentence in recover_database(file) if is_free else []:
             error_console.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
@@ -138,10 +138,10 @@ def _open_migrated(settings: Settings, *, owns_folder: bool) -> "Database":
 
     The lock of the folder is checked too, because services of old versions did not claim the database.
     """
-    from backend.data_folder import held_by_nobody
+    from backend.data_folder import lock_if_unused
     from backend.storage import SchemaError, open_database
 
-    with nullcontext(True) if owns_folder or settings.database_url else held_by_nobody(settings.data) as is_free:
+    with nullcontext(True) if owns_folder or settings.database_url else lock_if_unused(settings.data) as is_free:
         if not is_free:
             raise SchemaError(
                 f"a service or command of another version works on {settings.data}, and this version would migrate its "
@@ -154,7 +154,7 @@ def _open_migrated(settings: Settings, *, owns_folder: bool) -> "Database":
 
 def _close_interrupted_runs(settings: Settings, database: "Database") -> None:
     """Close the runs of killed commands and services; on a database server only a service can recognise them."""
-    from backend.data_folder import held_by_nobody
+    from backend.data_folder import lock_if_unused
     from backend.storage import StorageError, describe_claim, runs
 
     if settings.database_url is not None:
@@ -163,7 +163,7 @@ def _close_interrupted_runs(settings: Settings, database: "Database") -> None:
         with database.reading() as session:
             interrupted = runs.open_ones(session)
         if interrupted and not describe_claim(database.engine):
-            with held_by_nobody(settings.data) as is_free:
+            with lock_if_unused(settings.data) as is_free:
                 if is_free:
                     with database.session() as session:
                         runs.close_interrupted(session, _INTERRUPTED)
@@ -223,9 +223,9 @@ class RunningService:
 def find_running_service(settings: Settings) -> RunningService:
     """Return the service that uses the data folder; without one the command ends."""
     from backend.auth import load_tokens
-    from backend.data_folder import address_of_service, why_no_address
+    from backend.data_folder import describe_missing_address, read_service_address
 
-    address = address_of_service(settings.data)
+    address = read_service_address(settings.data)
     if address is None:
-        fail(why_no_address(settings.data))
+        fail(describe_missing_address(settings.data))
     return RunningService(address, load_tokens(settings.data).operator if settings.require_token else "")

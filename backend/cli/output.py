@@ -18,8 +18,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from backend.execution import RunPhase
-from backend.plain_text import as_json, as_line, as_lines
-from backend.units import AngleUnit, format_angles, read, reading_of
+from backend.plain_text import escape_line, escape_lines, format_json
+from backend.units import AngleUnit, convert_to_display, format_angles, get_display_unit
 
 if TYPE_CHECKING:
     from backend.models import MeasuredFigure, RunCriterion
@@ -34,7 +34,7 @@ class SafeConsole(Console):
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print texts with control and invisible characters escaped; tables unchanged."""
-        super().print(*(as_lines(one) if isinstance(one, str) else one for one in objects), **options)
+        super().print(*(escape_lines(one) if isinstance(one, str) else one for one in objects), **options)
 
 
 console = SafeConsole()
@@ -73,18 +73,18 @@ def escape_unprintable_output() -> None:
 
 def print_json(document: Any) -> None:
     """Print a document as JSON."""
-    print(as_json(document, indent=2))
+    print(format_json(document, indent=2))
 
 
 def print_table(
     columns: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None, no_wrap: Sequence[str] = ()
 ) -> None:
     """Print a table, numbers aligned to the right; columns in ``no_wrap`` keep their width on a narrow terminal."""
-    table = Table(title=title and escape(as_line(title)), title_justify="left", title_style="bold")
+    table = Table(title=title and escape(escape_line(title)), title_justify="left", title_style="bold")
     cells = [[format_cell(cell) for cell in row] for row in rows]
     for index, column in enumerate(columns):
         is_numeric = bool(cells) and all(_is_number(row[index]) for row in cells)
-        table.add_column(as_line(column), justify="right" if is_numeric else "left", no_wrap=column in no_wrap)
+        table.add_column(escape_line(column), justify="right" if is_numeric else "left", no_wrap=column in no_wrap)
     for row in cells:
         table.add_row(*row)
     console.print(table, highlight=False, markup=False)
@@ -94,7 +94,7 @@ def format_cell(value: object) -> str:
     """Return the text of a table cell: numbers with four digits, a dash for nothing, texts on one line."""
     if value is None or value == "":
         return "-"
-    return f"{value:.4g}" if isinstance(value, float) else as_line(value)
+    return f"{value:.4g}" if isinstance(value, float) else escape_line(value)
 
 
 def _is_number(cell: str) -> bool:
@@ -158,7 +158,7 @@ def print_settings(source: "RunData") -> None:
     from backend.analysis import select_used_settings
 
     rows = [
-        (item.meaning, item.symbol, _convert_setting(item.value, item.unit), reading_of(item.unit, angle_unit()).unit)
+        (item.meaning, item.symbol, _convert_setting(item.value, item.unit), get_display_unit(item.unit, angle_unit()).unit)
         for item in select_used_settings(source.run)
     ]
     if rows:
@@ -166,7 +166,7 @@ def print_settings(source: "RunData") -> None:
 
 
 def _convert_setting(value: object, unit: str) -> object:
-    return read(value, unit, angle_unit()) if isinstance(value, float) else value
+    return convert_to_display(value, unit, angle_unit()) if isinstance(value, float) else value
 
 
 def _print_metrics(metrics: "Sequence[MeasuredFigure]") -> None:
@@ -174,7 +174,7 @@ def _print_metrics(metrics: "Sequence[MeasuredFigure]") -> None:
         (
             item.label,
             _convert_metric(item.value, item.unit),
-            reading_of(item.unit, angle_unit()).unit,
+            get_display_unit(item.unit, angle_unit()).unit,
             format_angles(item.reason or "measured", angle_unit()),
         )
         for item in metrics
@@ -189,8 +189,8 @@ def _print_criteria(criteria: "Sequence[RunCriterion]", verdict: str) -> None:
         (
             item.title,
             _convert_metric(item.figure, item.unit),
-            f"{item.relation} {read(item.bound, item.unit, angle_unit()):g}",
-            reading_of(item.unit, angle_unit()).unit,
+            f"{item.relation} {convert_to_display(item.bound, item.unit, angle_unit()):g}",
+            get_display_unit(item.unit, angle_unit()).unit,
             format_angles(_describe_verdict(item), angle_unit()),
         )
         for item in criteria
@@ -208,7 +208,7 @@ def _describe_verdict(item: "RunCriterion") -> str:
 
 
 def _convert_metric(value: float | None, unit: str) -> float | str:
-    return "not measured" if value is None else read(value, unit, angle_unit())
+    return "not measured" if value is None else convert_to_display(value, unit, angle_unit())
 
 
 def _print_text(text: str, style: str = "") -> None:

@@ -28,9 +28,9 @@ from backend.cli.options import (
 )
 from backend.cli.output import AsJson, angle_unit, console, error_console, fail, print_json, print_table
 from backend.commissioning import ALTERNATIVES, FURTHER_WEIGHTS, STEP, STEPS, StepId
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 from backend.settings import Settings
-from backend.units import format_angles, read, reading_of, with_unit
+from backend.units import append_unit, convert_to_display, format_angles, get_display_unit
 from plant import SinewError
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ def check(
     if as_json:
         print_json({"wiring": checked.title, "problems": []} | ({} if raw is None else {"read": raw._asdict()}))
         return
-    title = as_line(checked.title)
+    title = escape_line(checked.title)
     print(f"{title}: channels, units and calibrations are in order")
     if raw is not None:
         counts = f"{raw.n_q:g}, {raw.n_A:g}, {raw.n_B:g}"
@@ -215,16 +215,16 @@ def print_status(settings: Settings, *, as_json: bool) -> None:
 
 def run_steps(settings: Settings, requests: Sequence[StepRequest], *, as_json: bool) -> None:
     """Run steps one after the other until one fails or is abandoned (exit 1)."""
-    from backend.data_folder import AlreadyRunningError, address_of_service, only_service_on
+    from backend.data_folder import AlreadyRunningError, read_service_address, lock_for_service
 
     if not settings.plant_choice.simulated and not sys.stdin.isatty():
         fail("standard input is no terminal: a rig is brought up by a person who stands at it and confirms each step")
     try:
-        with only_service_on(settings.data), open_configured_database(settings, owns_folder=True) as database:
+        with lock_for_service(settings.data), open_configured_database(settings, owns_folder=True) as database:
             _require_unblocked(settings, database, requests)
             done = asyncio.run(_run_session(settings, database, requests))
     except AlreadyRunningError as error:
-        address = address_of_service(settings.data)
+        address = read_service_address(settings.data)
         fail(f"{error}" if not address else f"{error}. Or bring the rig up on its page Bring-up at {address}")
     _print_steps(done, as_json=as_json)
     if done.ended:
@@ -394,7 +394,9 @@ def _print_steps(commissioning: _Commissioning, *, as_json: bool) -> None:
 def _format_value(value: float | None, unit: str) -> str:
     if value is None:
         return "not measured"
-    return with_unit(f"{read(value, unit, angle_unit()):.4g}", reading_of(unit, angle_unit()).unit)
+    return append_unit(
+        f"{convert_to_display(value, unit, angle_unit()):.4g}", get_display_unit(unit, angle_unit()).unit
+    )
 
 
 # sinew rig bring-up, tare and calibrate ------------------------------------------------------------

@@ -15,7 +15,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_run, print_settings, print_table
-from backend.units import format_angles, read, reading_of
+from backend.units import format_angles, convert_to_display, get_display_unit
 
 if TYPE_CHECKING:
     from backend.schemas import ComparedValue, RunView
@@ -186,7 +186,11 @@ def compare(
             markup=False,
         )
     rows = [
-        (item.label, *(_compared(value, item.unit) for value in item.values), reading_of(item.unit, angle_unit()).unit)
+        (
+            item.label,
+            *(_compared(value, item.unit) for value in item.values),
+            get_display_unit(item.unit, angle_unit()).unit,
+        )
         for item in found.metrics
     ]
     print_table(("metric", *(f"run {run.id}" for run in found.runs), "unit"), rows)
@@ -211,9 +215,9 @@ def history(
         return
     if found.metric is None:
         fail(f"no run of kind {kind} that fits has a result")
-    reading = reading_of(found.metric.unit, angle_unit())
+    reading = get_display_unit(found.metric.unit, angle_unit())
     rows = [
-        (point.run, f"{point.at:%Y-%m-%d %H:%M}", read(point.value, found.metric.unit, angle_unit()))
+        (point.run, f"{point.at:%Y-%m-%d %H:%M}", convert_to_display(point.value, found.metric.unit, angle_unit()))
         for point in found.points
     ]
     print_table(("run", "started (UTC)", f"{found.metric.label} [{reading.unit}]"), rows)
@@ -332,11 +336,11 @@ def _end(run: "RunView") -> str:
 def _compared(value: "ComparedValue", unit: str) -> str:
     if value.value is None:
         return f"not measured: {format_angles(value.reason, angle_unit())}"
-    text = f"{read(value.value, unit, angle_unit()):.4g}"
+    text = f"{convert_to_display(value.value, unit, angle_unit()):.4g}"
     if not value.difference:
         return text
     percent = "" if value.percent is None else f", {value.percent:+.3g} %"
-    return f"{text} ({read(value.difference, unit, angle_unit()):+.4g}{percent})"
+    return f"{text} ({convert_to_display(value.difference, unit, angle_unit()):+.4g}{percent})"
 
 
 # Runs ----------------------------------------------------------------------------------------------

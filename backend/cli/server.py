@@ -31,7 +31,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_table, restore_garbage_collection
-from backend.units import format_quantity, typed
+from backend.units import format_quantity, parse_quantity
 
 if TYPE_CHECKING:
     from backend.auth import Tokens
@@ -170,7 +170,7 @@ def foxglove(
 ) -> None:
     """Show the live stream of the running service in Foxglove or Lichtblick, until interrupted."""
     from backend.auth import load_tokens
-    from backend.data_folder import address_of_service
+    from backend.data_folder import read_service_address
 
     try:
         from backend.foxglove import LiveSource, OtherVersionError, serve_foxglove
@@ -178,17 +178,17 @@ def foxglove(
         if error.name != "foxglove":
             raise
         fail("this needs the extra foxglove: pip install 'sinew[foxglove]'")
-    from backend.workers import POLITE
+    from backend.workers import BACKGROUND_NICENESS
 
-    os.setpriority(os.PRIO_PROCESS, 0, POLITE)  # the loop and the page come first
+    os.setpriority(os.PRIO_PROCESS, 0, BACKGROUND_NICENESS)  # the loop and the page come first
     settings = load_settings(data=data)
-    if address_of_service(settings.data) is None:
+    if read_service_address(settings.data) is None:
         fail(f"no service works on the folder {settings.data}: start it with `sinew serve`, or choose --data")
     without_token = secrets.token_urlsafe(24)
     """The key where the service asks for none: a page of anybody may open a connection to a port of this machine."""
 
     def look() -> "LiveSource | None":
-        address = address_of_service(settings.data)
+        address = read_service_address(settings.data)
         if address is None:
             return None
         return LiveSource(address, load_tokens(settings.data).viewer if settings.require_token else "")
@@ -302,14 +302,14 @@ def restore(
     data: DataFolder = None,
 ) -> None:
     """Bring a backup back; refused while a service works on the folder. What was there before is kept beside it."""
-    from backend.data_folder import only_service_on
+    from backend.data_folder import lock_for_service
     from backend.storage import FILE_NAME, BackupError
     from backend.storage import restore_database as bring_back
 
     settings = load_settings(data=data)
     if settings.database_url is not None:
         raise BackupError("a database given by SINEW_DATABASE_URL is restored with its own tools")
-    with only_service_on(settings.data):
+    with lock_for_service(settings.data):
         target = (settings.data / FILE_NAME).resolve()
         if target.exists() and (by := _claimed_by(settings)):
             raise BackupError(f"{by} works on {target}, from another folder: end it first; nothing was changed")
@@ -336,14 +336,14 @@ def name_station(
     data: DataFolder = None,
 ) -> None:
     """Give all that a database without stations holds to one; refused while a service works on it."""
-    from backend.data_folder import only_service_on
-    from backend.errors import require_station_name
+    from backend.data_folder import lock_for_service
+    from backend.errors import check_station_name
     from backend.storage import HeldClaim, HeldStation, assign_unowned_rows
 
-    if not require_station_name(station):
+    if not check_station_name(station):
         fail("say what the station is to be called", status=2)
     settings = load_settings(data=data, station="")
-    with only_service_on(settings.data), open_configured_database(settings, owns_folder=True) as database:
+    with lock_for_service(settings.data), open_configured_database(settings, owns_folder=True) as database:
         held = HeldStation(database.engine, "")
         claim = HeldClaim(database.engine, "")
         try:
@@ -473,12 +473,12 @@ def serve(
 def link(data: DataFolder = None) -> None:
     """Print the sign-in links of the service that works on the data folder; exit 1 when there is none."""
     from backend.auth import load_tokens
-    from backend.data_folder import addresses_of_service, why_no_address
+    from backend.data_folder import describe_missing_address, read_service_addresses
 
     settings = load_settings(data=data)
-    addresses = addresses_of_service(settings.data)
+    addresses = read_service_addresses(settings.data)
     if not addresses:
-        fail(why_no_address(settings.data))
+        fail(describe_missing_address(settings.data))
     _print_links(addresses, load_tokens(settings.data) if settings.require_token else None)
 
 
@@ -640,7 +640,7 @@ def up(
     """Put a wall up, or in the place of the one that stands."""
     side = "below" if below else "above"
     try:
-        at = typed(q_wall, "rad")
+        at = parse_quantity(q_wall, "rad")
     except ValueError:
         fail(f"angle of the wall: {q_wall!r} is no number; give one in rad, or in degrees as 15deg", status=2)
     wall = {"q_wall": at, "side": side, "k_wall": stiffness, "c_wall": damping}

@@ -18,7 +18,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, error_console, fail, print_json, print_table
-from backend.units import counted, digits_over, in_digits, read, reading_of
+from backend.units import format_count, count_range_digits, format_number, convert_to_display, get_display_unit
 
 if TYPE_CHECKING:
     from backend.schemas import StudyDetail, StudyView
@@ -172,7 +172,10 @@ def map_metric(
     with_number, computed = (sum(map(sum, table)) for table in (found.counts, found.runs))
     if with_number < computed:
         label += f", {computed - with_number} of {computed} runs without a number"
-    cells = [[None if value is None else read(value, unit, angle_unit()) for value in row] for row in found.cells]
+    cells = [
+        [None if value is None else convert_to_display(value, unit, angle_unit()) for value in row]
+        for row in found.cells
+    ]
     (x, at_x), (y, at_y) = (
         (
             _format_label(axis_symbol(name, design), axis_unit(name, design)),
@@ -188,7 +191,7 @@ def map_metric(
     if as_json:
         print_json(asdict(found))
         return
-    digits = digits_over([value for row in cells for value in row if value is not None])
+    digits = count_range_digits([value for row in cells for value in row if value is not None])
     rows = [
         (name, *(_format_cell(value, is_unstable, digits) for value, is_unstable in zip(row, unstable, strict=True)))
         for name, row, unstable in zip(at_y, cells, found.unstable, strict=True)
@@ -219,7 +222,7 @@ def _build_notes(found: "Map") -> list[list[str]]:
 
 
 def _format_label(text: str, unit: str) -> str:
-    symbol = reading_of(unit, angle_unit()).unit
+    symbol = get_display_unit(unit, angle_unit()).unit
     return text if symbol in ("1", "") else f"{text} [{symbol}]"
 
 
@@ -228,7 +231,7 @@ def _format_cell(value: float | None, is_unstable: bool, digits: int) -> str | N
 
     if is_unstable:
         return UNSTABLE
-    return None if value is None else in_digits(value, digits)
+    return None if value is None else format_number(value, digits)
 
 
 def _choose_executor(jobs: int, scheduler: str | None) -> "Callable[[StudyBase], PointExecutor]":
@@ -266,9 +269,9 @@ def _print_study(found: "StudyDetail", *, as_json: bool) -> None:
     console.print(f"{ends or 'none yet'}{f'; {study.problem}' if study.problem else ''}", highlight=False, markup=False)
     for share in found.shares:
         if share.percent is None or share.low is None or share.high is None:
-            console.print(f"{share.label}: {counted(share.left_out, 'run')} not judged", highlight=False)
+            console.print(f"{share.label}: {format_count(share.left_out, 'run')} not judged", highlight=False)
             continue
-        left = f", {counted(share.left_out, 'run')} not judged" if share.left_out else ""
+        left = f", {format_count(share.left_out, 'run')} not judged" if share.left_out else ""
         console.print(
             f"{share.label}: {share.count} of {share.of}, {share.percent:.1f} % "
             f"(95 % confidence interval {share.low:.1f} to {share.high:.1f} %){left}",
@@ -286,7 +289,7 @@ def _print_study(found: "StudyDetail", *, as_json: bool) -> None:
 
 def _build_mean_row(item: "Spreading") -> tuple[object, ...]:
     runs = f"{item.count} of {item.count + item.missing}"
-    unit = reading_of(item.unit, angle_unit()).unit
+    unit = get_display_unit(item.unit, angle_unit()).unit
     return item.name, runs, _convert_statistic(item, item.mean), _convert_statistic(item, item.deviation), unit
 
 
@@ -300,7 +303,7 @@ def _convert_statistic(item: "Spreading", value: float | None) -> float | str:
 
     if value is None:
         return UNSTABLE if item.unstable else "one run"
-    return read(value, item.unit, angle_unit())
+    return convert_to_display(value, item.unit, angle_unit())
 
 
 def _format_time_left(study: "StudyView") -> str:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from backend.commissioning.procedure import StepFinding
 from backend.commissioning.steps import ALTERNATIVES, STEP, STEPS, CommissioningStep, StepId
 from backend.storage import Database, NewStepResult, StoredStepResult, commissioning
-from backend.units import counted
+from backend.units import format_count
 from plant import (
     NOT_BROUGHT_UP,
     BroughtUp,
@@ -65,7 +65,7 @@ def determine_step_status(
         return StepStatus(StepState.OUT_OF_DATE, "the loop has been started since: the encoders have lost their zero")
     if step.id is StepId.CALIBRATE and (other := _find_missing_cell(result)):
         return StepStatus(StepState.NEVER, f"load cell {other} has not been calibrated with this wiring")
-    days = counted(step.holds_days, "day")
+    days = format_count(step.holds_days, "day")
     if datetime.now(UTC) - result.at > timedelta(days=step.holds_days):
         return StepStatus(StepState.OUT_OF_DATE, f"it holds good for {days}", aged=True)
     return StepStatus(StepState.CURRENT, f"it holds good for {days} from when it was done")

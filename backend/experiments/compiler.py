@@ -10,7 +10,6 @@ import numpy as np
 
 from backend.banks import TuningSettings
 from backend.control import MAX_BITS, MAX_LINES, MIN_BITS, compute_bounds
-from backend.documented import described
 from backend.errors import Path, check_range
 from backend.experiments import schema
 from backend.experiments.parser import (
@@ -39,6 +38,7 @@ from backend.realtime import (
     Shape,
     final_references,
 )
+from backend.response_docs import describe_field
 from plant import K_LEAST, SUBSTEPS, Obstacle, PlantError, PlantParameters, T_s, require_possible_wall
 
 # Hand ----------------------------------------------------------------------------------------------
@@ -245,15 +245,15 @@ class PlayedPart:
     ``S_to`` and ``piece_s`` are that piece's own. ``end_s`` is the end of its last piece, all repetitions counted.
     """
 
-    path: Path = field(metadata=described("where it stands in the document"))
-    start_s: float = field(metadata=described("when it begins for the first time", "s"))
-    end_s: float = field(metadata=described("when it ends for the last time", "s"))
-    pieces: int = field(metadata=described("pieces that the loop plays of it, all repetitions counted"))
-    piece_s: float = field(metadata=described("length of its first piece", "s"))
-    q_from: float | None = field(metadata=described("joint reference before its first piece", "rad"))
-    S_from: float | None = field(metadata=described("stiffness reference before its first piece", "N·m/rad"))
-    q_to: float = field(metadata=described("joint reference of its first piece", "rad"))
-    S_to: float = field(metadata=described("stiffness reference of its first piece", "N·m/rad"))
+    path: Path = field(metadata=describe_field("where it stands in the document"))
+    start_s: float = field(metadata=describe_field("when it begins for the first time", "s"))
+    end_s: float = field(metadata=describe_field("when it ends for the last time", "s"))
+    pieces: int = field(metadata=describe_field("pieces that the loop plays of it, all repetitions counted"))
+    piece_s: float = field(metadata=describe_field("length of its first piece", "s"))
+    q_from: float | None = field(metadata=describe_field("joint reference before its first piece", "rad"))
+    S_from: float | None = field(metadata=describe_field("stiffness reference before its first piece", "N·m/rad"))
+    q_to: float = field(metadata=describe_field("joint reference of its first piece", "rad"))
+    S_to: float = field(metadata=describe_field("stiffness reference of its first piece", "N·m/rad"))
 
 
 def list_played_parts(laid: CompiledExperiment) -> list[PlayedPart]:

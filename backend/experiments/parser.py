@@ -16,9 +16,9 @@ from backend.banks import NAMES
 from backend.errors import InvalidValueError, OutOfRangeError, Path
 from backend.experiments.schema import EXPERIMENT, FORMAT, Declared, Experiment, Rule
 from backend.models import Setting, SettingError, Value
-from backend.plain_text import STORED, PlainTextError, as_stored, require_plain
+from backend.plain_text import STORED_CONTEXT, PlainTextError, check_plain_text, escape_refused_characters
 from backend.recording import Derived, FormulaStep
-from backend.sample import COMBINED_BY_NAME, UNIT_OF, nearest
+from backend.sample import COMBINED_SIGNAL_BY_NAME, UNIT_BY_SIGNAL, find_nearest_name
 from backend.units import AngleUnit
 from plant import ErrorCode, SinewError
 
@@ -261,9 +261,9 @@ class ExperimentError(InvalidValueError):
         """Code, and the refused part with its place and line."""
         return {**super().fields, "line": self.line}
 
-    def sentence(self, angles: AngleUnit) -> str:
+    def format_message(self, angles: AngleUnit) -> str:
         """Say it to somebody who reads angles in this unit."""
-        why = self.why if isinstance(self.why, str) else self.why.sentence(angles)
+        why = self.why if isinstance(self.why, str) else self.why.format_message(angles)
         place = f"line {self.line}" if self.line else ""
         return ": ".join(part for part in (place, self.words if self.path else "", why) if part)
 
@@ -463,7 +463,7 @@ def document_of(text: str, *, stored: bool = False) -> tuple[Any, Lines]:
     try:
         node = _Loader(text).get_single_node()
         document = None if node is None else _value(node, (), lines, 0, stored=stored)
-        return as_stored(document) if stored else document, lines
+        return escape_refused_characters(document) if stored else document, lines
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise ExperimentError(f"it is neither YAML nor JSON: {error.problem}", (), mark and mark.line + 1) from None
@@ -488,7 +488,7 @@ def in_form(
         why = f"{document.get('format')!r} is not known: this Sinew reads format {known}"
         raise ExperimentError(why, ("format",), find_line(("format",), lines))
     try:
-        return form.validate_json(json.dumps(document), context=STORED if stored else None)
+        return form.validate_json(json.dumps(document), context=STORED_CONTEXT if stored else None)
     except ValidationError as error:
         found = error.errors(include_url=False)
         # a word that is not known is what made another one missing
@@ -500,7 +500,7 @@ def in_form(
 def parse_canonical(line: str) -> Experiment:
     """Return the experiment that ``canonical`` has written and a run has kept. Raises ExperimentError."""
     try:
-        return of_document(as_stored(json.loads(line)), {}, stored=True)
+        return of_document(escape_refused_characters(json.loads(line)), {}, stored=True)
     except (ValueError, RecursionError) as error:
         if isinstance(error, ExperimentError):
             raise
@@ -537,7 +537,7 @@ def _value(node: Any, path: Path, lines: dict[Path, int], depth: int, *, stored:
             words = _with_pairs_joined(node.value)
             try:
                 if not stored:
-                    require_plain(words)
+                    check_plain_text(words)
             except PlainTextError as error:
                 raise ExperimentError(str(error), path, line) from None
             return words
@@ -612,8 +612,8 @@ def _told(first: Any) -> str:
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,19}")
-_FORMULA_TAKEN = {*UNIT_OF, *FUNCTIONS, *CONSTANTS, "and", "or", "not", "if", "else", "tick", "t"}
-KNOWN = tuple(name for name in UNIT_OF if name.isidentifier())
+_FORMULA_TAKEN = {*UNIT_BY_SIGNAL, *FUNCTIONS, *CONSTANTS, "and", "or", "not", "if", "else", "tick", "t"}
+KNOWN = tuple(name for name in UNIT_BY_SIGNAL if name.isidentifier())
 """Signals that a formula may name; differences are written as such."""
 
 _FORMULA_BINARY = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div", ast.Mod: "mod", ast.Pow: "pow"}
@@ -688,8 +688,8 @@ def _apply(operation: str, operands: list[ast.expr], steps: list[FormulaStep]) -
 def _lay_name(name: str, steps: list[FormulaStep]) -> None:
     if name in CONSTANTS:
         steps.append(FormulaStep("number", value=CONSTANTS[name]))
-    elif name in COMBINED_BY_NAME:
-        for number, term in enumerate(COMBINED_BY_NAME[name].terms):
+    elif name in COMBINED_SIGNAL_BY_NAME:
+        for number, term in enumerate(COMBINED_SIGNAL_BY_NAME[name].terms):
             steps.append(FormulaStep("signal", name=term.column))
             if term.length:
                 steps += [FormulaStep("length", name=term.length), FormulaStep("mul", 2)]
@@ -700,4 +700,4 @@ def _lay_name(name: str, steps: list[FormulaStep]) -> None:
     elif name in KNOWN:
         steps.append(FormulaStep("signal", name=name))
     else:
-        raise ExpressionError(f"there is no signal {name!r}: the nearest is {nearest(name, KNOWN)}")
+        raise ExpressionError(f"there is no signal {name!r}: the nearest is {find_nearest_name(name, KNOWN)}")

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from backend import __version__
 from backend.models import document_digest
-from backend.plain_text import require_plain_texts
+from backend.plain_text import check_plain_texts
 from backend.recording import CodecError, Columns, SamplesDigest, read_recorded_columns, read_samples
 from backend.sample import FIELDS, STORED_NAMES
 from backend.storage import (
@@ -125,7 +125,7 @@ def _whole(word: str) -> int:
 def require_texts(document: Any) -> None:
     """Raise ValueError for texts that are not taken, also in JSON that stands in a text, as an experiment in a plan."""
     try:
-        require_plain_texts(document)
+        check_plain_texts(document)
         for inner in _inner_documents(document):
             require_texts(inner)
     except RecursionError:

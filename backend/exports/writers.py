@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.exports.base import Batch, Described, Export, Facts, ImportRefusedError, Sink, read_facts
-from backend.plain_text import as_cell, as_comment, as_json_cells
+from backend.plain_text import escape_json_for_csv, format_csv_cell, format_csv_comment
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -115,9 +115,14 @@ def _batches(file: Path, facts: Facts, skip: int) -> Iterator[Batch]:
 
 
 def _make_heading(facts: Facts) -> str:
-    lines = [as_comment(f"{facts.of}, Sinew {facts.software}; {facts.notation}")]
-    lines += [as_comment(f"{one.name} [{one.unit}] {one.symbol}: {one.meaning}") for one in facts.columns]
-    return "\n".join([*lines, f"{_MARK}{as_json_cells(facts.to_json())}", ",".join(map(as_cell, facts.names))]) + "\n"
+    lines = [format_csv_comment(f"{facts.of}, Sinew {facts.software}; {facts.notation}")]
+    lines += [format_csv_comment(f"{one.name} [{one.unit}] {one.symbol}: {one.meaning}") for one in facts.columns]
+    return (
+        "\n".join(
+            [*lines, f"{_MARK}{escape_json_for_csv(facts.to_json())}", ",".join(map(format_csv_cell, facts.names))]
+        )
+        + "\n"
+    )
 
 
 # JSON samples --------------------------------------------------------------------------------------

@@ -312,7 +312,7 @@ class Publisher:
         self._problems = now
 
     def _publish_samples(self, packed: bytes) -> None:
-        frame = wire.unpack(packed)
+        frame = wire.unpack_frame(packed)
         if self._began_ns is None or frame.first_tick < self._version or not self._samples.has_sinks():
             return
         if frame.missed:

@@ -14,8 +14,8 @@ from pydantic.fields import FieldInfo
 
 from backend.analysis import SETTLING_BAND, disturbance_metrics, frequency_metrics, identification, step_metrics
 from backend.commissioning import StepState
-from backend.errors import WORDS
-from backend.faults import EXPLAINED, Fault, Limit
+from backend.errors import QUANTITY_LABELS
+from backend.faults import EXPLANATIONS, Fault, Limit
 from backend.identification import Grade
 from backend.identification import validation as rule
 from backend.models import Outcome
@@ -125,7 +125,7 @@ def _field_entry(form: str, name: str, field: FieldInfo) -> GlossaryTerm:
     meaning = str(field.description).removesuffix(f" [{unit}]")
     low, high = bounds(field)
     accepted = () if low is None or high is None else (("Accepted", f"{low:g} to {high:g} {unit}".strip()),)
-    words = WORDS.get(name, name.replace("_", " "))
+    words = QUANTITY_LABELS.get(name, name.replace("_", " "))
     return GlossaryTerm(TermKind.SETTING, f"{form}.{name}", words, meaning, "" if unit == "1" else unit, more=accepted)
 
 
@@ -350,7 +350,7 @@ def _fault(fault: Fault, section: str) -> GlossaryTerm:
         raise GlossaryError(f"docs/reference/faults.md: {fault.value} needs {', '.join(_PARTS)}")
     name = fault.value
     return GlossaryTerm(
-        TermKind.FAULT, name, _in_words(name), EXPLAINED[fault].message, source="docs/reference/faults.md", more=more
+        TermKind.FAULT, name, _in_words(name), EXPLANATIONS[fault].message, source="docs/reference/faults.md", more=more
     )
 
 

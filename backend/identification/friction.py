@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numba
 import numpy as np
 
-from backend.documented import described
 from backend.identification.models import DryFriction
 from backend.identification.records import NotConvergedError, Record, Signal
 from backend.identification.validation import sandwich, whiteness
+from backend.response_docs import describe_field
 from plant import cache_compiled
 
 # Friction ------------------------------------------------------------------------------------------
@@ -254,16 +254,16 @@ class LoadFrictionFit:
     used, ``tensions_N`` their mean tensions, ``samples`` how many samples counted.
     """
 
-    c0: float = field(metadata=described("Coulomb friction without load", "N·m"))
-    c1: float = field(metadata=described("friction per load torque r_m F"))
-    K_t: float = field(metadata=described("torque per volt at rest, from the same fit", "N·m/V"))
-    c0_std: float = field(metadata=described("standard error of c0", "N·m"))
-    c1_std: float = field(metadata=described("standard error of c1"))
-    K_t_std: float = field(metadata=described("standard error of K_t", "N·m/V"))
-    c0_c1_covariance: float = field(metadata=described("covariance of c0 and c1 [N·m]"))
-    runs: tuple[int, ...] = field(metadata=described("runs that were used"))
-    tensions_N: tuple[float, ...] = field(metadata=described("their mean tensions", "N"))
-    samples: int = field(metadata=described("samples that counted"))
+    c0: float = field(metadata=describe_field("Coulomb friction without load", "N·m"))
+    c1: float = field(metadata=describe_field("friction per load torque r_m F"))
+    K_t: float = field(metadata=describe_field("torque per volt at rest, from the same fit", "N·m/V"))
+    c0_std: float = field(metadata=describe_field("standard error of c0", "N·m"))
+    c1_std: float = field(metadata=describe_field("standard error of c1"))
+    K_t_std: float = field(metadata=describe_field("standard error of K_t", "N·m/V"))
+    c0_c1_covariance: float = field(metadata=describe_field("covariance of c0 and c1 [N·m]"))
+    runs: tuple[int, ...] = field(metadata=describe_field("runs that were used"))
+    tensions_N: tuple[float, ...] = field(metadata=describe_field("their mean tensions", "N"))
+    samples: int = field(metadata=describe_field("samples that counted"))
 
 
 @dataclass(frozen=True)

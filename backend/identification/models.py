@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from backend.identification.records import Signal, StructureError, UnstableModelError
-from backend.units import percent
+from backend.units import format_percent
 
 # Published -----------------------------------------------------------------------------------------
 #
@@ -510,8 +510,8 @@ class Hint:
         """What would help, with figures."""
         return (
             f"{'a dead time' if self.dead_time else 'a higher order'} would help: {self.structure} fits"
-            f" {percent(self.fit_percent)} % of the record where this structure fits"
-            f" {percent(self.fit_percent_before)} %"
+            f" {format_percent(self.fit_percent)} % of the record where this structure fits"
+            f" {format_percent(self.fit_percent_before)} %"
             f" (BIC lower by {self.BIC_gain:.3g}, F = {self.F:.3g})"
         )
 

@@ -42,7 +42,7 @@ from backend.identification.validation import (
     sandwich,
     whiteness,
 )
-from backend.units import percent
+from backend.units import format_percent
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -511,7 +511,7 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
         f"dry friction takes {u_c:.3g} V" if u_c > 0.0 else "no dry friction found",
         f"dead time of {1e3 * t_d:.3g} ms" if t_d > 0.0 else "no dead time found",
         *([f"input offset of {u_0:.3g} ± {found.std_errors[4]:.2g} V"] if u_0 else []),
-        *([] if rests else [f"fit of {percent(fit)} % on unseen data" if np.isfinite(fit) else _NO_FIT]),
+        *([] if rests else [f"fit of {format_percent(fit)} % on unseen data" if np.isfinite(fit) else _NO_FIT]),
     ]
     errors = dict.fromkeys(_ORDER, 0.0) | {
         which: float(std) for which, std in zip(_ORDER, found.std_errors, strict=True) if which in free

@@ -20,7 +20,7 @@ from backend.identification.models import (
     worst_grade,
 )
 from backend.identification.records import MAX_SATURATED_PERCENT, RestAtLimit, Signal, UnstableModelError
-from backend.units import percent
+from backend.units import format_percent
 
 # Noise ---------------------------------------------------------------------------------------------
 #
@@ -360,7 +360,7 @@ def judge(evidence: ValidationData) -> Verdict:
     known = f"K and T known to ±{evidence.spread:.2g} %"
     if evidence.spread_with_friction > evidence.spread:
         known += f", ±{evidence.spread_with_friction:.2g} % if there is dry friction too little to be seen here"
-    praise = [f"fit of {percent(evidence.fit)} % on unseen data", known]
+    praise = [f"fit of {format_percent(evidence.fit)} % on unseen data", known]
     if evidence.gain_error_percent is not None:
         praise.append(f"gain {evidence.gain_error_percent:+.1f} % from the geometric one")
     return Verdict(Grade.USABLE, tuple(praise))
@@ -456,7 +456,7 @@ def _fit(evidence: ValidationData) -> Iterator[Finding]:
         yield (
             worst_grade(Grade.CAUTION, grade_value(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)),
             "fit on unseen data not measured, as the output rests in the first two thirds of the record or in its last"
-            f" third; the fit on the record itself is {percent(evidence.fit_all)} %",
+            f" third; the fit on the record itself is {format_percent(evidence.fit_all)} %",
         )
         return
     if not np.isfinite(evidence.fit):
@@ -469,7 +469,7 @@ def _fit(evidence: ValidationData) -> Iterator[Finding]:
     grade = grade_value(evidence.misfit, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT)
     if grade is not Grade.USABLE:
         bound = MIN_FIT_PERCENT if grade is Grade.UNUSABLE else GOOD_FIT_PERCENT
-        yield grade, f"fit of {percent(evidence.fit)} % on unseen data, where {bound:.0f} % are needed"
+        yield grade, f"fit of {format_percent(evidence.fit)} % on unseen data, where {bound:.0f} % are needed"
 
 
 def _gain(evidence: ValidationData) -> Iterator[Finding]:

@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from backend.documented import described
 from backend.identification import FirstOrder, FrequencyCheck, Grade, Residuals
 from backend.models.document import ABSENT, DocumentCodec, UnreadableDocumentError
+from backend.response_docs import describe_field
 from plant import Side
 
 # Actuator ------------------------------------------------------------------------------------------
@@ -224,10 +224,10 @@ class RefusedStep:
 class StoredStepCurve:
     """A few points of a step [V] as measured and as the model says, to draw: t [s], turn [rad]."""
 
-    voltage: float = field(metadata=described("voltage of the step", "V"))
-    t: tuple[float, ...] = field(metadata=described("time from the step", "s"))
-    measured: tuple[float, ...] = field(metadata=described("turn as measured", "rad"))
-    model: tuple[float, ...] = field(metadata=described("turn of the model", "rad"))
+    voltage: float = field(metadata=describe_field("voltage of the step", "V"))
+    t: tuple[float, ...] = field(metadata=describe_field("time from the step", "s"))
+    measured: tuple[float, ...] = field(metadata=describe_field("turn as measured", "rad"))
+    model: tuple[float, ...] = field(metadata=describe_field("turn of the model", "rad"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,11 +298,11 @@ class StoredSpringFit:
     """A polynomial of one order and its errors; ``rising`` where it rises over all elongations that were measured."""
 
     order: int
-    k: tuple[float, ...] = field(metadata=described("coefficients, lowest power first [N/m^i]"))
+    k: tuple[float, ...] = field(metadata=describe_field("coefficients, lowest power first [N/m^i]"))
     std_errors: tuple[float | None, ...]
-    rms_N: float | None = field(metadata=described("RMS error", "N"))
-    max_N: float | None = field(metadata=described("largest error", "N"))
-    cross_validation_N: float | None = field(metadata=described("RMS error at pairs left out one at a time", "N"))
+    rms_N: float | None = field(metadata=describe_field("RMS error", "N"))
+    max_N: float | None = field(metadata=describe_field("largest error", "N"))
+    cross_validation_N: float | None = field(metadata=describe_field("RMS error at pairs left out one at a time", "N"))
     rising: bool
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from backend.documented import COMPLETE_ANSWER, described
 from backend.models.document import ABSENT, Document, DocumentCodec, replace_non_finite
+from backend.response_docs import COMPLETE_RESPONSE_CONFIG, describe_field
 from plant import Obstacle
 
 # Bank entry ----------------------------------------------------------------------------------------
@@ -155,7 +155,7 @@ class Phase:
 class MeasuredFigure:
     """A figure of a result. ``reason`` says why it, or a part of it, was not measured; "" where nothing is missing."""
 
-    __pydantic_config__ = COMPLETE_ANSWER
+    __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
 
     name: str
     unit: str
@@ -164,7 +164,7 @@ class MeasuredFigure:
     value: float | None
     reason: str = field(
         default="",
-        metadata=described("why it was not measured; with a value: why not on all steps, so at least that"),
+        metadata=describe_field("why it was not measured; with a value: why not on all steps, so at least that"),
     )
 
 
@@ -330,7 +330,7 @@ class DeclaredValue:
 
     name: str
     symbol: str
-    unit: str = field(metadata=described("SI, 1 for what has none"))
+    unit: str = field(metadata=describe_field("SI, 1 for what has none"))
     meaning: str
     value: Value
 
@@ -574,16 +574,16 @@ def _whole(value: Any) -> int | None:
 class RunHeadline:
     """A figure in SI. ``relation`` and ``bound`` are those of its criterion; "" and None for a figure without one."""
 
-    __pydantic_config__ = COMPLETE_ANSWER
+    __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
 
     name: str
     label: str
     value: float
-    unit: str = field(metadata=described("SI, 1 for what has none"))
+    unit: str = field(metadata=describe_field("SI, 1 for what has none"))
     relation: str = field(
-        default="", metadata=described("of the criterion it was judged by, < or >; empty without a criterion")
+        default="", metadata=describe_field("of the criterion it was judged by, < or >; empty without a criterion")
     )
-    bound: float | None = field(default=None, metadata=described("bound of that criterion, null without one"))
+    bound: float | None = field(default=None, metadata=describe_field("bound of that criterion, null without one"))
 
 
 def find_headline(

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, TypeVar
 
-from backend.documented import ANSWER, HIDDEN
 from backend.errors import InvalidValueError, Path, check_range
 from backend.models.run import DeclaredValue, Value
-from backend.units import AngleUnit, reading_of, typed
+from backend.response_docs import HIDDEN_FIELD, RESPONSE_CONFIG
+from backend.units import AngleUnit, get_display_unit, parse_quantity
 
 _KEY = "setting"
 _SHOWN = 100
@@ -50,9 +50,9 @@ class SettingError(InvalidValueError):
         """Code, and the refused setting with its value and what would be accepted."""
         return {**super().fields, "value": self.value, "unit": self.unit or None, "legal": list(self.legal) or None}
 
-    def sentence(self, angles: AngleUnit) -> str:
+    def format_message(self, angles: AngleUnit) -> str:
         """Say it to somebody who reads angles in this unit; a number is wanted in it, where the quantity has one."""
-        wanted = f" in {reading_of(self.unit, angles).unit}" if self.unit not in ("", "1") else ""
+        wanted = f" in {get_display_unit(self.unit, angles).unit}" if self.unit not in ("", "1") else ""
         return f"{self.words}: {repr(self.value)[:_SHOWN]} is refused: {self.reason}{wanted}"
 
 
@@ -63,10 +63,10 @@ class Setting:
     ``maximum`` of a text is its longest length in characters. Forms are sent all of it but the kind.
     """
 
-    __pydantic_config__ = ANSWER
+    __pydantic_config__ = RESPONSE_CONFIG
 
     name: str
-    kind: str = field(metadata=HIDDEN)
+    kind: str = field(metadata=HIDDEN_FIELD)
     symbol: str
     unit: str
     meaning: str
@@ -105,7 +105,7 @@ class Setting:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise self._refused(value, "it needs a number")
         try:
-            return typed(value, self.unit) if isinstance(value, str) else float(value)
+            return parse_quantity(value, self.unit) if isinstance(value, str) else float(value)
         except (ValueError, OverflowError):
             raise self._refused(value, "it needs a number") from None
 

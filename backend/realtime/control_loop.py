@@ -64,7 +64,7 @@ from backend.realtime.ring_buffer import Ring, SampleRing
 from backend.realtime.shared_state import StepContext
 from backend.sample import FIELDS
 from backend.tuning import TuningParameters, collect_plant_knowledge
-from backend.units import in_digits
+from backend.units import format_number
 from plant import (
     NO_RAW,
     ZERO_VOLTS,
@@ -377,7 +377,7 @@ class FaultDescriber:
             beyond, within = _format_tensions(m, lambda F: bounds.F_max < F)
             return Fault.FORCE_LIMIT, f"{beyond} above the bound of {bounds.F_max:g} N{within}"
         if abs(m.q) > bounds.q_trip:
-            q, q_trip = in_digits(m.q), in_digits(bounds.q_trip)  # all digits, so that a conversion to degrees gives 90
+            q, q_trip = format_number(m.q), format_number(bounds.q_trip)  # all digits, so that a conversion to degrees gives 90
             return Fault.JOINT_LIMIT, f"q = {q} rad; the bound is {q_trip} rad to either side"
         return Fault.NONE, ""
 
@@ -386,7 +386,7 @@ def _format_reading(name: str, value: float, digits: str, unit: str) -> str:
     """Return a reading as text; one that is not finite has no unit."""
     if not math.isfinite(value):
         return f"no number from {name}"
-    return f"{name} = {format(value, digits) if digits else in_digits(value)} {unit}"
+    return f"{name} = {format(value, digits) if digits else format_number(value)} {unit}"
 
 
 def _format_tensions(m: Measurement, is_beyond: Callable[[float], bool]) -> tuple[str, str]:

@@ -33,7 +33,7 @@ from backend.realtime.modes import MODES, Mode
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.timing import RealTimeStatus
 from backend.sample import INDEX
-from backend.supervision import KeptTask, KeptThread, Part, Supervision
+from backend.supervision import Part, SupervisedTask, SupervisedThread, Supervision
 from plant import Card, ErrorCode, SinewError, T_s, select_calibration
 
 # Access --------------------------------------------------------------------------------------------
@@ -252,9 +252,9 @@ class Supervisor:
         self._process: Process | None = None
         self._supervision = supervision or Supervision()
         self._heartbeat: HeartbeatSender | None = None
-        self._heartbeat_thread: KeptThread | None = None
+        self._heartbeat_thread: SupervisedThread | None = None
         self._channel: Channel | None = None
-        self._tasks: list[KeptTask] = []
+        self._tasks: list[SupervisedTask] = []
         self._ready: asyncio.Future[RealTimeStatus] | None = None
         self._answers = PendingReplies()
         self._liveness = LivenessMonitor()
@@ -330,14 +330,14 @@ class Supervisor:
             channel.send(encode(self.setup))
         asyncio.get_running_loop().add_reader(channel.fileno(), self._receive)
         self._heartbeat = HeartbeatSender(channel)
-        self._heartbeat_thread = self._supervision.keep_thread(
+        self._heartbeat_thread = self._supervision.start_thread(
             _HEARTBEAT_PART, self._heartbeat.run, self._heartbeat.stop
         )
-        keep_task = self._supervision.keep_task
+        start_task = self._supervision.start_task
         self._tasks = [
-            keep_task(_WATCH_PART, partial(self._watch, self._process)),
-            keep_task(_LIVENESS_PART, partial(self._refresh_heartbeat, channel, self._heartbeat)),
-            keep_task(GUARD, partial(self.watchdog_monitor.run, self._process)),
+            start_task(_WATCH_PART, partial(self._watch, self._process)),
+            start_task(_LIVENESS_PART, partial(self._refresh_heartbeat, channel, self._heartbeat)),
+            start_task(GUARD, partial(self.watchdog_monitor.run, self._process)),
         ]
         await asyncio.to_thread(
             heartbeat.compile_heartbeat
@@ -364,7 +364,7 @@ class Supervisor:
         except (LoopExitedError, TimeoutError, ProcessLookupError):
             self._kill("it did not end when told to")
         for task in self._tasks:
-            await task.ended()
+            await task.wait()
 
     async def send(self, command: Command) -> Accepted | Refused:
         """Send a command and wait for the loop's reply.

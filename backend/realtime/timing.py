@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from backend.documented import described
 from backend.realtime.ring_buffer import Ring
+from backend.response_docs import describe_field
 from backend.sample import INDEX
 from plant import T_s
 
@@ -42,10 +42,10 @@ class RealTimeStatus:
     scheduling.
     """
 
-    priority: int = field(metadata=described("of SCHED_FIFO, 0 under ordinary scheduling"))
+    priority: int = field(metadata=describe_field("of SCHED_FIFO, 0 under ordinary scheduling"))
     memory_locked: bool
     timer_slack_ns: int
-    refusals: tuple[str, ...] = field(metadata=described("what was not granted, why, and the remedy"))
+    refusals: tuple[str, ...] = field(metadata=describe_field("what was not granted, why, and the remedy"))
 
 
 def request_real_time() -> RealTimeStatus:

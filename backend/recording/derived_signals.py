@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.documented import COMPLETE_ANSWER, described
 from backend.models import UnreadableDocumentError
-from backend.sample import COMBINED_BY_NAME, STORED, UNIT_OF, Combined, Field, Term
+from backend.response_docs import COMPLETE_RESPONSE_CONFIG, describe_field
+from backend.sample import COMBINED_SIGNAL_BY_NAME, STORED, UNIT_BY_SIGNAL, CombinedSignal, Field, Term
 from backend.storage import Formula, Session, formulas, runs
 
 # Formula -------------------------------------------------------------------------------------------
@@ -39,12 +39,12 @@ class FormulaStep:
     ``number`` leaves ``value``, ``signal`` the column ``name``, ``length`` the length ``name`` of the geometry.
     """
 
-    __pydantic_config__ = COMPLETE_ANSWER
+    __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
 
     op: Operation
     of: int = 0
-    value: float = field(default=0.0, metadata=described("of a number"))
-    name: str = field(default="", metadata=described("of a signal, or of a length of the geometry"))
+    value: float = field(default=0.0, metadata=describe_field("of a number"))
+    name: str = field(default="", metadata=describe_field("of a signal, or of a length of the geometry"))
 
 
 @dataclass(frozen=True)
@@ -156,14 +156,16 @@ _OPERATIONS: dict[str, Callable[[Sequence[Column]], Column]] = {
 # station's formulas.
 
 
-Following = Combined | Derived
+Following = CombinedSignal | Derived
 
 
 def select_derived(session: Session, names: Iterable[str]) -> dict[str, Following]:
     """Return those of ``names`` that follow from others, by name."""
     asked = list(dict.fromkeys(names))
-    found: dict[str, Following] = {name: COMBINED_BY_NAME[name] for name in asked if name in COMBINED_BY_NAME}
-    if any(name not in UNIT_OF for name in asked):
+    found: dict[str, Following] = {
+        name: COMBINED_SIGNAL_BY_NAME[name] for name in asked if name in COMBINED_SIGNAL_BY_NAME
+    }
+    if any(name not in UNIT_BY_SIGNAL for name in asked):
         derived = {one.name: one for one in map(build_derived_signal, formulas.find(session))}
         found |= {name: derived[name] for name in asked if name in derived}
     return found

@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.faults import Fault, explained
+from backend.faults import Fault, describe_fault
 from backend.realtime import Event, LoopExited, Ring, Stopped
 from backend.recording.codec import pack_table, unpack
 from backend.recording.reader import Columns
@@ -104,7 +104,7 @@ class FlightRecorder:
         """Take note of a trip; a listener for ``LoopClient.listen``."""
         match event:
             case Stopped(fault=fault, arrived_tick=tick, detail=detail) if not self._is_expected(fault):
-                text = explained(fault, detail)
+                text = describe_fault(fault, detail)
                 ring = self._ring()
                 self._trip(_Trip(ring, fault, tick, text, compute_sample_time(ring, tick)))
             case LoopExited(reason):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from backend.errors import OutOfRangeError, check_range
 from backend.recording.derived_signals import compute_signal, load_geometry_lengths
 from backend.recording.reader import read_samples
-from backend.sample import COMBINED_BY_NAME
+from backend.sample import COMBINED_SIGNAL_BY_NAME
 from backend.storage import Database, Session, recordings
 
 # Spectrum ------------------------------------------------------------------------------------------
@@ -193,10 +193,10 @@ def read_slabs(database: Database, stretch: TickInterval, names: Sequence[str]) 
 
 
 def _read_columns(session: Session, stretch: TickInterval, names: Sequence[str], begin: int, end: int) -> Slab:
-    combined = [COMBINED_BY_NAME[name] for name in dict.fromkeys(names) if name in COMBINED_BY_NAME]
+    combined = [COMBINED_SIGNAL_BY_NAME[name] for name in dict.fromkeys(names) if name in COMBINED_SIGNAL_BY_NAME]
     recorded = recordings.get(session, stretch.run_id).fields
     terms = [term.column for one in combined for term in one.terms if term.column in recorded]
-    stored = [name for name in names if name not in COMBINED_BY_NAME]
+    stored = [name for name in names if name not in COMBINED_SIGNAL_BY_NAME]
     read = list(dict.fromkeys([*stored, *terms])) or recorded[:1]
     samples = read_samples(session, stretch.run_id, read, begin * stretch.period_s, end * stretch.period_s)
     columns = {name: samples.columns[name].astype(np.float64) for name in read}

@@ -17,7 +17,7 @@ from backend.recording.derived_signals import (
     load_geometry_lengths,
     select_derived,
 )
-from backend.sample import ADDED_LATER, STORED_NAMES, UNIT_OF
+from backend.sample import ADDED_LATER, STORED_NAMES, UNIT_BY_SIGNAL
 from backend.storage import Chunk, Database, Recording, Session, Span, UnknownRecordError, recordings
 from plant import ErrorCode, SinewError, T_s
 
@@ -210,7 +210,7 @@ def read_envelope(
         t=np.asarray(np.arange(first, last) * width * recording.period_s, np.float64),
         minimum={name: minimum[name] for name in names or minimum},
         maximum={name: maximum[name] for name in names or maximum},
-        units={name: made[name].unit if name in made else UNIT_OF[name] for name in names or minimum},
+        units={name: made[name].unit if name in made else UNIT_BY_SIGNAL[name] for name in names or minimum},
     )
 
 

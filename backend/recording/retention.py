@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from backend.storage import Database, EventKind, RetentionEntry, events, recordings
-from backend.units import counted
+from backend.units import format_count
 from plant import ErrorCode, SinewError
 
 _CHUNKS_AT_ONCE = 200
@@ -44,14 +44,14 @@ class Overview:
         if self.total_bytes <= self.rule.max_bytes:
             return ""
         takes = f"recordings take {_gigabytes(self.total_bytes)}, limit {_gigabytes(self.rule.max_bytes)}"
-        age = counted(self.rule.keep_days, "day")
+        age = format_count(self.rule.keep_days, "day")
         if not self.may_go:
             return (
                 f"{takes}: nothing may go, for all of it is in use or younger than {age}; "
                 "raise SINEW_RECORDINGS_GB or lower SINEW_RECORDINGS_KEEP_DAYS"
             )
         freed = sum(run.size_bytes for run in self.may_go)
-        going = counted(len(self.may_go), "run")
+        going = format_count(len(self.may_go), "run")
         return (
             f"{takes}: the samples of {going} older than {age} ({_gigabytes(freed)}) may go, "
             "see the System page or `sinew db recordings`"

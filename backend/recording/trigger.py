@@ -16,7 +16,7 @@ from backend.realtime import Ring
 from backend.recording.codec import pack_table
 from backend.recording.derived_signals import Derived, compute_signal, find_source_columns
 from backend.recording.flight import Quota, compute_sample_time, enforce_quota, get_run_number
-from backend.sample import COMBINED_BY_NAME, INDEX, STORED_COLUMNS, STORED_NAMES, UNIT_OF
+from backend.sample import COMBINED_SIGNAL_BY_NAME, INDEX, STORED_COLUMNS, STORED_NAMES, UNIT_BY_SIGNAL
 from backend.storage import TRIGGER, Database, Document, EventKind, NewFlight, StorageError, events, flights, settings
 from backend.supervision import Part
 from plant import T_s
@@ -59,11 +59,11 @@ class Condition:
     @property
     def unit(self) -> str:
         """SI unit of the signal."""
-        return UNIT_OF[self.signal] if self.derived is None else self.derived.unit
+        return UNIT_BY_SIGNAL[self.signal] if self.derived is None else self.derived.unit
 
     def values(self, rows: NDArray[np.float64], lengths: dict[str, float]) -> NDArray[np.float64]:
         """Return the signal of rows of the ring [n, WIDTH]; ``lengths`` are those of the geometry [m], by name."""
-        following = COMBINED_BY_NAME.get(self.signal) if self.derived is None else self.derived
+        following = COMBINED_SIGNAL_BY_NAME.get(self.signal) if self.derived is None else self.derived
         if following is None:
             return rows[:, INDEX[self.signal]]
         columns = {name: rows[:, INDEX[name]] for name in find_source_columns([following])}

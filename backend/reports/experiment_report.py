@@ -65,7 +65,7 @@ from backend.reports.provenance import (
 from backend.reports.run_data import RunData
 from backend.reports.sections import CAPTION, impact_panels, impact_tables
 from backend.tuning import TuningError, make_cascade_tuning, simulate_cascade
-from backend.units import AngleUnit, read, reading_of, with_unit
+from backend.units import AngleUnit, append_unit, convert_to_display, get_display_unit
 from plant import SIDES, ParameterError, T_s, parse_parameters
 
 # Compliance ----------------------------------------------------------------------------------------
@@ -218,8 +218,8 @@ def make_law_comparison(steps: Sequence[StepFigures], law: PapersLaw, angles: An
         rows.append(
             (
                 axis_label(step.signal, unit, angles),
-                format_measured(read(step.before, unit, angles)),
-                format_measured(read(step.after, unit, angles)),
+                format_measured(convert_to_display(step.before, unit, angles)),
+                format_measured(convert_to_display(step.after, unit, angles)),
                 format_figure(step.reach_s),
                 format_figure(theirs),
                 format_figure(gain, 2),
@@ -515,8 +515,8 @@ def steps_table(steps: Sequence[StepFigures], angles: AngleUnit) -> tuple[Table,
             (
                 step.phase,
                 axis_label(signal, units[signal], angles),
-                format_measured(read(step.before, units[signal], angles)),
-                format_measured(read(step.after, units[signal], angles)),
+                format_measured(convert_to_display(step.before, units[signal], angles)),
+                format_measured(convert_to_display(step.after, units[signal], angles)),
                 format_figure(step.rise_s),
                 format_figure(step.reach_s),
                 format_figure(step.settling_s),
@@ -536,7 +536,9 @@ def _deviation(step: StepFigures, unit: str, angles: AngleUnit) -> str:
     return (
         NOT_MEASURED
         if value is None
-        else with_unit(format_measured(read(value, unit, angles), 2), reading_of(unit, angles).unit)
+        else append_unit(
+            format_measured(convert_to_display(value, unit, angles), 2), get_display_unit(unit, angles).unit
+        )
     )
 
 

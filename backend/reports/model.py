@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from importlib import resources
 
-from backend.plain_text import as_lines
-from backend.units import percent
+from backend.plain_text import escape_lines
+from backend.units import format_percent
 
 # Document ------------------------------------------------------------------------------------------
 #
@@ -122,7 +122,7 @@ def format_measured(value: float | None, digits: int = 3) -> str:
 
 def share(value: float | None) -> str:
     """Write a fit in %: never "100" of less."""
-    return format_measured(value) if value is None or not 99.0 < value < 100.0 else percent(value)
+    return format_measured(value) if value is None or not 99.0 < value < 100.0 else format_percent(value)
 
 
 def exact(value: float) -> str:
@@ -144,7 +144,7 @@ _SYMBOLS_AND_LETTERS = re.compile(_SYMBOL + r"|\b(?P<lone>[qSKTλ])\b")
 
 def escape(text: str) -> str:
     """Return a text as HTML; what nobody sees, or what turns the text around, is written as an escape."""
-    return html.escape(as_lines(text))
+    return html.escape(escape_lines(text))
 
 
 def to_html(report: Report) -> str:

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from backend.plain_text import as_lines
+from backend.plain_text import escape_lines
 from backend.reports.model import Block, Report
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def escape_document(document: Any) -> Any:
         return {name: part if name == "svg" else escape_document(part) for name, part in document.items()}
     if isinstance(document, list | tuple):
         return [escape_document(part) for part in document]
-    return as_lines(document) if isinstance(document, str) else document
+    return escape_lines(document) if isinstance(document, str) else document
 
 
 def fonts() -> "typst.Fonts":

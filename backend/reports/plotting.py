@@ -23,7 +23,7 @@ from backend.analysis import AT_REST, SETTLING_BAND
 from backend.identification import Model, Residuals, read_whiteness_test, simulate_response
 from backend.models import ChannelModel, ChannelName, StepFigures
 from backend.recording import Columns as ReaderColumns
-from backend.units import AngleUnit, reading_of
+from backend.units import AngleUnit, get_display_unit
 
 # Drawing -------------------------------------------------------------------------------------------
 #
@@ -171,12 +171,12 @@ def frequency_axis(axes: Axes) -> None:
 
 def in_unit(values: NDArray[np.float64], unit: str, angles: AngleUnit) -> NDArray[np.float64]:
     """Return values in SI as they are read."""
-    return values * reading_of(unit, angles).factor
+    return values * get_display_unit(unit, angles).factor
 
 
 def axis_label(symbol: str, unit: str, angles: AngleUnit) -> str:
     """Return what stands beside an axis: the symbol and the unit in which it is read."""
-    return f"{symbol} [{reading_of(unit, angles).unit}]"
+    return f"{symbol} [{get_display_unit(unit, angles).unit}]"
 
 
 # Drawn once ----------------------------------------------------------------------------------------
@@ -294,7 +294,7 @@ def record_panels(
             row.plot(*decimate(t[since], read(simulated)), color=INK, linewidth=0.7, linestyle=_DASHES, label=label)
             row.set_ylabel(axis_label(output, unit, angles))
             upper_legend(row)
-            error, shown_in = read(shown[output][since] - simulated), reading_of(unit, angles).unit
+            error, shown_in = read(shown[output][since] - simulated), get_display_unit(unit, angles).unit
             reach = float(np.abs(error).max(initial=0.0))
             draw_error(apart, t[since], error, f"$e_{output}$", shown_in, colour=COLOURS[output], reach=reach)
         for row, force in zip(axes[5:], ("F_A", "F_B"), strict=True):
@@ -536,7 +536,7 @@ def _plot_tracking(axes: Axes, part: Columns, signal: str, angles: AngleUnit) ->
 def _error(axes: Axes, part: Columns, signal: str, angles: AngleUnit) -> None:
     """Draw a signal minus its reference; beyond the panel it is on its way to another reference."""
     apart = part[signal] - part[f"{signal}_ref"]
-    reading = reading_of(_UNITS[signal], angles)
+    reading = get_display_unit(_UNITS[signal], angles)
     reach = reading.factor * largest_error(signal, apart, part[f"{signal}_ref"])
     scaled = apart * reading.factor
     draw_error(axes, part["t"], scaled, f"$e_{signal}$", reading.unit, colour=COLOURS[signal], reach=reach)

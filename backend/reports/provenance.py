@@ -35,7 +35,7 @@ from backend.reports.model import (
 )
 from backend.reports.run_data import RunData
 from backend.storage import BankEntry, EndState, RunKind, stored_entry_name
-from backend.units import AngleUnit, read, reading_of
+from backend.units import AngleUnit, convert_to_display, get_display_unit
 from plant import SHIPPED, SIMULATED, SIMULATOR, load_parameters
 
 # Provenance ----------------------------------------------------------------------------------------
@@ -251,13 +251,13 @@ def format_setting(value: Any, unit: str, angles: AngleUnit) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return exact(read(value, unit, angles))
+        return exact(convert_to_display(value, unit, angles))
     return str(value)
 
 
 def shown_unit(unit: str, angles: AngleUnit) -> str:
     """Return a unit as it is printed; counts have none."""
-    return "" if unit == "1" else reading_of(unit, angles).unit
+    return "" if unit == "1" else get_display_unit(unit, angles).unit
 
 
 # Verdict -------------------------------------------------------------------------------------------
@@ -357,7 +357,7 @@ def format_figure(value: float | None, digits: int = 3) -> str:
 
 def read_or_none(value: float | None, unit: str, angles: AngleUnit) -> float | None:
     """Return a figure in SI as it is read; none where none was measured."""
-    return None if value is None else read(value, unit, angles)
+    return None if value is None else convert_to_display(value, unit, angles)
 
 
 def results_section(source: RunData) -> tuple[ReportSection, ...]:
@@ -383,7 +383,7 @@ def criteria_table(criteria: Sequence[RunCriterion], angles: AngleUnit) -> Table
     rows = tuple(
         (
             item.title,
-            f"{item.relation} {exact(read(item.bound, item.unit, angles))}",
+            f"{item.relation} {exact(convert_to_display(item.bound, item.unit, angles))}",
             format_figure(read_or_none(item.figure, item.unit, angles)),
             shown_unit(item.unit, angles),
             _with_reason(

@@ -52,7 +52,7 @@ from backend.reports.plotting import (
 from backend.reports.provenance import format_figure
 from backend.reports.run_data import RunData
 from backend.storage import Identification, RunKind
-from backend.units import AngleUnit, read, reading_of
+from backend.units import AngleUnit, convert_to_display, get_display_unit
 from plant import SIDES, T_s
 
 # Bode ----------------------------------------------------------------------------------------------
@@ -240,7 +240,7 @@ def _hold_blocks(columns: Columns, found: Sequence[HoldWindow], count: float, an
 
 def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
     """Return each stretch with its swings, its distance from the reference, and how much the motors moved."""
-    angle = reading_of("rad", angles).unit
+    angle = get_display_unit("rad", angles).unit
     columns = (
         Column("From", "s"),
         Column("q_ref", angle),
@@ -256,12 +256,12 @@ def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
     rows = tuple(
         (
             format_measured(one.start_s, 4),
-            format_measured(read(one.q_ref, "rad", angles), 4),
+            format_measured(convert_to_display(one.q_ref, "rad", angles), 4),
             format_measured(one.S_ref, 3),
             format_measured(one.q_swing_counts, 3),
-            format_measured(read(one.q_swing, "rad", angles), 2),
+            format_measured(convert_to_display(one.q_swing, "rad", angles), 2),
             format_measured(one.off_counts, 3),
-            format_measured(read(one.off, "rad", angles), 2),
+            format_measured(convert_to_display(one.off, "rad", angles), 2),
             format_measured(one.u_swing, 3),
             format_measured(one.S_swing, 2),
             format_measured(one.moving_percent, 2),
@@ -420,8 +420,8 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
     """Return every hit, in order."""
     columns = (
         Column("At", "s"),
-        Column("S_ref", reading_of("N·m/rad", angles).unit),
-        Column("Approach", reading_of("rad/s", angles).unit),
+        Column("S_ref", get_display_unit("N·m/rad", angles).unit),
+        Column("Approach", get_display_unit("rad/s", angles).unit),
         Column("Peak force", "N"),
         Column("Impulse", "N·s"),
         Column("In contact", "ms"),
@@ -433,8 +433,8 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
     rows = tuple(
         (
             format_measured(hit.window.start * T_s, 4),
-            format_measured(read(hit.S_ref, "N·m/rad", angles)),
-            format_figure(read(hit.speed, "rad/s", angles) if np.isfinite(hit.speed) else None),
+            format_measured(convert_to_display(hit.S_ref, "N·m/rad", angles)),
+            format_figure(convert_to_display(hit.speed, "rad/s", angles) if np.isfinite(hit.speed) else None),
             format_measured(hit.peak_N, 3),
             format_measured(hit.impulse_Ns, 3),
             format_measured(1e3 * hit.contact_s, 3),
@@ -464,8 +464,8 @@ def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]
     if not pairs:
         return ()
     columns = (
-        Column("S_ref", reading_of("N·m/rad", angles).unit),
-        Column("Approach", reading_of("rad/s", angles).unit),
+        Column("S_ref", get_display_unit("N·m/rad", angles).unit),
+        Column("Approach", get_display_unit("rad/s", angles).unit),
         Column("Peak without", "N"),
         Column("Peak with", "N"),
         Column("With over without"),
@@ -475,8 +475,8 @@ def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]
     )
     rows = tuple(
         (
-            format_measured(read(plain.S_ref, "N·m/rad", angles)),
-            format_measured(read(plain.speed, "rad/s", angles)),
+            format_measured(convert_to_display(plain.S_ref, "N·m/rad", angles)),
+            format_measured(convert_to_display(plain.speed, "rad/s", angles)),
             format_measured(plain.peak_N, 3),
             format_measured(reacted.peak_N, 3),
             format_measured(reacted.peak_N / plain.peak_N, 3),
@@ -500,7 +500,7 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
             alike = [hit for hit in hits if (hit.reacts, round(hit.S_ref, 6)) == (reacts, S)]
             colour = _HUES[stiffnesses.index(S) % len(_HUES)]
             line = {"color": colour, "linestyle": (0, (4, 2)) if reacts else "-"}
-            label = f"S = {read(S, 'N·m/rad', angles):.3g} {reading_of('N·m/rad', angles).unit}"
+            label = f"S = {convert_to_display(S, 'N·m/rad', angles):.3g} {get_display_unit('N·m/rad', angles).unit}"
             label += ", gives way" if reacts else ""
             for place, hit in enumerate(alike):
                 first = max(hit.window.start - _BEFORE, 0)
@@ -564,7 +564,7 @@ def _push_blocks(columns: Columns, found: Sequence[MeasuredPush], angles: AngleU
 
 def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
     """Return each push with its peak, the expected and the static one, and how soon the joint was back."""
-    angle = reading_of("rad", angles).unit
+    angle = get_display_unit("rad", angles).unit
     columns = (
         Column("Push", number=False),
         Column("From", "s"),
@@ -585,10 +585,14 @@ def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
             format_measured(one.S, 4),
             format_measured(one.F, 3),
             format_measured(one.impulse, 3),
-            format_measured(read(one.peak_q, "rad", angles), 4),
-            NO_FIGURE if one.expected_peak is None else format_measured(read(one.expected_peak, "rad", angles), 4),
+            format_measured(convert_to_display(one.peak_q, "rad", angles), 4),
+            NO_FIGURE
+            if one.expected_peak is None
+            else format_measured(convert_to_display(one.expected_peak, "rad", angles), 4),
             format_measured(one.off_percent, 2),
-            NO_FIGURE if one.window.shape == "impulse" else format_measured(read(one.static, "rad", angles), 4),
+            NO_FIGURE
+            if one.window.shape == "impulse"
+            else format_measured(convert_to_display(one.static, "rad", angles), 4),
             format_measured(one.peak_S, 2),
             format_measured(one.back_s, 3),
         )
@@ -624,7 +628,7 @@ def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angl
             measured = columns["q"][start : start + one.expected.size] - columns["q"][before : start + 1].mean()
             apart.append((at[: measured.size], in_unit(measured - one.expected[: measured.size], "rad", angles)))
         reach = max((float(np.abs(error).max(initial=0.0)) for _, error in apart), default=0.0)
-        angle = reading_of("rad", angles).unit
+        angle = get_display_unit("rad", angles).unit
         for at, error in apart:
             draw_error(axes[2], at, error, "apart", angle, colour=COLOURS["q"], reach=reach)
         axes[1].set_ylabel(axis_label("deviation", "rad", angles))

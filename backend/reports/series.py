@@ -31,7 +31,7 @@ from backend.reports.provenance import definitions_facts, format_figure, format_
 from backend.reports.run_data import RunData
 from backend.reports.sections import identifications_section, overlay_bode
 from backend.storage import run_title
-from backend.units import AngleUnit, read
+from backend.units import AngleUnit, convert_to_display
 
 # Series figures ------------------------------------------------------------------------------------
 #
@@ -58,7 +58,8 @@ def metric_panels(metrics: Sequence[Sequence[MeasuredFigure | None]], angles: An
         for panel, items in zip(axes.flat, metrics, strict=False):
             of = next(item for item in items if item is not None)
             values = [
-                np.nan if item is None or item.value is None else read(item.value, of.unit, angles) for item in items
+                np.nan if item is None or item.value is None else convert_to_display(item.value, of.unit, angles)
+                for item in items
             ]
             places, partial = np.arange(1, len(items) + 1), [is_partial(item) for item in items]
             panel.plot(places, values, color=INK, linewidth=0.6, marker="o", markersize=2.5)
@@ -277,7 +278,10 @@ def _metric_tables(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Ta
     rows = []
     for items in _metrics(sources).values():
         of = next(item for item in items if item is not None)
-        values = [None if item is None or item.value is None else read(item.value, of.unit, angles) for item in items]
+        values = [
+            None if item is None or item.value is None else convert_to_display(item.value, of.unit, angles)
+            for item in items
+        ]
         whole = [None if is_partial(item) else value for item, value in zip(items, values, strict=True)]
         cells = [
             format_figure(value) + (_MARK if is_partial(item) else _difference(value, whole[0]))
@@ -311,7 +315,7 @@ def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
     for items in _metrics(sources).values():
         of = next(item for item in items if item is not None)
         values = [
-            read(item.value, of.unit, angles)
+            convert_to_display(item.value, of.unit, angles)
             for item in items
             if item is not None and item.value is not None and not is_partial(item)
         ]

@@ -7,7 +7,7 @@ from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from backend.errors import RequestRejectedError
-from backend.plain_text import as_lines
+from backend.plain_text import escape_lines
 from backend.reports.pdf import missing_letters, sentence, with_boxes
 from plant import ErrorCode
 
@@ -179,7 +179,7 @@ class _Reading:
             self.letters_in_all += len(letters)
             _require_few("letters of a text", self.letters_of_text, MOST_LETTERS_OF_A_TEXT, "shorten it")
             _require_few("letters of all texts", self.letters_in_all, MOST_LETTERS, "shorten them, or draw fewer")
-            seen = as_lines(letters)
+            seen = escape_lines(letters)
             self.parts.append(escape(seen))
             self.seen.append(seen)
         elif self.open == ["svg", "title"]:

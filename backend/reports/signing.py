@@ -10,7 +10,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from backend.data_folder import FILE
+from backend.data_folder import FILE_MODE
 from backend.reports.verification import MOST, ReportDifference, Verified
 from plant import ErrorCode, SinewError
 
@@ -100,9 +100,9 @@ def load_or_make_signing_key(data: Path) -> "Ed25519PrivateKey":
     data.mkdir(mode=0o700, parents=True, exist_ok=True)
     path = data / FILE_NAME
     try:
-        descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, FILE)
+        descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, FILE_MODE)
     except FileExistsError:
-        path.chmod(FILE)
+        path.chmod(FILE_MODE)
         return _load(path)
     key = Ed25519PrivateKey.generate()
     try:

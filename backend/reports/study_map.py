@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from backend.reports.plotting import figure
-from backend.units import digits_over, in_digits
+from backend.units import count_range_digits, format_number
 
 _MAX_LABELS = 12
 """Cells along an axis up to which each has its number written into it."""
@@ -38,12 +38,12 @@ def draw_map(
             step = max(1, len(values) // _MAX_LABELS)
             axis.set_ticks(range(0, len(values), step), values[::step])
         if max(table.shape) <= _MAX_LABELS:
-            digits = digits_over(table[np.isfinite(table)].tolist(), 3)
+            digits = count_range_digits(table[np.isfinite(table)].tolist(), 3)
             for (row, column), value in np.ndenumerate(table):
                 note = notes[row][column] if notes else ""
                 below = f"\n{note}" if note else ""
                 if np.isfinite(value):
-                    ink, words = ink_on(image.cmap(image.norm(value))), in_digits(value, digits)
+                    ink, words = ink_on(image.cmap(image.norm(value))), format_number(value, digits)
                 elif note:
                     ink, words = "black", "–"
                 else:

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field, Tag
 from pydantic.fields import FieldInfo
 
-from backend.errors import WORDS, InvalidValueError, Path, out_of_range
-from backend.units import AngleUnit, format_angles, reading_of
+from backend.errors import QUANTITY_LABELS, InvalidValueError, Path, describe_out_of_range
+from backend.units import AngleUnit, format_angles, get_display_unit
 from plant import SinewError
 
 # Base ----------------------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ def form_error_body(error: Mapping[str, Any], body: Any, angles: AngleUnit) -> E
     minimum, maximum = (_number(bounds, *keys) for keys in (("ge", "gt"), ("le", "lt")))
     number = _read_number(given)
     if (minimum, maximum) != (None, None) and number is not None:
-        said = "; ".join(out_of_range(number, minimum, maximum, declared.unit or "1", angles))
+        said = "; ".join(describe_out_of_range(number, minimum, maximum, declared.unit or "1", angles))
     else:
         said = _said(kind, given, bounds, declared, angles)
     return ErrorDetail(
@@ -158,7 +158,7 @@ def _said(kind: str, given: object, bounds: Mapping[str, Any], declared: _Declar
         return f"{_shown(given)} is refused; choose one of {', '.join(legal)}"
     if kind.startswith(("float", "int", "finite")):
         whole = "whole " if kind.startswith("int") else ""
-        unit = "" if declared.unit in (None, "1") else f" in {reading_of(declared.unit, angles).unit}"
+        unit = "" if declared.unit in (None, "1") else f" in {get_display_unit(declared.unit, angles).unit}"
         if given is None or isinstance(given, list | dict):
             return f"a {whole}number is needed{unit}"
         return f"{_shown(given)} is no {whole}number; give one{unit}"
@@ -201,7 +201,7 @@ def _declared(body: Any, path: Path, *, known: bool) -> _Declared:
 
 def _words(name: str, field: FieldInfo | None) -> str:
     """Return what the schema says of it before any further explanation, else what it is called elsewhere."""
-    described = (field.description if field else None) or WORDS.get(name) or name.replace("_", " ")
+    described = (field.description if field else None) or QUANTITY_LABELS.get(name) or name.replace("_", " ")
     return described.removesuffix(f" [{_unit(field)}]").partition("; ")[0]
 
 
@@ -261,7 +261,9 @@ def error_message(error: SinewError, angles: AngleUnit = AngleUnit.DEGREES) -> E
     fields = error.fields
     if "value" in fields:
         fields["value"] = printable_refused_value(fields["value"])
-    message = error.sentence(angles) if isinstance(error, InvalidValueError) else format_angles(str(error), angles)
+    message = (
+        error.format_message(angles) if isinstance(error, InvalidValueError) else format_angles(str(error), angles)
+    )
     return ErrorDetail(message=message, **fields)
 
 

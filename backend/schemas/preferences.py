@@ -8,7 +8,7 @@ from pydantic import Field
 
 from backend.errors import RequestRejectedError
 from backend.plain_text import ONE_LINE
-from backend.sample import UNIT_OF
+from backend.sample import UNIT_BY_SIGNAL
 from backend.schemas.base import Schema, quantity
 from backend.units import AngleUnit
 from plant import ErrorCode
@@ -59,10 +59,10 @@ def check_preferences(layouts: list[ChartLayout], formulas: Collection[str] = ()
 def _look_over_panel(panel: ChartPanel, layout: str, formulas: Collection[str]) -> None:
     where = f"panel “{panel.title}” of layout “{layout}”"
     for name in (*panel.signals, *filter(None, [panel.over])):
-        if name not in UNIT_OF and name not in formulas:
-            raise _refused(f"{where}: there is no signal {name}", legal=UNIT_OF)
+        if name not in UNIT_BY_SIGNAL and name not in formulas:
+            raise _refused(f"{where}: there is no signal {name}", legal=UNIT_BY_SIGNAL)
     _once(panel.signals, f"signal in {where}")
-    units = {UNIT_OF[name]: name for name in reversed(panel.signals) if name in UNIT_OF}
+    units = {UNIT_BY_SIGNAL[name]: name for name in reversed(panel.signals) if name in UNIT_BY_SIGNAL}
     if len(units) > 1:
         told = " and ".join(f"{name} in {unit}" for unit, name in reversed(units.items()))
         raise _refused(f"{where} has {told}: one panel has one unit; put them into panels of their own")

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from backend.faults import FAULTS, Limit
 from backend.realtime import MODES
 from backend.recording import AT_HAND_SAMPLES
-from backend.sample import COMBINED, STORED
+from backend.sample import COMBINED_SIGNALS, STORED
 from backend.tuning import DEVIATIONS, LAM_MOTOR, LAM_Q, LAM_S, UNSEEN_F
 from backend.wire import CURVES_HEADER_BYTES, HEADER_BYTES
 from plant import T_s
@@ -17,7 +17,7 @@ def render_sample_typescript() -> str:
     fields = [
         {"name": field.name, "symbol": field.symbol, "unit": field.unit, "meaning": field.meaning} for field in STORED
     ]
-    combined = [asdict(one) for one in COMBINED]
+    combined = [asdict(one) for one in COMBINED_SIGNALS]
     limits = {str(limit.name): limit.value for limit in Limit}
     return "\n".join(
         (

@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 from starlette.datastructures import Headers
 from starlette.types import Scope
 
-from backend.public_url import PublicUrl, read_public_url
+from backend.public_url import PublicUrl, parse_public_url
 from backend.schemas import ErrorDetail
 
 # Proxied -------------------------------------------------------------------------------------------
@@ -49,7 +49,7 @@ def apply_forwarded_headers(scope: Scope, public: PublicUrl | None) -> None:
     if public is None:
         return
     is_prefixed = _take_prefix(scope, public.prefix)
-    is_trusted = public.trusts(peer)
+    is_trusted = public.is_trusted_proxy(peer)
     if is_trusted and (asking := _find_client(headers.getlist("x-forwarded-for"), public)):
         scope["client"] = (asking, 0)
     is_forwarded = is_trusted and any(name in headers for name in FORWARDING)
@@ -90,7 +90,7 @@ def _find_client(forwarded: list[str], public: PublicUrl) -> str | None:
             found = str(ipaddress.ip_address(name.strip("[]")))
         except ValueError:
             return found
-        if not public.trusts(found):
+        if not public.is_trusted_proxy(found):
             return found
     return found
 
@@ -126,7 +126,7 @@ def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
             "or start it with another"
         )
     try:
-        proxy = str(read_public_url(origin))
+        proxy = str(parse_public_url(origin))
     except ValueError:
         return f"{issue}: pages of other sites are refused"
     return (
@@ -159,7 +159,7 @@ def find_deployment_problems(page: str, public: PublicUrl | None, headers: Heade
     """
     try:
         parts = urlsplit(page)
-        opened = read_public_url(f"{parts.scheme}://{parts.netloc}{parts.path.rpartition('/')[0]}/")
+        opened = parse_public_url(f"{parts.scheme}://{parts.netloc}{parts.path.rpartition('/')[0]}/")
     except ValueError:
         return []
     return [ErrorDetail(code=code, message=message) for code, message in _findings(opened, public, headers, peer)]
@@ -182,7 +182,7 @@ def _findings(opened: PublicUrl, public: PublicUrl | None, headers: Headers, pee
             f"This page is opened at {opened}/, and the service was started with --public-url {public}/: the session "
             f"cookie is for that path only. Open {public}/, or start the service with --public-url {opened}/.",
         )
-    if not public.trusts(peer) and any(name in headers for name in FORWARDING):
+    if not public.is_trusted_proxy(peer) and any(name in headers for name in FORWARDING):
         yield (
             "untrusted_proxy",
             f"The reverse proxy at {peer} is not trusted: what it says of who asks is not believed, and all people "

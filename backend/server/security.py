@@ -21,7 +21,7 @@ from starlette.websockets import WebSocket
 
 from backend.auth import Authentication, Credentials, User
 from backend.errors import RequestRejectedError
-from backend.plain_text import PlainTextError, require_plain, require_plain_texts
+from backend.plain_text import PlainTextError, check_plain_text, check_plain_texts
 from backend.public_url import PublicUrl
 from backend.schemas import LONGEST_SHEET, ErrorDetail, ErrorResponse
 from backend.server import deployment
@@ -68,7 +68,7 @@ def require_valid_body(body: bytes) -> None:
         document = pydantic_core.from_json(body)
         _require_few(document)
         if any(mark in body for mark in _SUSPECT):
-            require_plain_texts(document)
+            check_plain_texts(document)
     except PlainTextError as error:
         raise RequestRejectedError(ErrorCode.BAD_VALUE, f"body: {error}", code="bad_character") from None
     except ValueError as error:
@@ -361,7 +361,7 @@ class HostOriginMiddleware:
             return _refuse(scope, 403, "foreign_origin", message)
         try:
             for part in (scope.get("raw_path") or scope["path"], scope["query_string"]):
-                require_plain(unquote_to_bytes(part).decode("utf-8", "replace"))
+                check_plain_text(unquote_to_bytes(part).decode("utf-8", "replace"))
         except PlainTextError as error:
             return _refuse(scope, 400, "bad_character", f"the address: {error}")
         return _refusal_of_length(scope, headers, body_limit(scope["path"]))

@@ -10,7 +10,7 @@ from backend import __version__
 from backend.commissioning import DriveLockout, find_for_next_start, switch_drives
 from backend.errors import RequestRejectedError, check_range
 from backend.event_bus import EventBus, StateChanged
-from backend.faults import EXPLAINED, Fault
+from backend.faults import EXPLANATIONS, Fault
 from backend.models import SETTINGS, RunSettings, StoredLoopSettings
 from backend.realtime import (
     LEGAL,
@@ -44,8 +44,8 @@ from backend.services.state import F_PUSH_MAX, LiveState, compute_wall_bounds, d
 from backend.services.tuning import TuningService
 from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import Database, EndState, NewRun, RunKind, runs
-from backend.supervision import KeptTask, Part, Supervision
-from backend.units import in_digits
+from backend.supervision import Part, SupervisedTask, Supervision
+from backend.units import format_number
 from plant import Broken, ErrorCode, Obstacle, PlantKind, PlantParameters
 
 # Legality ------------------------------------------------------------------------------------------
@@ -111,11 +111,11 @@ class SafeStop:
         self._supervisor = supervisor
         self._live_state = live_state
         self._supervision = supervision
-        self._stopping: KeptTask | None = None
+        self._stopping: SupervisedTask | None = None
 
     def begin(self, fault: Fault) -> None:
         """Start a soft stop with ``fault``, unless the actuator is stopped; does not wait for it."""
-        self._stopping = self._supervision.keep_task(_PART, lambda: self._stop(fault))
+        self._stopping = self._supervision.start_task(_PART, lambda: self._stop(fault))
 
     async def _stop(self, fault: Fault) -> None:
         try:
@@ -218,7 +218,7 @@ class ActuatorService:
         self._supervision, self._drive_lockout = supervision, drive_lockout
         self._pushed = False
         self._requested_mode: tuple[Mode, str] | None = None
-        self._releasing: KeptTask | None = None
+        self._releasing: SupervisedTask | None = None
         self._stop_waiters: list[asyncio.Future[Stopped]] = []
         self._events = events
         self._command_lock = asyncio.Lock()
@@ -270,7 +270,7 @@ class ActuatorService:
                 MarkKind.NOTE, "STOP was pressed: the recording is paused", stopped.arrived_tick, who
             )
         else:
-            self._event_log.add_mark(MarkKind.TRIP, EXPLAINED[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
+            self._event_log.add_mark(MarkKind.TRIP, EXPLANATIONS[Fault.STOP_PRESSED].message, stopped.arrived_tick, who)
         return self.live_state.build_stop_proof(stopped)
 
     async def stop_after_operator_loss(self, who: str) -> None:
@@ -390,7 +390,7 @@ class ActuatorService:
         check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad")
         self.contact.sweep.abort("other references were set", who)
         accepted = await self._send(commands.SetReferences(q_ref, S_ref))
-        text = f"q_ref {in_digits(q_ref)} rad, S_ref {in_digits(S_ref, 4)} N·m/rad"
+        text = f"q_ref {format_number(q_ref)} rad, S_ref {format_number(S_ref, 4)} N·m/rad"
         self._event_log.add_mark(MarkKind.REFERENCES, text, accepted.tick, who)
         self.publish_change()
         return References(q_ref=q_ref, S_ref=S_ref)
@@ -424,7 +424,7 @@ class ActuatorService:
         """Release a push and abort the calibration of the bias, because their operator has lost control."""
         self.contact.sweep.abort("whoever began it does not hold control any more")
         if self._pushed:
-            self._releasing = self._supervision.keep_task(_RELEASE, self._release_push)
+            self._releasing = self._supervision.start_task(_RELEASE, self._release_push)
 
     async def _release_push(self) -> None:
         self._pushed = False

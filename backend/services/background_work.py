@@ -16,7 +16,7 @@ from backend.schemas import Motion, MotorPreview, RobustTuning, Role, TuningPrev
 from backend.services.tuning_state import ActiveTuning
 from backend.storage import Bank
 from backend.tuning import TuningPreviewer
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant import ErrorCode, PlantParameters
 
 # Departure -----------------------------------------------------------------------------------------
@@ -207,8 +207,8 @@ SHEET_PLACES_EACH = 2
 class ChartSheets:
     """Belongs to the service's event loop; nothing is kept."""
 
-    def __init__(self, offload: Offload) -> None:
-        self._offload = offload
+    def __init__(self, worker: WorkerProcess) -> None:
+        self._worker = worker
         self.places = WorkLimiter(
             "a sheet of charts", "sheets of charts", SHEET_PLACES, VIEWERS_SHEET_PLACES, SHEET_PLACES_EACH
         )
@@ -216,7 +216,7 @@ class ChartSheets:
     async def render(self, svg: str, person: User, is_disconnected: IsDisconnected) -> bytes:
         """Return a sheet as PDF. Raises RequestRejectedError for what is no sheet or finds no place, WorkLimitError."""
         with self.places.reserve(person):
-            return await run_while_connected(self._offload.run(render_sheet_pdf, svg), is_disconnected)
+            return await run_while_connected(self._worker.run(render_sheet_pdf, svg), is_disconnected)
 
 
 # Text work -----------------------------------------------------------------------------------------
@@ -249,7 +249,7 @@ Compute = Callable[..., Awaitable[Any]]
 class TextWork:
     """Belongs to the service's event loop."""
 
-    def __init__(self, operators: Offload, viewers: Offload) -> None:
+    def __init__(self, operators: WorkerProcess, viewers: WorkerProcess) -> None:
         self._operators, self._viewers = operators, viewers
         self.places = WorkLimiter("a text", "texts", TEXT_PLACES, VIEWERS_TEXT_PLACES, TEXT_PLACES_EACH)
         self.previews = WorkLimiter("a preview", "previews", PREVIEWS, VIEWERS_PREVIEWS, PREVIEWS_EACH)

@@ -28,7 +28,7 @@ from backend.storage import (
     runs,
 )
 from backend.tuning import TuningParameters, TuningPreviewer
-from backend.workers import SCIENCE, Offload
+from backend.workers import NUMERIC_LIBRARIES, WorkerProcess
 from plant import PlantParameters
 
 
@@ -62,14 +62,14 @@ class StoredBanks:
     Plain methods wait for the database: the event loop calls them in a thread.
     """
 
-    def __init__(self, database: Database, offload: Offload, tuning: Callable[[], TuningInForce]) -> None:
+    def __init__(self, database: Database, worker: WorkerProcess, tuning: Callable[[], TuningInForce]) -> None:
         self._database = database
-        self._offload = offload
+        self._worker = worker
         self._tuning = tuning
 
     def prepare(self) -> None:
         """Load what looks at banks, in the process for such work; called in the event loop."""
-        self._offload.prepare(compute_entry_figures, *SCIENCE)
+        self._worker.preload(compute_entry_figures, *NUMERIC_LIBRARIES)
 
     def banks(self) -> list[BankView]:
         """Return all versions of all banks, newest first."""
@@ -105,7 +105,7 @@ class StoredBanks:
         """Return gains, M_s at the λ in force, and lineage of every entry. Raises UnknownRecordError, TuningError."""
         tuning = self._tuning()
         bank, lineage = await asyncio.to_thread(self._with_lineage, bank_id)
-        figures = await self._offload.run(compute_entry_figures, tuning.parameters, tuning.lambdas, bank.entries)
+        figures = await self._worker.run(compute_entry_figures, tuning.parameters, tuning.lambdas, bank.entries)
         return BankDetail(
             lam_q=tuning.lambdas.lam_q,
             lam_S=tuning.lambdas.lam_S,
@@ -121,7 +121,7 @@ class StoredBanks:
         """
         tuning = self._tuning()
         before, after = await asyncio.to_thread(self._compared, bank_id, other, run_ids)
-        changes = await self._offload.run(compare_entries, tuning.parameters, tuning.lambdas, before, after)
+        changes = await self._worker.run(compare_entries, tuning.parameters, tuning.lambdas, before, after)
         return BankDifference(
             lam_q=tuning.lambdas.lam_q,
             lam_S=tuning.lambdas.lam_S,

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from backend import __version__
 from backend.errors import RequestRejectedError, check_range
 from backend.models import MeasuredFigure, UnreadableDocumentError
-from backend.plain_text import as_cell, as_comment
+from backend.plain_text import format_csv_cell, format_csv_comment
 from backend.recording import find_jump, read_samples, select_derived
 from backend.reports import iterate_configuration, judge_stored_run
-from backend.sample import FIELDS, UNIT_OF
+from backend.sample import FIELDS, UNIT_BY_SIGNAL
 from backend.schemas import (
     AlignBy,
     ComparedMetric,
@@ -376,7 +376,7 @@ def beside(session: Session, asked: DifferencesAsked) -> AlignedRuns:
             reasons[number] = ""
     offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
     made = select_derived(session, [asked.signal])
-    unit = made[asked.signal].unit if made else UNIT_OF[asked.signal]
+    unit = made[asked.signal].unit if made else UNIT_BY_SIGNAL[asked.signal]
     return AlignedRuns(
         reference=reference,
         unit=unit,
@@ -493,7 +493,7 @@ def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
         columns[f"d_{name}_run_{run}"] = values - found.own, unit, words
     lines = [
         *_head(compared, asked),
-        *(as_comment(f"{name} [{unit}] {words}") for name, (_, unit, words) in columns.items()),
+        *(format_csv_comment(f"{name} [{unit}] {words}") for name, (_, unit, words) in columns.items()),
     ]
     yield ("\n".join([*lines, ",".join(columns)]) + "\n").encode()
     plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
@@ -513,28 +513,29 @@ def table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
         found = compare(session, asked)
     text = io.StringIO()
     text.write(
-        "\n".join([*_head(found, asked), as_comment("differences are to the reference, percent is of it")]) + "\n"
+        "\n".join([*_head(found, asked), format_csv_comment("differences are to the reference, percent is of it")])
+        + "\n"
     )
     lines = csv.writer(text, lineterminator="\n")
     lines.writerow(_TABLE)
     for metric in found.metrics:
         for run, one in zip(found.runs, metric.values, strict=True):
             row = (one.value, one.difference, one.percent, one.reason)
-            lines.writerow(map(as_cell, ("metric", metric.name, metric.label, metric.unit, run.id, *row)))
+            lines.writerow(map(format_csv_cell, ("metric", metric.name, metric.label, metric.unit, run.id, *row)))
     for setting in found.settings:
         for run, value in zip(found.runs, setting.values, strict=True):
             remark = "not set" if value is None else ""
             of_setting = ("setting", setting.name, "", setting.unit, run.id, value, "", "", remark)
-            lines.writerow(map(as_cell, of_setting))
+            lines.writerow(map(format_csv_cell, of_setting))
     yield text.getvalue().encode()
 
 
 def _head(found: RunComparison, asked: ComparisonAsked) -> Iterator[str]:
     said = f"comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad; {_aligned(asked)}"
-    yield as_comment(said)
+    yield format_csv_comment(said)
     for run in found.runs:
         where = run.not_aligned or f"t is its own time {run.offset_s or 0.0:+.6g} s"
-        yield as_comment(f"run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}")
+        yield format_csv_comment(f"run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}")
 
 
 def _aligned(asked: ComparisonAsked) -> str:

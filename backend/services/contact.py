@@ -37,7 +37,7 @@ from backend.sample import INDEX
 from backend.schemas import ContactView, MarkKind, SweepView, TouchOrder, TouchPoint, TouchView
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
-from backend.units import in_digits
+from backend.units import format_number
 from plant import ErrorCode, T_s
 
 # Touch rest ----------------------------------------------------------------------------------------
@@ -232,14 +232,16 @@ class BiasSweep:
                 return
         raise RequestRejectedError(
             ErrorCode.NOT_NOW,
-            f"at {in_digits(S_ref)} N·m/rad nothing could be learned within {LONGEST_S:g} s: {why}",
+            f"at {format_number(S_ref)} N·m/rad nothing could be learned within {LONGEST_S:g} s: {why}",
         )
 
     async def _command_stiffness(
         self, S_ref: float, who: str = "", why: str = "to learn the outside force"
     ) -> Accepted:
         accepted = await self._command(SetReferences(self._start_references[0], S_ref))
-        self._event_log.add_mark(MarkKind.REFERENCES, f"S_ref {in_digits(S_ref, 4)} N·m/rad, {why}", accepted.tick, who)
+        self._event_log.add_mark(
+            MarkKind.REFERENCES, f"S_ref {format_number(S_ref, 4)} N·m/rad, {why}", accepted.tick, who
+        )
         return accepted
 
     async def _restore_stiffness(self) -> None:
@@ -257,7 +259,7 @@ class BiasSweep:
         if view is None or not view.under_way:
             return
         self._view = view.model_copy(update={"under_way": False, "why": why})
-        at = f"at point {view.point} of {view.points}, {in_digits(view.S_ref)} N·m/rad"
+        at = f"at point {view.point} of {view.points}, {format_number(view.S_ref)} N·m/rad"
         text = f"learning over S ended {at}: {why}" if why else f"learned over S at {view.points} points"
         self._event_log.add_mark(MarkKind.FAULT if self.problem else MarkKind.NOTE, text, self._live_state.tick, who)
         self._on_change()
@@ -470,7 +472,7 @@ def _describe_changes(order: TouchOrder, points: list[TouchPoint]) -> list[str]:
     """Say what came into force."""
     said = ["what the outside force reads with nothing outside was forgotten"] if order.forget else []
     if order.learn:
-        known = ", ".join(f"{in_digits(point.F)} N at {in_digits(point.S)} N·m/rad" for point in points)
+        known = ", ".join(f"{format_number(point.F)} N at {format_number(point.S)} N·m/rad" for point in points)
         said.append(f"outside force learned: {known}")
     if order.contact_N is not None:
         said.append(

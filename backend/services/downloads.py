@@ -24,14 +24,14 @@ from backend.exports import (
     stream_export,
 )
 from backend.models import SettingError, UnreadableDocumentError
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 from backend.recording import AT_HAND_SAMPLES, read_flight_columns
 from backend.reports import RunData, load_series, load_source, render_report, render_series_report
 from backend.schemas import Differences, DifferencesAsked
 from backend.services.comparison import curves_file, differences, samples_of, table_file
 from backend.storage import Database, EndState, Run, RunKind, results, runs
 from backend.units import AngleUnit
-from backend.workers import DRAWING, Offload, piped
+from backend.workers import DRAWING_LIBRARIES, WorkerProcess, stream_from_process
 from plant import ErrorCode
 
 # Imports -------------------------------------------------------------------------------------------
@@ -49,7 +49,7 @@ def import_run_file(database: Database, file: Path, who: str, folder: Path, name
 
     ``folder`` has room for a bundle unpacked. Raises ImportRefusedError, OSError.
     """
-    called = as_line(name or file.name)
+    called = escape_line(name or file.name)
     if file.suffix.lower() == ".zip":
         return importer.import_bundle(
             database=database, file=file, who=who, folder=folder, name=called, check_run=look_over
@@ -68,8 +68,8 @@ def look_over(run: Run) -> None:
         LoopSettings.of(kept.loop.known())
     except (ExperimentError, SettingError, OutOfRangeError, UnreadableDocumentError, KeyError) as error:
         raise ImportRefusedError(
-            f"its plan: {as_line(error)}; correct the experiment and run it again, or export the run with "
-            f"Sinew {as_line(run.software)}, which recorded it, and read the samples from the file"
+            f"its plan: {escape_line(error)}; correct the experiment and run it again, or export the run with "
+            f"Sinew {escape_line(run.software)}, which recorded it, and read the samples from the file"
         ) from None
 
 
@@ -133,17 +133,17 @@ class Downloads:
     """
 
     def __init__(
-        self, database: Database, offload: Offload, folder: Path, evaluate: Callable[[int], Awaitable[None]]
+        self, database: Database, worker: WorkerProcess, folder: Path, evaluate: Callable[[int], Awaitable[None]]
     ) -> None:
         self._database = database
         self._evaluate = evaluate
-        self._offload = offload
+        self._worker = worker
         self._folder = folder
         self._under_way = 0
 
     def prepare(self) -> None:
         """Load what reports need ahead of the first one."""
-        self._offload.prepare(render_report, *DRAWING, *_REPORTS)
+        self._worker.preload(render_report, *DRAWING_LIBRARIES, *_REPORTS)
 
     async def report_html(self, run_id: int, angles: AngleUnit) -> bytes:
         """Return the report as one self-contained page. Raises UnknownRecordError, RequestRejectedError."""
@@ -160,7 +160,7 @@ class Downloads:
         """
         await self._catch_up(run_ids)
         sources = await asyncio.to_thread(load_series, self._database, run_ids, angles)
-        return await self._offload.run(render_series_report, sources, kind)
+        return await self._worker.run(render_series_report, sources, kind)
 
     async def data(self, run_id: int, kind: DataFormat, derived: Sequence[str] = ()) -> AsyncGenerator[bytes]:
         """Return all samples in a format, piece by piece, those of ``derived`` signals behind the recorded ones.
@@ -184,7 +184,7 @@ class Downloads:
         """
         if await asyncio.to_thread(samples_of, self._database, asked.run) <= AT_HAND_SAMPLES:
             return await asyncio.to_thread(differences, self._database, asked)
-        return await self._offload.run(differences, self._database, asked)
+        return await self._worker.run(differences, self._database, asked)
 
     async def comparison(self, content: Literal["curves", "table"], asked: DifferencesAsked) -> AsyncGenerator[bytes]:
         """Return a comparison as text, piece by piece. Raises as ``differences`` does."""
@@ -195,7 +195,7 @@ class Downloads:
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY, f"{AT_ONCE} downloads are under way: wait for one of them", retry_after_s=5
             )
-        stream = self._counted(piped(work, self._database, *asked))
+        stream = self._counted(stream_from_process(work, self._database, *asked))
         await anext(stream)
         return stream
 
@@ -215,7 +215,7 @@ class Downloads:
     async def _report(self, run_id: int, kind: str, angles: AngleUnit) -> bytes:
         await self._catch_up([run_id])
         source = await asyncio.to_thread(self._source, run_id, angles)
-        content = await self._offload.run(render_report, source, kind)
+        content = await self._worker.run(render_report, source, kind)
         await asyncio.to_thread(self._keep, run_id, kind, content)
         return content
 

@@ -11,7 +11,7 @@ from typing import Protocol
 
 from backend.event_bus import EventBus
 from backend.logs import EVENT
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 from backend.schemas import EventMessage, MarkKind
 from backend.storage import Database, EventKind, UnfitError, events
 from backend.supervision import Part
@@ -208,7 +208,7 @@ class RejectionLog:
 
     def add(self, what: str, reason: str, who: str) -> None:
         """Keep that ``what`` was refused to ``who``; the reason has angles in SI, as all texts of the log."""
-        text = as_line(f"{what} refused: {reason}")
+        text = escape_line(f"{what} refused: {reason}")
         entry = (text if len(text) <= TEXT_MAX else f"{text[: TEXT_MAX - 1]}…", who)
         if entry in self._told:
             self._again[entry] += 1

@@ -2,7 +2,7 @@
 
 from backend.auth import ControlLease
 from backend.errors import RequestRejectedError
-from backend.faults import EXPLAINED, FAULTS, Fault
+from backend.faults import EXPLANATIONS, FAULTS, Fault
 from backend.schemas import CardFault, FaultKind, FaultList, Injection, Silence
 from backend.services.actuator import ActuatorService
 from plant import ONLY_OF_A_CARD, Breakage, Broken, ErrorCode, PlantChoice, PlantKind, Sensor
@@ -71,7 +71,7 @@ def describe_faults(plant: PlantChoice) -> FaultList:
                 injection=offered(fault),
                 by_hand="" if offered(fault) else BY_HAND.get(fault, _NEEDS_A_CARD),
             )
-            for fault, told in ((fault, EXPLAINED[fault]) for fault in FAULTS if fault is not Fault.NONE)
+            for fault, told in ((fault, EXPLANATIONS[fault]) for fault in FAULTS if fault is not Fault.NONE)
         ],
         card=[
             CardFault(injection=injection, says=_broken(injection).words, leads_to=list(leads_to))

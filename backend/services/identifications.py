@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from backend.analysis import build_curves, compute_trend, validate_on_run
 from backend.models import ChannelName, Fitted, Pair, TableReading, UnreadableDocumentError
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 from backend.schemas import (
     ColumnNotRead,
     IdentificationCurves,
@@ -33,7 +33,7 @@ from backend.storage import (
     results,
     runs,
 )
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant import SIDES
 
 # Identification views ------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ def spring_table_view(found: Identification) -> SpringTableView:
     """Return a spring that was identified from a table."""
     return SpringTableView(
         id=found.id,
-        file=as_line(found.table.file),
+        file=escape_line(found.table.file),
         sha256=found.table.sha256,
         read=None if found.table.read is None else _reading(found.table.read),
         created=found.created_at,
@@ -196,22 +196,22 @@ class StoredIdentifications:
         self,
         database: Database,
         progress: Callable[[Run], float],
-        offload: Offload,
+        worker: WorkerProcess,
         tuning: Callable[[], TuningInForce],
     ) -> None:
         self._database = database
         self._progress = progress
-        self._offload = offload
+        self._worker = worker
         self._tuning = tuning
 
     async def unseen(self, run_id: int, of: int) -> UnseenView:
         """Set a model beside the record of the run ``of``. Raises UnknownRecordError, NotComparableError."""
-        return UnseenView.model_validate(await self._offload.run(validate_on_run, self._database, run_id, of))
+        return UnseenView.model_validate(await self._worker.run(validate_on_run, self._database, run_id, of))
 
     async def trend(self) -> Trend:
         """Return identified gains and lags over S beside what is predicted."""
         tuning = self._tuning()
-        computed = self._offload.run(compute_trend, self._database, tuning.parameters, tuning.lambdas.lam_motor)
+        computed = self._worker.run(compute_trend, self._database, tuning.parameters, tuning.lambdas.lam_motor)
         return Trend.model_validate(await computed)
 
     def identifications(self) -> list[IdentificationView]:

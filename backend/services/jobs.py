@@ -55,7 +55,7 @@ from backend.experiments import (
 )
 from backend.faults import Fault
 from backend.models import Setting, SettingError, build_plan, describe_settings
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 from backend.realtime import NO_WALL, CommandRejectedError, LoopClient, Mode, require_plant_ability
 from backend.schemas import (
     ActuatorRequest,
@@ -457,7 +457,7 @@ def make_progress_callback(live_state: LiveState, ordered: ScheduledRun, pause: 
     """
     before_s, expected_s, parts = 0.0, ordered.expected.duration_s, ordered.parts
     plan = ordered.plan
-    title = as_line(plan.experiment.title) if isinstance(plan, ExperimentPlan) and plan.kind == KIND else ""
+    title = escape_line(plan.experiment.title) if isinstance(plan, ExperimentPlan) and plan.kind == KIND else ""
 
     def show(doing: RunPhase, elapsed_s: float) -> None:
         nonlocal before_s, expected_s

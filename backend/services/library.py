@@ -25,7 +25,7 @@ from backend.experiments import (
 )
 from backend.experiments import find_experiment as ready
 from backend.models import SettingError, complete_motion
-from backend.plain_text import STORED, PlainTextError, as_folded, require_line
+from backend.plain_text import STORED_CONTEXT, PlainTextError, check_single_line, fold_name
 from backend.schemas import (
     NEW_HERE,
     SEARCH_NAME_MAX,
@@ -184,7 +184,7 @@ class OwnExperiments:
     def checked(self, written: str, parameters: PlantParameters, tuning: TuningSettings) -> ExperimentCheck:
         """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
         experiment, lines = parser.read(written)
-        if as_folded(experiment.name) in map(as_folded, experiments_by_name()):
+        if fold_name(experiment.name) in map(fold_name, experiments_by_name()):
             why = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
             raise ExperimentError(why, ("name",), find_line(("name",), lines))
         entry = build_library_entry(experiment, lines)
@@ -260,7 +260,7 @@ class StoredPreferences:
 
 
 def _read(stored: StoredSetting) -> Preferences:
-    return Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value}, context=STORED)
+    return Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value}, context=STORED_CONTEXT)
 
 
 def _setting_of(person: User) -> str:
@@ -324,7 +324,7 @@ class RunLibrary:
             why = f"{called[:SEARCH_NAME_MAX]!r} is not 1 to {SEARCH_NAME_MAX} characters"
             raise RequestRejectedError(ErrorCode.BAD_VALUE, f"name of the search: {why}")
         try:
-            require_line(called)
+            check_single_line(called)
         except PlainTextError as error:
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE, f"name of the search: {error}", code="bad_character"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend import wire
-from backend.faults import FAULTS, Fault, Limit, explained
+from backend.faults import FAULTS, Fault, Limit, describe_fault
 from backend.realtime import (
     MODES,
     Accepted,
@@ -73,7 +73,7 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
         case Stopped(fault=Fault.STOP_PRESSED):
             return None
         case Stopped(fault=fault, arrived_tick=tick, detail=seen):
-            return Mark(MarkKind.TRIP, explained(fault, seen), tick)
+            return Mark(MarkKind.TRIP, describe_fault(fault, seen), tick)
         case PlantFailing(tick, reason):
             return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
         case PlantAnswers(tick):
@@ -130,9 +130,9 @@ class StreamClient:
     def queue_frame(self, frame: bytes) -> None:
         """Queue a frame; when the queue is full it is not sent, and its samples are counted as missed."""
         if len(self._frames) >= QUEUE_FRAMES:
-            self._missed += wire.count_of(frame)
+            self._missed += wire.read_sample_count(frame)
             return
-        self._frames.append(wire.with_missed(frame, self._missed) if self._missed else frame)
+        self._frames.append(wire.replace_missed_count(frame, self._missed) if self._missed else frame)
         self._missed = 0
         self._wake.set()
 
@@ -260,5 +260,5 @@ def _read_frames(ring: SampleSource, since: int, end: int) -> Iterator[bytes]:
         first, rows, missed = ring.read(since, min(FRAME_SAMPLES, end - since))
         if len(rows) == 0:
             return
-        yield wire.pack(first, rows, missed)
+        yield wire.pack_frame(first, rows, missed)
         since = first + len(rows)

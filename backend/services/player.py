@@ -10,7 +10,7 @@ import numpy as np
 
 from backend.errors import RequestRejectedError, check_range
 from backend.exports import Facts, ImportRefusedError, writers
-from backend.faults import EXPLAINED, FAULTS
+from backend.faults import EXPLANATIONS, FAULTS
 from backend.realtime import MODES, SPEED_MAX, SPEED_MIN, Accepted, Command, PlayerMoved, PlayRecording
 from backend.schemas import PlayedRecording, PlayerOrder, PlayerView, RunMark
 from backend.services.lineage import marks_of
@@ -72,7 +72,7 @@ def _derive_marks(recording: RecordedSamples) -> list[RunMark]:
     for at in _find_changes(columns["fault"]):
         number = columns["fault"][at]
         if 0.0 < number < len(FAULTS):
-            marks.append(_build_mark(at, EventKind.TRIP, EXPLAINED[FAULTS[int(number)]].message))
+            marks.append(_build_mark(at, EventKind.TRIP, EXPLANATIONS[FAULTS[int(number)]].message))
     return sorted(marks, key=lambda mark: mark.t)
 
 

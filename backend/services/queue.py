@@ -18,7 +18,7 @@ from backend.services.runs import dry_run_view
 from backend.services.tuning_state import RobustnessCache
 from backend.storage import Bank, Database, EndState, StorageError, queue
 from backend.supervision import Part, Supervision
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant import ErrorCode, PlantParameters
 
 # Dry runs ------------------------------------------------------------------------------------------
@@ -46,14 +46,14 @@ VIEWERS_PLACES = 2
 class DryRuns:
     """One dry run per person, PLACES in all. Belongs to the service's event loop."""
 
-    def __init__(self, offload: Offload) -> None:
-        self._offload = offload
+    def __init__(self, worker: WorkerProcess) -> None:
+        self._worker = worker
         self.places = WorkLimiter("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
         self._running_folders: dict[User, tuple[Path, float]] = {}
 
     def prepare(self, parameters: PlantParameters, settings: LoopSettings) -> None:
         """Let the process load what a dry run takes, once, so that the first one is as soon there as those after it."""
-        self._offload.begin(_prepare_process, parameters, settings)
+        self._worker.warm_up(_prepare_process, parameters, settings)
 
     async def progress(self, person: User) -> DryRunProgress:
         """Return how far the dry run of a person is."""
@@ -93,7 +93,7 @@ class DryRuns:
             self._running_folders[person] = Path(folder), duration_s
             try:
                 played = await run_while_connected(
-                    self._offload.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), is_disconnected
+                    self._worker.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), is_disconnected
                 )
             finally:
                 self._running_folders.pop(person, None)
@@ -228,7 +228,7 @@ class ExperimentQueue:
         elif not self._items:
             self._running = False
         elif self._running:
-            self._supervision.keep_task(_PART, self._start_next)
+            self._supervision.start_task(_PART, self._start_next)
 
     def _set_problem(self, problem: str, refused: int | None = None) -> None:
         """Say why the queue is held: until it runs, is empty, or what was ``refused`` does not wait any more."""

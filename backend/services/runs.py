@@ -105,7 +105,7 @@ from backend.storage import (
     timeline,
 )
 from backend.storage import search as run_search
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant import ErrorCode, Obstacle, ParameterError, T_s, parse_parameters
 
 # Evaluations ---------------------------------------------------------------------------------------
@@ -127,11 +127,11 @@ class Evaluations:
     """
 
     def __init__(
-        self, database: Database, offload: Offload, task: Callable[[], TaskView | None], events: EventBus
+        self, database: Database, worker: WorkerProcess, task: Callable[[], TaskView | None], events: EventBus
     ) -> None:
         self._events = events
         self._database = database
-        self._offload = offload
+        self._worker = worker
         self._task = task
         self._under_way: set[int] = set()
 
@@ -152,7 +152,7 @@ class Evaluations:
             )
         self._under_way.add(run_id)
         try:
-            await self._offload.run(reevaluate_run, self._database, run_id)
+            await self._worker.run(reevaluate_run, self._database, run_id)
         except Exception as error:
             await asyncio.to_thread(self._keep_problem, run_id, f"{type(error).__name__}: {error}")
             raise
@@ -764,7 +764,7 @@ class StoredRuns:
 
     Plain methods wait for the disk: the event loop calls them in a thread. ``task`` tells what the service is doing at
     present, ``is_evaluated`` whether a run's result is being computed. What reads very many samples is done in the
-    process ``offload``, where there is one.
+    process ``worker``, where there is one.
     """
 
     def __init__(
@@ -772,10 +772,10 @@ class StoredRuns:
         database: Database,
         task: Callable[[], TaskView | None],
         is_evaluated: Callable[[int], bool],
-        offload: Offload | None = None,
+        worker: WorkerProcess | None = None,
     ) -> None:
         self._database = database
-        self._offload = offload
+        self._worker = worker
         self._task = task
         self._is_evaluated = is_evaluated
 
@@ -822,8 +822,8 @@ class StoredRuns:
         return await asyncio.to_thread(_packed, envelope, raw, asked.signals)
 
     async def _envelope(self, asked: SampleSlice) -> tuple[SampleEnvelope, bool]:
-        if self._offload is not None and await asyncio.to_thread(self._reads, asked) > AT_HAND_SAMPLES:
-            return await self._offload.run(envelope_of, self._database, asked)
+        if self._worker is not None and await asyncio.to_thread(self._reads, asked) > AT_HAND_SAMPLES:
+            return await self._worker.run(envelope_of, self._database, asked)
         return await asyncio.to_thread(envelope_of, self._database, asked)
 
     def _reads(self, asked: SampleSlice) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from backend import __version__
 from backend.errors import RequestRejectedError, check_range
 from backend.experiments import ExpressionError, parse_derived_signal
-from backend.plain_text import as_cell, as_comment
+from backend.plain_text import format_csv_cell, format_csv_comment
 from backend.recording import (
     AT_HAND_SAMPLES,
     LEAST_SAMPLES,
@@ -31,7 +31,7 @@ from backend.recording import (
     read_slabs,
     welch_spectrum,
 )
-from backend.sample import COMBINED_BY_NAME, FIELDS, Field
+from backend.sample import COMBINED_SIGNAL_BY_NAME, FIELDS, Field
 from backend.schemas import (
     FormulaList,
     FormulaText,
@@ -46,7 +46,7 @@ from backend.schemas import (
     StatisticsLine,
 )
 from backend.storage import Database, Formula, formulas, recordings
-from backend.workers import piped
+from backend.workers import stream_from_process
 from plant import ErrorCode
 
 # Figures -------------------------------------------------------------------------------------------
@@ -122,7 +122,9 @@ class RecordedFigures:
         try:
             stretch = await asyncio.to_thread(_stretch, self._database, asked)
             long = stretch.ticks > at_hand
-            pieces = piped(lines, self._database, asked) if long else _in_threads(lines(self._database, asked))
+            pieces = (
+                stream_from_process(lines, self._database, asked) if long else _in_threads(lines(self._database, asked))
+            )
             async with aclosing(pieces):
                 first = await anext(pieces, b"")
                 yield b""
@@ -190,7 +192,7 @@ def file_pieces(database: Database, asked: RangeAsked) -> Iterator[bytes]:
         *(f"{name} [{told[name].unit}] {_SYMBOLS.get(name, name)}: {told[name].meaning}" for name in asked.signals),
     ]
     names = ["t", *asked.signals]
-    head = "\n".join([*map(as_comment, heading), ",".join(map(as_cell, names))]) + "\n"
+    head = "\n".join([*map(format_csv_comment, heading), ",".join(map(format_csv_cell, names))]) + "\n"
     plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
     for slab in read_slabs(database, stretch, asked.signals):
         columns = [slab.ticks * stretch.period_s, *(_as_stored(name, slab.columns[name]) for name in asked.signals)]
@@ -232,7 +234,9 @@ def _values(database: Database, whole: TickInterval, tick: int, signals: Sequenc
 
 def _stretch(database: Database, asked: RangeAsked) -> TickInterval:
     with database.reading() as session:
-        read_samples(session, asked.run, [name for name in asked.signals if name not in COMBINED_BY_NAME], 0.0, 0.0)
+        read_samples(
+            session, asked.run, [name for name in asked.signals if name not in COMBINED_SIGNAL_BY_NAME], 0.0, 0.0
+        )
         return find_tick_range(session, asked.run, asked.from_s, asked.to_s)
 
 
@@ -302,7 +306,7 @@ def _number(value: float) -> float | None:
 
 
 def _as_stored(name: str, column: NDArray[np.float64]) -> NDArray[np.float32] | NDArray[np.float64]:
-    return column if name in COMBINED_BY_NAME else column.astype(np.float32)
+    return column if name in COMBINED_SIGNAL_BY_NAME else column.astype(np.float32)
 
 
 # Formulas ------------------------------------------------------------------------------------------

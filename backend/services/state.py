@@ -9,7 +9,7 @@ from typing import NamedTuple, assert_never
 
 from backend import __version__
 from backend.control import Bounds, compute_bounds
-from backend.faults import EXPLAINED, FAULTS, Fault, explained
+from backend.faults import EXPLANATIONS, FAULTS, Fault, describe_fault
 from backend.realtime import (
     CONTACT_MAX_N,
     CONTACT_MIN_N,
@@ -607,7 +607,7 @@ class LiveState:
         detail, tick = "", 0 if sample is None else int(sample["tick"])
         if self._stop is not None and self._stop.fault is fault:
             detail, tick = self._stop.detail, self._stop.arrived_tick
-        message, remedy, is_expected = explained(fault, detail), EXPLAINED[fault].remedy, self.is_expected(fault)
+        message, remedy, is_expected = describe_fault(fault, detail), EXPLANATIONS[fault].remedy, self.is_expected(fault)
         if is_expected:
             message, remedy = f"The bring-up provoked this trip: {message}", ""
         elif fault is Fault.SAFETY_MODULE and self.plant.simulated:

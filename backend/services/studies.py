@@ -13,7 +13,7 @@ from backend.errors import InvalidValueError, RequestRejectedError
 from backend.execution import make_bank_loader
 from backend.experiments import LoopSettings, parser
 from backend.models import Value, describe_settings
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 from backend.schemas import (
     CheckedStudy,
     PlantNumber,
@@ -42,7 +42,7 @@ from backend.studies import (
     run_study,
     use_local_processes,
 )
-from backend.workers import Offload, WorkerDiedError
+from backend.workers import WorkerDiedError, WorkerProcess
 from plant import ErrorCode, PlantParameters
 
 # Studies -------------------------------------------------------------------------------------------
@@ -158,7 +158,7 @@ def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
     return StudyView(
         id=kept.id,
         name=kept.name,
-        title=as_line(kept.title),
+        title=escape_line(kept.title),
         who=kept.who,
         created=kept.created_at,
         state=state,
@@ -221,8 +221,8 @@ class StudyScheduler:
         database: Database,
         parameters: PlantParameters,
         tuning: Callable[[], TuningSettings],
-        computing: Offload,
-        reading: Offload,
+        computing: WorkerProcess,
+        reading: WorkerProcess,
         texts: TextWork,
     ) -> None:
         self._database, self._parameters, self._tuning = database, parameters, tuning

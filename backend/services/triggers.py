@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 from backend.errors import RequestRejectedError
 from backend.recording import WINDOWS, Armed, Condition, Derived, Trigger, build_derived_signal, load_armed_trigger
-from backend.sample import UNIT_OF, nearest
+from backend.sample import UNIT_BY_SIGNAL, find_nearest_name
 from backend.schemas import MarkKind, TriggerOrder, TriggerView
 from backend.services.actuator import ActuatorService
 from backend.services.event_log import EventLog
@@ -102,9 +102,11 @@ class Triggers:
 
 
 def _possible(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:
-    if order.signal not in UNIT_OF and order.signal not in derived:
-        message = f"there is no signal {order.signal!r}: the nearest is {nearest(order.signal)}"
-        raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="unknown_signal", legal=[*UNIT_OF, *derived])
+    if order.signal not in UNIT_BY_SIGNAL and order.signal not in derived:
+        message = f"there is no signal {order.signal!r}: the nearest is {find_nearest_name(order.signal)}"
+        raise RequestRejectedError(
+            ErrorCode.BAD_VALUE, message, code="unknown_signal", legal=[*UNIT_BY_SIGNAL, *derived]
+        )
     is_window = order.condition in WINDOWS
     if is_window and (order.upper is None or order.upper <= order.level):
         message = "the upper end of the window has to be above its lower end"
@@ -112,5 +114,5 @@ def _possible(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:
     if not is_window and order.upper is not None:
         message = f"a condition {order.condition} has one level: leave the upper end out"
         raise RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_window")
-    formula = None if order.signal in UNIT_OF else derived[order.signal]
+    formula = None if order.signal in UNIT_BY_SIGNAL else derived[order.signal]
     return Condition(order.signal, order.condition, order.level, order.upper, formula)

@@ -45,7 +45,7 @@ from backend.schemas import (
     TuningView,
 )
 from backend.storage import Bank, Database, StorageError, UnknownRecordError, active_entry_name, banks
-from backend.supervision import KeptTask, Part, Supervision
+from backend.supervision import Part, SupervisedTask, Supervision
 from backend.tuning import (
     FIGURES,
     LAM_MAX,
@@ -499,7 +499,7 @@ class TuningTrial:
         self._before: ActiveTuning | None = None
         self._ends = 0.0
         self._duration_s = 0.0
-        self._timer: KeptTask | None = None
+        self._timer: SupervisedTask | None = None
         self._cause: asyncio.Future[str] | None = None
 
     @property
@@ -513,7 +513,7 @@ class TuningTrial:
         self._before, self._duration_s = before, duration_s
         self._ends = asyncio.get_running_loop().time() + duration_s
         self._cause = asyncio.get_running_loop().create_future()
-        self._timer = self._supervision.keep_task(_PART, lambda: self._count_down(before))
+        self._timer = self._supervision.start_task(_PART, lambda: self._count_down(before))
 
     def forget(self) -> None:
         """Let what is in force stay."""

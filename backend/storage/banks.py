@@ -8,10 +8,10 @@ from functools import cached_property
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session as OrmSession
 
-from backend.documented import described
 from backend.identification import Grade, joint_method_name
 from backend.models import CHANNELS, ENTRY, EntryModel, IdentifiedChannel, UnreadableDocumentError
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
+from backend.response_docs import describe_field
 from backend.storage import identifications
 from backend.storage.database import Session
 from backend.storage.identifications import Identification
@@ -25,7 +25,7 @@ from backend.storage.orm import (
     to_record,
 )
 from backend.storage.stations import session_station
-from backend.units import percent
+from backend.units import format_percent
 
 # Banks ---------------------------------------------------------------------------------------------
 #
@@ -125,7 +125,7 @@ def _with_entries(session: OrmSession, row: BankRow) -> Bank:
     query = select(BankEntryRow).where(BankEntryRow.bank_id == row.id).order_by(BankEntryRow.position)
     return Bank(
         id=row.id,
-        name=as_line(row.name),
+        name=escape_line(row.name),
         version=row.version,
         note=row.note,
         who=row.who,
@@ -171,10 +171,10 @@ class StoredFit:
     A figure that could not be had is None; so are all of an identification that cannot be read.
     """
 
-    grade: Grade | None = field(metadata=described("null where the identification cannot be read"))
-    fit_percent: float | None = field(metadata=described("simulated fit on data not used for fitting"))
-    K_error_percent: float | None = field(metadata=described("standard error of the gain"))
-    T_error_percent: float | None = field(metadata=described("standard error of the time constant"))
+    grade: Grade | None = field(metadata=describe_field("null where the identification cannot be read"))
+    fit_percent: float | None = field(metadata=describe_field("simulated fit on data not used for fitting"))
+    K_error_percent: float | None = field(metadata=describe_field("standard error of the gain"))
+    T_error_percent: float | None = field(metadata=describe_field("standard error of the time constant"))
 
     def in_words(self) -> str:
         """Return all of it in one line: "usable, fit 98.2 %, standard errors: K 1.2 %, T 3.1 %".
@@ -183,7 +183,7 @@ class StoredFit:
         """
         parts = (
             "grade not recorded" if self.grade is None else str(self.grade),
-            f"fit {'not measured' if self.fit_percent is None else f'{percent(self.fit_percent)} %'}",
+            f"fit {'not measured' if self.fit_percent is None else f'{format_percent(self.fit_percent)} %'}",
             f"standard errors: K {_percent(self.K_error_percent)}",
             f"T {_percent(self.T_error_percent)}",
         )

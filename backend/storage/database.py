@@ -21,7 +21,7 @@ from sqlalchemy.orm import Session
 
 import migrations
 from backend import __version__
-from backend.data_folder import FILE, FOLDER, make_private
+from backend.data_folder import FILE_MODE, FOLDER_MODE, make_private
 from backend.storage import search_index
 from backend.storage.claims import describe_claim
 from backend.storage.orm import DamagedError, GoneError, StorageError, UnfitError, take_touched
@@ -197,8 +197,8 @@ def backup_database(engine: Engine, target: Path) -> None:
         raise BackupError(f"{target} exists already: choose another name")
     unfinished = target.with_name(f"{target.name}{_UNFINISHED}")
     try:
-        target.parent.mkdir(mode=FOLDER, parents=True, exist_ok=True)
-        unfinished.touch(mode=FILE)
+        target.parent.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
+        unfinished.touch(mode=FILE_MODE)
         with closing(engine.raw_connection()) as source, closing(sqlite3.connect(unfinished)) as copy:
             original = source.driver_connection
             if not isinstance(original, sqlite3.Connection):
@@ -226,7 +226,7 @@ def restore_database(copy: Path, target: Path) -> None:
         alone = "" if copy.with_name(f"{copy.name}-wal").exists() else "&immutable=1"
         with closing(sqlite3.connect(f"file:{quote(str(copy))}?mode=ro{alone}", uri=True)) as source:
             _require_ours(source, copy)
-            unfinished.touch(mode=FILE)
+            unfinished.touch(mode=FILE_MODE)
             with closing(sqlite3.connect(unfinished)) as made:
                 source.backup(made)
         _sync(unfinished)

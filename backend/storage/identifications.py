@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.types import Integer
 
 from backend.models import LARGEST, EntryModel, UnreadableDocumentError, identification
-from backend.plain_text import PlainTextError, require_line
+from backend.plain_text import PlainTextError, check_single_line
 from backend.storage.origins import BANKS, CALIBRATIONS, IDENTIFICATION
 from backend.storage.orm import (
     Document,
@@ -114,9 +114,9 @@ def require_lines(document: Any) -> None:
             part = parts.pop()
             if isinstance(part, Mapping):
                 for name, value in part.items():
-                    require_line(name)
+                    check_single_line(name)
                     if name in _LINES and isinstance(value, str):
-                        require_line(value)
+                        check_single_line(value)
                     parts.append(value)
             elif isinstance(part, list):
                 parts.extend(part)

@@ -26,8 +26,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, Mapper, Session, mapped_column
 
-from backend.errors import STATION_MAX, RequestRejectedError
-from backend.plain_text import as_folded
+from backend.errors import STATION_NAME_LENGTH, RequestRejectedError
+from backend.plain_text import fold_name
 from plant import FILE_NAME_MAX, NAME_MAX, ErrorCode, SinewError
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class Numbered:
 class OfStation:
     """Rows that belong to the station that wrote them: several may share one database."""
 
-    station: Mapped[str] = mapped_column(String(STATION_MAX), index=True, server_default="")
+    station: Mapped[str] = mapped_column(String(STATION_NAME_LENGTH), index=True, server_default="")
 
 
 class RunRow(OfStation, Numbered, Base):
@@ -366,7 +366,7 @@ class RunIndexRow(Base):
 
     run_id: Mapped[int] = mapped_column(ForeignKey("run.id"), primary_key=True, autoincrement=False)
     version: Mapped[int] = mapped_column(Integer)
-    station: Mapped[str] = mapped_column(String(STATION_MAX))
+    station: Mapped[str] = mapped_column(String(STATION_NAME_LENGTH))
     kind: Mapped[str] = mapped_column(String(40))
     experiment: Mapped[str] = mapped_column(Text)
     title: Mapped[str] = mapped_column(Text)
@@ -458,9 +458,9 @@ def require(session: Session, row_class: type[Row], identifier: int, what: str) 
 
 def require_distinct_name(what: str, name: str, others: Iterable[str]) -> None:
     """Raise RequestRejectedError for a new name that people take for one of the others: "Brief" beside "brief"."""
-    folded = as_folded(name)
+    folded = fold_name(name)
     for other in others:
-        if other != name and as_folded(other) == folded:
+        if other != name and fold_name(other) == folded:
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE,
                 f"there is {what} {other!r} already, which reads like {name!r}: write that name, or choose another one",

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from backend.faults import Fault
 from backend.models import SETTINGS, KeptWall, RunSettings, UnreadableDocumentError, merge_changes
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 from backend.storage.orm import Document, RunRow, UnknownRecordError, mark_for_reindex, require, to_record
 from backend.storage.stations import session_station
 
@@ -265,7 +265,7 @@ def run_title(run: Run) -> str:
     """Return what was run, in words on one line; of an experiment that is data its own title."""
     if run.kind != RunKind.EXPERIMENT:
         return run.kind.replace("_", " ").capitalize()
-    return as_line(_get_experiment_part(run, "title")) or "Experiment that cannot be read"
+    return escape_line(_get_experiment_part(run, "title")) or "Experiment that cannot be read"
 
 
 def run_experiment_name(run: Run) -> str:

@@ -10,8 +10,8 @@ from typing import Any
 from sqlalchemy import Row, Select, func, or_, select, true
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
-from backend.documented import COMPLETE_ANSWER, HIDDEN, described
 from backend.errors import RequestRejectedError
+from backend.response_docs import COMPLETE_RESPONSE_CONFIG, HIDDEN_FIELD, describe_field
 from backend.storage import recordings
 from backend.storage.events import EventKind
 from backend.storage.orm import EventRow, FlightRow, RemarkRow, RunIndexRow, RunRow, UnknownRecordError
@@ -57,23 +57,23 @@ class LogEntry:
     ``note``, ``tags`` and ``remark_by`` are what a person says of it.
     """
 
-    __pydantic_config__ = COMPLETE_ANSWER
+    __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
 
     at: datetime
     kind: EventKind
-    who: str = field(metadata=described("who asked for it; empty where nobody did"))
+    who: str = field(metadata=describe_field("who asked for it; empty where nobody did"))
     text: str
-    event: int | None = field(default=None, metadata=described("its number; null of a run that began or ended"))
+    event: int | None = field(default=None, metadata=describe_field("its number; null of a run that began or ended"))
     run: int | None = None
-    tick: int | None = field(default=None, metadata=HIDDEN)
+    tick: int | None = field(default=None, metadata=HIDDEN_FIELD)
     t: float | None = field(
         default=None,
-        metadata=described("where it stands in the recording of the run, since its first sample", "s"),
+        metadata=describe_field("where it stands in the recording of the run, since its first sample", "s"),
     )
-    flight: bool = field(default=False, metadata=described("a flight record of this number was kept"))
+    flight: bool = field(default=False, metadata=describe_field("a flight record of this number was kept"))
     note: str = ""
     tags: tuple[str, ...] = ()
-    remark_by: str = field(default="", metadata=described("whose note and tags these are"))
+    remark_by: str = field(default="", metadata=describe_field("whose note and tags these are"))
 
 
 def find(session: Session, asked: LogQuery, limit: int) -> tuple[list[LogEntry], datetime | None]:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from backend.storage import StudyPoint
 from backend.studies.point import LOST, Point, StudyBase, build_failed_point, run_point
-from backend.workers import POLITE, begin_beside, spawning
+from backend.workers import BACKGROUND_NICENESS, get_spawn_context, initialize_worker
 from plant import ErrorCode, SinewError
 
 CRASHES_MAX = 3
@@ -104,8 +104,8 @@ class LocalExecutor:
 
     def _get_pool(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            context = spawning()
-            self._pool = ProcessPoolExecutor(self._jobs, context, begin_beside, (POLITE,))
+            context = get_spawn_context()
+            self._pool = ProcessPoolExecutor(self._jobs, context, initialize_worker, (BACKGROUND_NICENESS,))
         return self._pool
 
     def _discard_pool(self, broken: ProcessPoolExecutor) -> None:

@@ -12,12 +12,12 @@ from statistics import NormalDist, fmean, median
 from typing import TypeVar
 
 from backend.analysis import FIGURES
-from backend.documented import ANSWER, HIDDEN, described
 from backend.experiments import Experiment
 from backend.models import SettingError, Value
+from backend.response_docs import HIDDEN_FIELD, RESPONSE_CONFIG, describe_field
 from backend.storage import StudyPoint
 from backend.studies.point import LOOP_METRICS, MARGIN_METRICS, TRUE
-from backend.units import AngleUnit, digits_apart, in_digits, read
+from backend.units import AngleUnit, convert_to_display, count_distinguishing_digits, format_number
 
 _T = TypeVar("_T")
 
@@ -104,27 +104,29 @@ class Map:
     intervals [%] of a share, None otherwise.
     """
 
-    __pydantic_config__ = ANSWER
+    __pydantic_config__ = RESPONSE_CONFIG
 
     figure: str
     pick: str = field(
-        metadata=described(
+        metadata=describe_field(
             "what a cell shows of several runs; where the worst was asked for, least, largest or mean, which is the "
             "worst; of a share always share"
         )
     )
     x: str
     y: str
-    x_values: tuple[Value, ...] = field(metadata=HIDDEN)
-    y_values: tuple[Value, ...] = field(metadata=HIDDEN)
+    x_values: tuple[Value, ...] = field(metadata=HIDDEN_FIELD)
+    y_values: tuple[Value, ...] = field(metadata=HIDDEN_FIELD)
     cells: tuple[tuple[float | None, ...], ...]
     unstable: tuple[tuple[bool, ...], ...] = field(
-        metadata=described("by the same places, where null stands for an unstable loop")
+        metadata=describe_field("by the same places, where null stands for an unstable loop")
     )
-    counts: tuple[tuple[int, ...], ...] = field(metadata=described("by the same places, how many runs gave a number"))
-    runs: tuple[tuple[int, ...], ...] = field(metadata=described("by the same places, how many runs are computed"))
+    counts: tuple[tuple[int, ...], ...] = field(
+        metadata=describe_field("by the same places, how many runs gave a number")
+    )
+    runs: tuple[tuple[int, ...], ...] = field(metadata=describe_field("by the same places, how many runs are computed"))
     intervals: tuple[tuple[tuple[float, ...] | None, ...], ...] = field(
-        metadata=described(
+        metadata=describe_field(
             "by the same places, both ends of the 95 % confidence interval of a share [%]; null elsewhere"
         )
     )
@@ -142,8 +144,8 @@ class Spreading:
     label: str
     unit: str
     count: int
-    missing: int = field(metadata=described("how many computed runs gave no number"))
-    unstable: int = field(metadata=described("how many of those that gave one are of an unstable loop"))
+    missing: int = field(metadata=describe_field("how many computed runs gave no number"))
+    unstable: int = field(metadata=describe_field("how many of those that gave one are of an unstable loop"))
     least: float | None
     p5: float | None
     median: float | None
@@ -162,12 +164,12 @@ class Share:
 
     name: str
     label: str
-    count: int = field(metadata=described("runs that did not complete, or whose criteria do not all hold"))
-    of: int = field(metadata=described("runs of which that is known"))
-    left_out: int = field(metadata=described("computed runs of which it is not known: they were not judged"))
-    percent: float | None = field(metadata=described("share", "%"))
-    low: float | None = field(metadata=described("lower end of the interval", "%"))
-    high: float | None = field(metadata=described("upper end of the interval", "%"))
+    count: int = field(metadata=describe_field("runs that did not complete, or whose criteria do not all hold"))
+    of: int = field(metadata=describe_field("runs of which that is known"))
+    left_out: int = field(metadata=describe_field("computed runs of which it is not known: they were not judged"))
+    percent: float | None = field(metadata=describe_field("share", "%"))
+    low: float | None = field(metadata=describe_field("lower end of the interval", "%"))
+    high: float | None = field(metadata=describe_field("upper end of the interval", "%"))
 
 
 def list_metric_names(experiment: Experiment) -> dict[str, MetricName]:
@@ -266,9 +268,9 @@ def select_worst_statistic(figure: str) -> str:
 
 def format_axis_labels(values: Sequence[Value], unit: str, angles: AngleUnit) -> list[str]:
     """Return the values of an axis as texts, with enough digits to tell them apart."""
-    numbers = {value: read(value, unit, angles) for value in values if not isinstance(value, bool | str)}
-    digits = digits_apart(numbers.values())
-    return [in_digits(numbers[value], digits) if value in numbers else str(value) for value in values]
+    numbers = {value: convert_to_display(value, unit, angles) for value in values if not isinstance(value, bool | str)}
+    digits = count_distinguishing_digits(numbers.values())
+    return [format_number(numbers[value], digits) if value in numbers else str(value) for value in values]
 
 
 def choose_map_axes(axes: Mapping[str, tuple[Value, ...]]) -> tuple[str, str] | None:

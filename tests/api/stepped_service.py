@@ -33,7 +33,7 @@ from backend.services.tuning import SavedTunings
 from backend.services.tuning_state import TuningStore
 from backend.storage.database import Database
 from backend.supervision import Supervision
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant.interface import SIMULATOR, Plant
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
@@ -77,7 +77,7 @@ class Stepped(Supervisor):
         await self._stepped.advance_until(reached, timeout_s)
 
 
-class Here(Offload):
+class Here(WorkerProcess):
     """Work that is done here, not in a process of its own."""
 
     async def run(self, work: Callable[..., T], *arguments: Any, **_none: Any) -> T:

@@ -16,7 +16,7 @@ import uvicorn
 from backend import main
 from backend.realtime.heartbeat import HeartbeatSender
 from backend.settings import Settings
-from backend.supervision import KeptTask
+from backend.supervision import SupervisedTask
 from tests.api.conftest import PATIENCE_S, ended, until, wait_for
 
 T = TypeVar("T")
@@ -97,7 +97,7 @@ def inside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     settings = Settings(data=tmp_path_factory.mktemp("inside"), params="ideal", port=0)
     serving = threading.Thread(target=main.serve, args=(settings, announce), name="the service")
     with pytest.MonkeyPatch.context() as patch:
-        made = Made(patch, KeptTask, HeartbeatSender, uvicorn.Server)
+        made = Made(patch, SupervisedTask, HeartbeatSender, uvicorn.Server)
         serving.start()
         until(lambda: ready or not serving.is_alive())
         address, loop, token = ready[0]
@@ -123,7 +123,7 @@ def test_everything_that_runs_is_supervised(inside: Running) -> None:
     """A task or thread that is new has to be put under supervision, or into the lists of this file."""
     tasks = inside.tasks()
     assert set(tasks) >= TASKS
-    kept = {kept._task for kept in inside.made.of(KeptTask)}
+    kept = {kept._task for kept in inside.made.of(SupervisedTask)}
     own = {name for name, task in tasks.items() if OWN in code_of(task).co_filename and task not in kept}
     assert {code_of(tasks[name]).co_name for name in own} == {"_serve"}  # asyncio.run's own: its end ends the service
     threads = {thread.name for thread in threading.enumerate()}
@@ -139,7 +139,7 @@ def code_of(task: "asyncio.Task[object]") -> CodeType:
 
 
 def test_each_task_that_is_killed_is_told_and_runs_again(inside: Running) -> None:
-    kept = {kept._task for kept in inside.made.of(KeptTask)}
+    kept = {kept._task for kept in inside.made.of(SupervisedTask)}
     victims = {name: task for name, task in inside.tasks().items() if task in kept}
     assert set(victims) >= TASKS
     for victim in victims.values():

@@ -17,7 +17,7 @@ from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.schemas.session import Role
 from backend.services.queue import DryRuns
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant.parameters import load_parameters
 
 OTHER = User("another", Role.VIEWER, BEARER)
@@ -31,7 +31,7 @@ def test_one_that_finds_no_room_on_the_disk_gives_its_place_back(
     order = RunRequest(build_ready_plan("tracking"), LoopSettings(), VIEWER.name)
 
     async def whole() -> None:
-        dry_runs = DryRuns(Offload(lambda _cause: None))
+        dry_runs = DryRuns(WorkerProcess(lambda _cause: None))
         for _ in range(3):  # a place that was kept would be refused as the person's second
             with pytest.raises(FileNotFoundError):
                 await dry_runs.play(load_parameters("ideal"), order, (), VIEWER, stays)
@@ -39,7 +39,7 @@ def test_one_that_finds_no_room_on_the_disk_gives_its_place_back(
     asyncio.run(whole())
 
 
-class Halfway(Offload):
+class Halfway(WorkerProcess):
     """Work in a process that has played 3 s of an experiment and goes on."""
 
     async def run(self, work: Callable[..., Any], *arguments: Any, **_none: Any) -> Any:

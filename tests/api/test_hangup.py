@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGINT])
@@ -14,13 +14,13 @@ def test_a_computing_process_leaves_the_terminal_to_the_service(number: signal.S
     deaths: list[str] = []
 
     async def compute() -> tuple[int, int]:
-        offload = Offload(deaths.append)
+        worker = WorkerProcess(deaths.append)
         try:
-            before = await offload.run(os.getpid)
+            before = await worker.run(os.getpid)
             os.kill(before, number)
-            return before, await offload.run(os.getpid)
+            return before, await worker.run(os.getpid)
         finally:
-            offload.close()
+            worker.close()
 
     before, after = asyncio.run(compute())
     assert before == after

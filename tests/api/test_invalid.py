@@ -144,7 +144,7 @@ def test_the_tension_that_is_refused_is_told_among_several() -> None:
     with pytest.raises(OutOfRangeError) as refused:
         build_plans(ActuatorRequest(tensions_N=[10.0, 4000.0]))
     assert refused.value.path == ("tensions_N", 1)
-    assert refused.value.sentence(AngleUnit.DEGREES).startswith("tension 2: 4000 N is ")
+    assert refused.value.format_message(AngleUnit.DEGREES).startswith("tension 2: 4000 N is ")
     with pytest.raises(OutOfRangeError) as refused:
         build_plans(
             ActuatorRequest(tensions_N=[10.0], amplitude_rad=math.pi / 2).model_copy(update={"amplitude_rad": 9.0})

@@ -39,7 +39,7 @@ class Watcher:
 
     async def send_bytes(self, frame: bytes) -> None:
         await self.reads.wait()
-        self.frames.append(wire.unpack(frame))
+        self.frames.append(wire.unpack_frame(frame))
 
     async def receive_text(self) -> str:
         await self.gone.wait()
@@ -92,7 +92,7 @@ class Slow(Watcher):
     async def send_bytes(self, frame: bytes) -> None:
         if self.closing:
             raise RuntimeError("a close message has been sent")
-        self.frames.append(wire.unpack(frame))
+        self.frames.append(wire.unpack_frame(frame))
 
     async def close(self, code: int, _reason: str) -> None:
         self.closing = True

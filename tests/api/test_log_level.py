@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.logs import EVENT, LINES, Level, RateLimit, begin
+from backend.logs import EVENT, LINES_PER_WINDOW, Level, RateLimit, configure_logging
 from tests.api.conftest import client_with, wait_for
 from tests.api.test_endings import wait_for_end
 from tests.e2e.service import running_service
@@ -51,7 +51,7 @@ def test_events_are_written_however_many_there_are() -> None:
         record = log.makeRecord("test", logging.INFO, "here.py", 1, "a line", (), None, extra=extra)
         return sum(limit.filter(record) for _ in range(100))
 
-    assert (written({}), written(EVENT)) == (LINES, 100)
+    assert (written({}), written(EVENT)) == (LINES_PER_WINDOW, 100)
 
 
 @pytest.fixture
@@ -75,7 +75,7 @@ def loggers() -> Iterator[None]:
     ],
 )
 def test_a_level_holds_for_libraries_too(level: Level, written: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    begin(level)
+    configure_logging(level)
     for name in ("backend.x", "asyncio"):
         logging.getLogger(name).info("%s INFO", name)
         logging.getLogger(name).warning("%s WARNING", name)

@@ -11,19 +11,19 @@ from pathlib import Path
 
 import pytest
 
-from backend.workers import Offload, WorkerDiedError, WorkLimitError, WorkLimits
+from backend.workers import WorkerDiedError, WorkerProcess, WorkLimitError, WorkLimits
 
 TIMEOUT_S = 60.0
 
 
-def run(session: Callable[[Offload, list[str]], Awaitable[None]]) -> None:
+def run(session: Callable[[WorkerProcess, list[str]], Awaitable[None]]) -> None:
     async def whole() -> None:
         deaths: list[str] = []
-        offload = Offload(deaths.append)
+        worker = WorkerProcess(deaths.append)
         try:
-            await asyncio.wait_for(session(offload, deaths), TIMEOUT_S)
+            await asyncio.wait_for(session(worker, deaths), TIMEOUT_S)
         finally:
-            offload.close()
+            worker.close()
 
     asyncio.run(whole())
 
@@ -55,11 +55,11 @@ async def until(reached: Callable[[], bool]) -> None:
 
 
 def test_a_process_killed_idle_is_told_at_once_and_replaced() -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
-        first = await offload.run(os.getpid)
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
+        first = await worker.run(os.getpid)
         os.kill(first, signal.SIGKILL)
         await until(lambda: len(deaths) == 1)
-        second = await offload.run(os.getpid)
+        second = await worker.run(os.getpid)
         assert second != first
         assert len(deaths) == 1
 
@@ -67,8 +67,8 @@ def test_a_process_killed_idle_is_told_at_once_and_replaced() -> None:
 
 
 def test_work_that_its_process_dies_over_is_done_again(tmp_path: Path) -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
-        waiting = [offload.run(die_once, tmp_path / "killed"), offload.run(os.getpid), offload.run(os.getpid)]
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
+        waiting = [worker.run(die_once, tmp_path / "killed"), worker.run(os.getpid), worker.run(os.getpid)]
         said, *pids = await asyncio.gather(*waiting)
         assert said == "done"
         assert pids[0] == pids[1]
@@ -78,10 +78,10 @@ def test_work_that_its_process_dies_over_is_done_again(tmp_path: Path) -> None:
 
 
 def test_work_that_kills_each_process_is_given_up_and_harms_no_other(tmp_path: Path) -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         tried = tmp_path / "tried"
         tried.touch()
-        bad, good = offload.run(die_always, tried), offload.run(os.getpid)
+        bad, good = worker.run(die_always, tried), worker.run(os.getpid)
         failed, pid = await asyncio.gather(bad, good, return_exceptions=True)
         assert isinstance(failed, WorkerDiedError)
         assert "memory" in str(failed)
@@ -92,14 +92,14 @@ def test_work_that_kills_each_process_is_given_up_and_harms_no_other(tmp_path: P
 
 
 def test_a_process_killed_while_it_loads_is_replaced() -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         others = _children()  # of the test before, killed and not yet gone
-        offload.prepare(Offload)
+        worker.preload(WorkerProcess)
         await until(lambda: bool(_children() - others))
         (first,) = _children() - others
         os.kill(first, signal.SIGKILL)
         await until(lambda: len(deaths) == 1)
-        assert await offload.run(os.getpid) != first
+        assert await worker.run(os.getpid) != first
 
     run(session)
 
@@ -115,17 +115,17 @@ class SlowToLoad:
 
 
 def test_work_behind_others_is_done_although_the_process_is_killed_before_its_turn() -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
-        pid = await offload.run(os.getpid)  # so that it is watched
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
+        pid = await worker.run(os.getpid)  # so that it is watched
         for killed in range(1, 11):
             for _ in range(4):
-                offload.prepare(SlowToLoad())
-            waiting = asyncio.create_task(offload.run(os.getpid))
+                worker.preload(SlowToLoad())
+            waiting = asyncio.create_task(worker.run(os.getpid))
             await asyncio.sleep(0.1)
             os.kill(pid, signal.SIGKILL)
             assert await waiting != pid
             assert len(deaths) == killed
-            pid = await offload.run(os.getpid)
+            pid = await worker.run(os.getpid)
 
     run(session)
 
@@ -141,28 +141,28 @@ def _children() -> set[int]:
 
 
 def test_a_caller_that_leaves_ends_the_work_and_nothing_is_told(tmp_path: Path) -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         marker = tmp_path / "started"
-        leaving = asyncio.create_task(offload.run(sleep_long, marker))
+        leaving = asyncio.create_task(worker.run(sleep_long, marker))
         await until(lambda: marker.exists() and marker.read_text() != "")
         pid = int(marker.read_text())
         leaving.cancel()
         with pytest.raises(asyncio.CancelledError):
             await leaving
         await until(lambda: not is_there(pid))
-        assert await offload.run(os.getpid) != pid
+        assert await worker.run(os.getpid) != pid
         assert deaths == []
 
     run(session)
 
 
 def test_closing_ends_whatever_is_under_way(tmp_path: Path) -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         marker = tmp_path / "started"
-        under_way = asyncio.create_task(offload.run(sleep_long, marker))
+        under_way = asyncio.create_task(worker.run(sleep_long, marker))
         await until(lambda: marker.exists() and marker.read_text() != "")
         pid = int(marker.read_text())
-        offload.close()
+        worker.close()
         await until(lambda: not is_there(pid))
         under_way.cancel()
         assert deaths == []
@@ -179,12 +179,12 @@ def fail() -> None:
 
 
 def test_what_a_process_begins_with_is_done_once_before_all_else(tmp_path: Path) -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         for _ in range(3):
-            offload.begin(write_down, tmp_path / "said")
-        process = await offload.run(os.getpid)
-        offload.begin(write_down, tmp_path / "said")
-        assert await offload.run(os.getpid) == process
+            worker.warm_up(write_down, tmp_path / "said")
+        process = await worker.run(os.getpid)
+        worker.warm_up(write_down, tmp_path / "said")
+        assert await worker.run(os.getpid) == process
         assert (tmp_path / "said").read_text() == f"{process}\n"
         assert deaths == []
 
@@ -192,9 +192,9 @@ def test_what_a_process_begins_with_is_done_once_before_all_else(tmp_path: Path)
 
 
 def test_what_a_process_begins_with_may_fail() -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
-        offload.begin(fail)
-        assert await offload.run(os.getpid) > 0
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
+        worker.warm_up(fail)
+        assert await worker.run(os.getpid) > 0
         assert deaths == []
 
     run(session)
@@ -214,58 +214,58 @@ def abort() -> None:
     os.abort()
 
 
-def limited(session: Callable[[Offload], Awaitable[None]], limits: WorkLimits) -> list[str]:
+def limited(session: Callable[[WorkerProcess], Awaitable[None]], limits: WorkLimits) -> list[str]:
     deaths: list[str] = []
 
     async def whole() -> None:
-        offload = Offload(deaths.append, limits=limits)
+        worker = WorkerProcess(deaths.append, limits=limits)
         try:
-            await asyncio.wait_for(session(offload), TIMEOUT_S)
+            await asyncio.wait_for(session(worker), TIMEOUT_S)
         finally:
-            offload.close()
+            worker.close()
 
     asyncio.run(whole())
     return deaths
 
 
 def test_work_beyond_its_time_is_ended_with_its_process_and_not_done_again() -> None:
-    async def session(offload: Offload) -> None:
-        first = await offload.run(os.getpid)
+    async def session(worker: WorkerProcess) -> None:
+        first = await worker.run(os.getpid)
         with pytest.raises(WorkLimitError) as refused:
-            await offload.run(hold_the_interpreter)
+            await worker.run(hold_the_interpreter)
         assert (refused.value.quantity, refused.value.bound, refused.value.unit) == ("computing time", 0.5, "s")
         assert "write less" in str(refused.value)
         await until(lambda: not is_there(first))
-        assert await offload.run(os.getpid) != first
+        assert await worker.run(os.getpid) != first
 
     assert limited(session, WorkLimits(limit_s=0.5, remedy="write less")) == []
 
 
 def test_loading_and_waiting_for_a_turn_do_not_count_as_time_of_the_work() -> None:
-    async def session(offload: Offload) -> None:
-        offload.prepare(SlowToLoad(), "time")  # 0.2 s before the first work
-        assert await asyncio.gather(*(offload.run(time.sleep, 0.2) for _ in range(8))) == [None] * 8
+    async def session(worker: WorkerProcess) -> None:
+        worker.preload(SlowToLoad(), "time")  # 0.2 s before the first work
+        assert await asyncio.gather(*(worker.run(time.sleep, 0.2) for _ in range(8))) == [None] * 8
 
     assert limited(session, WorkLimits(limit_s=1.0)) == []
 
 
 def test_memory_beyond_the_limit_is_refused_and_the_process_replaced() -> None:
-    async def session(offload: Offload) -> None:
-        assert await offload.run(take, 50) == 50_000_000
-        first = await offload.run(os.getpid)
+    async def session(worker: WorkerProcess) -> None:
+        assert await worker.run(take, 50) == 50_000_000
+        first = await worker.run(os.getpid)
         with pytest.raises(WorkLimitError) as refused:
-            await offload.run(take, 400)
+            await worker.run(take, 400)
         assert (refused.value.quantity, refused.value.bound, refused.value.unit) == ("memory", 200.0, "MB")
-        assert await offload.run(os.getpid) != first
+        assert await worker.run(os.getpid) != first
 
     assert limited(session, WorkLimits(memory_bytes=200_000_000)) == []
 
 
 def test_a_library_that_aborts_for_lack_of_memory_is_told_as_the_limit() -> None:
-    async def session(offload: Offload) -> None:
+    async def session(worker: WorkerProcess) -> None:
         with pytest.raises(WorkLimitError):
-            await offload.run(abort)
-        assert await offload.run(os.getpid) > 0
+            await worker.run(abort)
+        assert await worker.run(os.getpid) > 0
 
     assert len(limited(session, WorkLimits(memory_bytes=200_000_000))) == 1
 
@@ -290,9 +290,9 @@ def refuse() -> None:
 
 
 def test_an_error_of_the_work_arrives_with_its_fields() -> None:
-    async def session(offload: Offload, deaths: list[str]) -> None:
+    async def session(worker: WorkerProcess, deaths: list[str]) -> None:
         with pytest.raises(NamedError) as raised:
-            await offload.run(refuse)
+            await worker.run(refuse)
         assert (raised.value.quantity, raised.value.value, str(raised.value)) == ("period", 0.5, "period is 0.5")
         assert any("refuse" in note for note in raised.value.__notes__)
         assert not deaths

@@ -9,7 +9,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin
 
-from backend.data_folder import addresses_of_service
+from backend.data_folder import read_service_addresses
 from tests.api.conftest import problem
 from tests.api.patient import connect
 from tests.e2e.service import Service, running_service
@@ -27,7 +27,7 @@ def below(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 
 def local(service: Service) -> str:
-    address, public = addresses_of_service(service.data)
+    address, public = read_service_addresses(service.data)
     assert public == PUBLIC
     return address
 

@@ -5,7 +5,7 @@ import logging
 import pytest
 
 from backend.auth.authentication import BEARER, User
-from backend.logs import LINES, WINDOW_S, RateLimit
+from backend.logs import LINES_PER_WINDOW, WINDOW_S, RateLimit
 from backend.schemas.session import Role
 from backend.server.connections import BROWSER_PLACES, SOCKET_COSTS, ConnectionBudget, ConnectionLimiter, ConnectionSlot
 
@@ -121,9 +121,9 @@ def test_of_one_kind_of_line_few_are_written() -> None:
     now = [0.0]
     limit = RateLimit(lambda: now[0])
     written = [text for number in range(1000) if (text := line(limit, number))]
-    assert len(written) == LINES
+    assert len(written) == LINES_PER_WINDOW
     assert "left out" in written[-1]
     assert line(limit, 1, line_number=2) == "socket 1"
     assert line(limit, 1, error=OSError()) == "socket 1"
     now[0] = WINDOW_S
-    assert line(limit, 1000) == f"socket 1000 [{1000 - LINES} more like this were left out]"
+    assert line(limit, 1000) == f"socket 1000 [{1000 - LINES_PER_WINDOW} more like this were left out]"

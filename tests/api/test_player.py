@@ -11,7 +11,7 @@ import pytest
 
 from backend.exports.base import export_run
 from backend.exports.formats import DataFormat, stream_export
-from backend.faults import EXPLAINED, FAULT_CODE, Fault
+from backend.faults import EXPLANATIONS, FAULT_CODE, Fault
 from backend.services.player import describe_recording
 from backend.storage import events, recordings, runs
 from backend.storage.database import open_database
@@ -148,7 +148,7 @@ def test_what_is_played_is_told_with_what_happened_in_it(ended: httpx.Client, re
     assert [(mark["t"], mark["kind"], mark["text"]) for mark in played["marks"]] == [
         (1.0, "mode", "off → run"),
         (3.0, "mode", "run → tripped"),
-        (3.0, "trip", EXPLAINED[Fault.SAFETY_MODULE].message),
+        (3.0, "trip", EXPLANATIONS[Fault.SAFETY_MODULE].message),
     ]
 
 

@@ -11,15 +11,15 @@ from fastapi import FastAPI, Request, Response, WebSocket
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 
-from backend.public_url import PublicUrl, read_networks, read_public_url
+from backend.public_url import PublicUrl, parse_networks, parse_public_url
 from backend.server import deployment, security
 from backend.server.security import HostOriginMiddleware
 from tests.api.serving import served
 from tests.api.sockets import connected, everything_from
 
 PROXY, STRANGER, BROWSER = "127.0.0.1", "10.0.0.7", "192.0.2.44"
-SECURE = read_public_url("https://rig.lab/sinew/")
-PLAIN = read_public_url("http://rig.lab:8080")
+SECURE = parse_public_url("https://rig.lab/sinew/")
+PLAIN = parse_public_url("http://rig.lab:8080")
 
 app = FastAPI()
 
@@ -135,8 +135,8 @@ def test_another_prefix_is_no_address(path: str) -> None:
         (SECURE, PROXY, "nonsense", PROXY),
         (SECURE, STRANGER, BROWSER, STRANGER),
         (None, PROXY, BROWSER, PROXY),
-        (replace(SECURE, proxies=read_networks(["10.0.0.0/24"])), STRANGER, BROWSER, BROWSER),
-        (replace(SECURE, proxies=read_networks(["10.0.0.0/24"])), PROXY, BROWSER, PROXY),
+        (replace(SECURE, proxies=parse_networks(["10.0.0.0/24"])), STRANGER, BROWSER, BROWSER),
+        (replace(SECURE, proxies=parse_networks(["10.0.0.0/24"])), PROXY, BROWSER, PROXY),
     ],
 )
 def test_who_asks_is_whom_a_trusted_proxy_names(

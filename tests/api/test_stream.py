@@ -30,7 +30,7 @@ def bearer(operator: httpx.Client) -> dict[str, str]:
 
 async def receive(socket: ClientConnection) -> dict[str, Any] | wire.Frame:
     message = await asyncio.wait_for(socket.recv(), PATIENCE_S)
-    return wire.unpack(message) if isinstance(message, bytes) else json.loads(message)
+    return wire.unpack_frame(message) if isinstance(message, bytes) else json.loads(message)
 
 
 def test_layout_state_and_an_unbroken_row_of_samples(service: Service, running: httpx.Client) -> None:

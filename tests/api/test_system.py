@@ -7,7 +7,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from backend.data_folder import AlreadyRunningError, only_service_on
+from backend.data_folder import AlreadyRunningError, lock_for_service
 from backend.storage import runs
 from backend.storage.database import BackupError, open_database, restore_database
 from tests.api.conftest import problem
@@ -50,7 +50,7 @@ def test_recordings_are_listed_and_go_only_when_named(operator: httpx.Client, vi
 
 
 def test_nothing_is_restored_under_a_service_that_works(data: Path) -> None:
-    with pytest.raises(AlreadyRunningError), only_service_on(data):
+    with pytest.raises(AlreadyRunningError), lock_for_service(data):
         pass
 
 

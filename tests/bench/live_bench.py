@@ -128,7 +128,7 @@ async def _delays(viewers: list[ClientConnection], origin_s: float) -> tuple[lis
             arrived_s = time.monotonic()
             if isinstance(message, str):
                 continue
-            frame = wire.unpack(message)
+            frame = wire.unpack_frame(message)
             newest = frame.first_tick + frame.columns.shape[1] - 1
             born_s = origin_s + T_s * (newest + float(frame.columns[OVERRUNS, -1]))
             if born_s > begun_s:

@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from backend.auth.sessions import load_tokens
 from backend.cli.server import link
-from backend.data_folder import address_of_service, addresses_of_service, only_service_on
-from backend.public_url import LOOPBACK, PublicUrl, read_networks, read_public_url
+from backend.data_folder import lock_for_service, read_service_address, read_service_addresses
+from backend.public_url import LOOPBACK, PublicUrl, parse_networks, parse_public_url
 from backend.server.listening import describe_served_addresses, listening_socket
 from backend.settings import Settings
 
@@ -26,9 +26,9 @@ from backend.settings import Settings
     ],
 )
 def test_a_public_url_is_scheme_host_port_and_prefix(text: str, read: PublicUrl, origin: str) -> None:
-    assert read_public_url(text) == read
+    assert parse_public_url(text) == read
     assert read.origin == origin
-    assert read_public_url(f"{read}/") == read
+    assert parse_public_url(f"{read}/") == read
 
 
 @pytest.mark.parametrize(
@@ -64,15 +64,15 @@ def test_proxies_are_those_of_this_machine_unless_others_are_named() -> None:
         Settings(public_url="http://a", trusted_proxies=("10.0.0.0/8",)),
     )
     assert Settings().public is None
-    assert alone.public == replace(read_public_url("https://rig.lab"), proxies=LOOPBACK)
+    assert alone.public == replace(parse_public_url("https://rig.lab"), proxies=LOOPBACK)
     assert named.public is not None
-    assert [named.public.trusts(address) for address in ("10.2.3.4", "127.0.0.1", "::1", "x")] == [
+    assert [named.public.is_trusted_proxy(address) for address in ("10.2.3.4", "127.0.0.1", "::1", "x")] == [
         True,
         False,
         False,
         False,
     ]
-    assert read_networks(["10.0.0.5"])[0].num_addresses == 1
+    assert parse_networks(["10.0.0.5"])[0].num_addresses == 1
 
 
 @pytest.mark.parametrize(
@@ -120,10 +120,10 @@ def test_the_links_are_those_of_the_public_url_and_of_this_machine(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tokens = load_tokens(tmp_path)
-    with only_service_on(tmp_path) as folder:
-        folder.say_address("http://127.0.0.1:8000", "https://rig.lab/sinew/")
-        assert address_of_service(tmp_path) == "http://127.0.0.1:8000"
-        assert addresses_of_service(tmp_path) == ["http://127.0.0.1:8000", "https://rig.lab/sinew/"]
+    with lock_for_service(tmp_path) as folder:
+        folder.write_address("http://127.0.0.1:8000", "https://rig.lab/sinew/")
+        assert read_service_address(tmp_path) == "http://127.0.0.1:8000"
+        assert read_service_addresses(tmp_path) == ["http://127.0.0.1:8000", "https://rig.lab/sinew/"]
         link(tmp_path)
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[-1] for line in lines] == [
@@ -131,4 +131,4 @@ def test_the_links_are_those_of_the_public_url_and_of_this_machine(
         f"https://rig.lab/sinew/?token={tokens.viewer}",
         f"http://127.0.0.1:8000/?token={tokens.operator}",
     ]
-    assert addresses_of_service(tmp_path) == []
+    assert read_service_addresses(tmp_path) == []

@@ -15,7 +15,7 @@ import pytest
 from backend.exports.base import export_run
 from backend.exports.formats import DataFormat, write_export
 from backend.models.run import MeasuredFigure, Metrics, RunCriterion
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 from backend.reports.build import write_report_files
 from backend.schemas.comparison import ComparisonAsked, DifferencesAsked
 from backend.services.comparison import curves_file, table_file
@@ -116,7 +116,7 @@ def test_no_command_prints_what_a_terminal_obeys(stored: tuple[Path, list[int], 
         if "--json" in words:
             json.loads(ended.stdout)
     listed = command("experiments", "list", "--json", folder=folder).stdout
-    assert as_line(EVIL[:100]) in [one["title"] for one in json.loads(listed)]
+    assert escape_line(EVIL[:100]) in [one["title"] for one in json.loads(listed)]
 
 
 def cells(line: str) -> list[str]:
@@ -152,7 +152,7 @@ def test_no_cell_of_a_file_is_a_formula(stored: tuple[Path, list[int], int], tmp
     rows = pd.read_csv(tmp_path / "table.csv", comment="#")
     assert {"setting", "metric"} == set(rows["what"])
     assert any(str(value).startswith("'=HYPERLINK") for value in rows["value"])
-    assert f"'{as_line(SYMBOL)}" in set(rows["name"])
+    assert f"'{escape_line(SYMBOL)}" in set(rows["name"])
 
 
 def test_a_report_has_nothing_that_turns_the_text_around(

@@ -3,7 +3,7 @@
 import re
 
 from backend.auth.control_lease import CONTROL_LEASE_PART as LOST_PAGES
-from backend.faults import EXPLAINED, FAULTS, Fault, Limit
+from backend.faults import EXPLANATIONS, FAULTS, Fault, Limit
 from tests.docs.faults_page import PAGE, SECTIONS
 
 LINES = re.compile(r"^- Cause: .{10,}\n- Reaction: .{10,}\n- Within: \d+ ms .{10,}\n- Remedy: ", re.MULTILINE)
@@ -12,7 +12,7 @@ LINES = re.compile(r"^- Cause: .{10,}\n- Reaction: .{10,}\n- Within: \d+ ms .{10
 def test_every_fault_has_its_message_cause_reaction_time_and_remedy() -> None:
     assert list(SECTIONS) == [str(fault) for fault in FAULTS if fault is not Fault.NONE]
     for name, text in SECTIONS.items():
-        explained = EXPLAINED[Fault(name)]
+        explained = EXPLANATIONS[Fault(name)]
         assert explained.message in text
         assert f"- Remedy: {explained.remedy}\n" in text
         assert LINES.search(text), name
@@ -25,7 +25,7 @@ def test_every_limit_is_listed_with_its_bit() -> None:
 
 
 def test_a_remedy_names_control_before_the_reset_that_is_refused_without_it() -> None:
-    remedies = [explained.remedy for explained in EXPLAINED.values()] + [LOST_PAGES.meaning]
+    remedies = [explained.remedy for explained in EXPLANATIONS.values()] + [LOST_PAGES.consequence]
     told = [remedy.lower() for remedy in remedies if "control" in remedy]
     assert len(told) == 2
     for remedy in told:

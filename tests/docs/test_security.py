@@ -50,7 +50,7 @@ def test_numbers_are_those_of_the_code() -> None:
         ),
         "idle time after which a session ends, while the service runs": (f"{sessions.IDLE_S / 86_400:g} days"),
         "lines of one kind in the log; events of `--log-level info` are not counted": (
-            f"{logs.LINES} in {logs.WINDOW_S:g} s"
+            f"{logs.LINES_PER_WINDOW} in {logs.WINDOW_S:g} s"
         ),
         "time until a page with control is lost": f"{control_lease.LOST_S:g} s",
         "time for which references are held afterwards": f"{control_lease.HOLD_S:g} s",

@@ -9,7 +9,7 @@ from typing import Literal
 import pytest
 from playwright.sync_api import Browser, Locator, Page, ViewportSize, expect
 
-from backend.faults import EXPLAINED, Fault
+from backend.faults import EXPLANATIONS, Fault
 from backend.glossary.glossary import TermKind, glossary
 from tests.api.conftest import client_with
 from tests.e2e.browser import DESKTOP
@@ -99,7 +99,7 @@ def test_a_fault_explains_itself_as_the_state_tells_it(operator: Operator) -> No
     page = operator.page
     operator.press("STOP")
     fault = page.get_by_role("alert", name="Fault", exact=True)
-    expect(fault).to_contain_text(EXPLAINED[Fault.STOP_PRESSED].message)
+    expect(fault).to_contain_text(EXPLANATIONS[Fault.STOP_PRESSED].message)
     with client_with(operator.service, "token") as script:
         latched = script.get("/api/state").json()["fault"]
     fault.get_by_role("term").hover()
@@ -180,7 +180,7 @@ def test_any_word_is_looked_up_in_the_glossary(operator: Operator) -> None:
     listed = sum(entry.kind is TermKind.FAULT for entry in ENTRIES.values())
     expect(faults.get_by_role("listitem")).to_have_count(listed)
     page.get_by_role("textbox", name="Look up").fill("card watchdog drives")
-    expect(page.get_by_role("main")).to_contain_text(EXPLAINED[Fault.WATCHDOG].message)
+    expect(page.get_by_role("main")).to_contain_text(EXPLANATIONS[Fault.WATCHDOG].message)
     expect(page.get_by_role("region", name="Modes", exact=True)).to_have_count(0)
     page.get_by_role("textbox", name="Look up").fill("no such word")
     expect(page.get_by_role("status", name="Found")).to_have_text("0 entries")

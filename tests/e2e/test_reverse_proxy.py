@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
-from backend.data_folder import address_of_service
+from backend.data_folder import read_service_address
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.nginx import CONFIGURATIONS, free_port, nginx
 from tests.e2e.operator import Operator
@@ -32,7 +32,7 @@ def behind(
     data = folder / "data"
     with ExitStack() as up:
         service = up.enter_context(running_service(data, more=more))
-        local = address_of_service(data)
+        local = read_service_address(data)
         assert local is not None
         up.enter_context(nginx(folder, configuration, port, local))
         proxied = replace(service, url=base.rstrip("/"), link=base + service.link.rpartition("/")[2])

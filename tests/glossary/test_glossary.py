@@ -15,7 +15,7 @@ from backend.analysis.evaluation import FIGURES, figure_documents
 from backend.analysis.step_metrics import Whole
 from backend.api.export import files
 from backend.commissioning.status import StepState
-from backend.faults import EXPLAINED, Fault, Limit
+from backend.faults import EXPLANATIONS, Fault, Limit
 from backend.glossary.glossary import (
     EQUATIONS,
     RESULTS,
@@ -94,8 +94,8 @@ def test_parameters_are_those_of_the_plant() -> None:
 
 def test_faults_say_what_the_state_says_and_what_to_do() -> None:
     for name, entry in of(TermKind.FAULT).items():
-        assert entry.meaning == EXPLAINED[Fault(name)].message
-        assert dict(entry.more)["Remedy"] == EXPLAINED[Fault(name)].remedy
+        assert entry.meaning == EXPLANATIONS[Fault(name)].message
+        assert dict(entry.more)["Remedy"] == EXPLANATIONS[Fault(name)].remedy
         assert [heading for heading, _ in entry.more] == ["Cause", "Reaction", "Within", "Remedy"]
 
 

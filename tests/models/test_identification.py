@@ -19,7 +19,7 @@ from backend.services.tuning_state import default_tuning
 from backend.storage import identifications
 from backend.storage.banks import read_method_name
 from backend.storage.database import Database, open_database
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant.parameters import load_parameters
 from tests.models import earlier_identifications as earlier
 from tests.models.earlier_identifications import put_identification
@@ -38,7 +38,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 def stored(database: Database) -> StoredIdentifications:
-    return StoredIdentifications(database, lambda _run: 1.0, Offload(print), lambda: TUNING)
+    return StoredIdentifications(database, lambda _run: 1.0, WorkerProcess(print), lambda: TUNING)
 
 
 @pytest.mark.parametrize(

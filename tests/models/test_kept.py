@@ -17,7 +17,7 @@ from backend.services.tuning_state import TuningStore
 from backend.storage import banks, settings
 from backend.storage.banks import BankEntry, stored_entry_name
 from backend.storage.database import Database, open_database
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant.parameters import load_parameters
 
 LAB = load_parameters("lab")
@@ -93,8 +93,8 @@ def test_a_bank_that_cannot_be_read_says_so_in_the_list_and_the_others_are_there
         banks.add(session, "good", [BankEntry(10.5, MODEL)], "Ana")
         banks.add(session, "newer", [BankEntry(8.0, {**MODEL, "version": 2})], "Ana")
     tuning, _ = TuningStore(database).restore(LAB)
-    with closing(Offload(lambda _cause: None)) as offload:
-        newer, good = StoredBanks(database, offload, lambda: tuning).banks()
+    with closing(WorkerProcess(lambda _cause: None)) as worker:
+        newer, good = StoredBanks(database, worker, lambda: tuning).banks()
     assert (good.name, len(good.entries), good.note) == ("good", 1, "")
     assert (newer.name, newer.entries) == ("newer", [])
     assert "is of version 2" in newer.note

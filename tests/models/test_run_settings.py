@@ -17,7 +17,7 @@ from backend.services.runs import RunQuery, StoredRuns
 from backend.services.tuning_state import default_tuning
 from backend.storage import runs
 from backend.storage.database import Database, open_database
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant.parameters import load_parameters
 from tests.migrations.old_schema import migrated
 from tests.models.earlier import BEFORE, put_run
@@ -88,7 +88,7 @@ def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
         (1, 0),
     ]  # an identification uses λ_motor alone
     assert said in listed[0].evaluation_problem
-    found = StoredIdentifications(database, lambda _run: 1.0, Offload(print), lambda: TUNING).identifications()
+    found = StoredIdentifications(database, lambda _run: 1.0, WorkerProcess(print), lambda: TUNING).identifications()
     assert [(one.id, one.tension_N) for one in found] == [(3, None), (1, 20.0)]
     assert said in found[0].message
 

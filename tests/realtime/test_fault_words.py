@@ -5,7 +5,7 @@ import re
 import pytest
 
 from backend.control.fault_detection import CLEAR, TRIPPED, FaultDetectionState
-from backend.faults import EXPLAINED, Fault, explained
+from backend.faults import EXPLANATIONS, Fault, describe_fault
 from backend.realtime.commands import Inject, Stop, Stopped
 from backend.realtime.control_loop import FaultDescriber
 from plant.interface import NO_RAW, NOT_MEASURED, Breakage, Broken, MotorCommand, Sensor
@@ -50,7 +50,7 @@ def test_a_fault_is_one_sentence_with_units(lab: PlantParameters, broken: Broken
     bench.send(Inject(broken))
     until_tripped(bench, 2000)
     (stopped,) = (event for event in bench.events if isinstance(event, Stopped))
-    told = explained(stopped.fault, stopped.detail)
+    told = describe_fault(stopped.fault, stopped.detail)
     assert re.fullmatch(expected, told), told
     assert SENTENCE.fullmatch(told)
     assert WITHOUT_UNIT.findall(told) == []
@@ -61,7 +61,7 @@ def test_a_stop_that_was_pressed_says_no_more_than_that(lab: PlantParameters) ->
     bench.send(Stop())
     bench.advance(0.01)
     (stopped,) = (event for event in bench.events if isinstance(event, Stopped))
-    assert explained(stopped.fault, stopped.detail) == EXPLAINED[Fault.STOP_PRESSED].message
+    assert describe_fault(stopped.fault, stopped.detail) == EXPLANATIONS[Fault.STOP_PRESSED].message
 
 
 def test_a_reading_that_is_no_number_is_told_without_a_unit(lab: PlantParameters) -> None:

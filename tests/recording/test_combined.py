@@ -7,7 +7,7 @@ import pytest
 
 from backend.realtime.ring_buffer import Ring
 from backend.recording.reader import UnknownSignalError, read_envelope, read_samples
-from backend.sample import COMBINED, COMBINED_BY_NAME, INDEX
+from backend.sample import COMBINED_SIGNAL_BY_NAME, COMBINED_SIGNALS, INDEX
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from backend.storage.runs import NewRun, RunKind
@@ -15,7 +15,7 @@ from tests.recording.stand_in import Rows, Writer, recorder_of
 
 TICKS = 9_000
 R_M, R_J = 0.0075, 0.075
-NAMES = [one.name for one in COMBINED if "S_true" not in one.name]
+NAMES = [one.name for one in COMBINED_SIGNALS if "S_true" not in one.name]
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +91,6 @@ def test_exports_know_columns_only(recorded: tuple[Database, int, Rows]) -> None
 
 def test_each_has_the_unit_of_its_terms() -> None:
     metres = {"x_A", "x_B"}
-    assert {one.name for one in COMBINED if one.unit == "m"} == metres
-    assert len(COMBINED_BY_NAME) == len(COMBINED)
-    assert not set(COMBINED_BY_NAME) & set(INDEX)
+    assert {one.name for one in COMBINED_SIGNALS if one.unit == "m"} == metres
+    assert len(COMBINED_SIGNAL_BY_NAME) == len(COMBINED_SIGNALS)
+    assert not set(COMBINED_SIGNAL_BY_NAME) & set(INDEX)

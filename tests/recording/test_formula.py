@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from backend.experiments.parser import KNOWN, ExpressionError, evaluate_number, parse_derived_signal, truth_of
-from backend.sample import COMBINED, STORED_NAMES
+from backend.sample import COMBINED_SIGNALS, STORED_NAMES
 
 CASES = json.loads((Path(__file__).parent / "formula_cases.json").read_text())
 """The page's test evaluates the same (frontend/src/samples/formula.test.ts)."""
@@ -44,7 +44,7 @@ def test_the_steps_in_the_page_s_fixture_are_those_of_the_expressions() -> None:
 def test_every_signal_may_be_named(name: str) -> None:
     derived = parse_derived_signal("made", "1", f"2 * {name}")
     columns = {one: np.full(2, 3.0) for one in STORED_NAMES}
-    combined = {one.name: one for one in COMBINED}
+    combined = {one.name: one for one in COMBINED_SIGNALS}
     one = 3.0
     if name in combined:
         one = sum(term.sign * (LENGTHS[term.length] if term.length else 1.0) * 3.0 for term in combined[name].terms)

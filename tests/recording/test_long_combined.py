@@ -16,7 +16,7 @@ from backend.storage import recordings, runs
 from backend.storage.database import Database, open_database
 from backend.storage.recordings import Chunk
 from backend.storage.runs import NewRun, RunKind
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant.interface import T_s
 
 SECONDS = 3 * 3600 + 7
@@ -79,16 +79,16 @@ def test_what_reads_that_many_samples_is_read_in_the_process_beside_the_service(
     lengths_s = {"at hand": AT_HAND_SAMPLES * T_s, "too long": AT_HAND_SAMPLES * T_s + 1.0}
 
     async def asked() -> dict[str, tuple[bytes, bool]]:
-        offload = Offload(deaths.append)
-        stored = StoredRuns(database, lambda: None, lambda _run: False, offload)
+        worker = WorkerProcess(deaths.append)
+        stored = StoredRuns(database, lambda: None, lambda _run: False, worker)
         try:
             found = {}
             for name, to_s in lengths_s.items():
                 curves = await stored.packed_samples(SampleSlice(run, 0.0, to_s, 500, ["q", "q - q_ref"]))
-                found[name] = (curves, offload._worker is not None)
+                found[name] = (curves, worker._pool is not None)
             return found
         finally:
-            offload.close()
+            worker.close()
 
     async def directly(to_s: float) -> bytes:
         stored = StoredRuns(database, lambda: None, lambda _run: False)

@@ -152,7 +152,7 @@ def test_when_visers_own_thread_dies_it_is_told_and_another_scene_put_up() -> No
     async def session() -> None:
         supervision, viewer = Supervision(), Viewer()
         mirror = SceneMirror(load_parameters("ideal"), swinging)
-        kept = supervision.keep_thread(SCENE_PART, mirror.run, mirror.end)
+        kept = supervision.start_thread(SCENE_PART, mirror.run, mirror.end)
         looking = asyncio.create_task(mirror.show(viewer.take))
         await until(lambda: len(viewer.messages) > 10)
         died = mirror.server._event_loop

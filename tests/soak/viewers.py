@@ -32,7 +32,7 @@ class Viewer:
         async with connect(url, additional_headers=headers, max_size=None, compression=None) as socket:
             async for message in socket:
                 if isinstance(message, bytes):
-                    self._take(wire.unpack(message))
+                    self._take(wire.unpack_frame(message))
 
     def _take(self, frame: wire.Frame) -> None:
         count = frame.columns.shape[1]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.data_folder import only_service_on
+from backend.data_folder import lock_for_service
 from backend.storage import settings
 from backend.storage.database import Database, backup_database, is_restore_incomplete, open_database, recover_database
 from backend.storage.orm import DamagedError, StorageError
@@ -71,7 +71,7 @@ def test_the_next_command_completes_a_restore_and_says_so(tmp_path: Path) -> Non
     copy = with_backup(tmp_path)
     os.replace(copy, tmp_path / "sinew.db.restored")
     os.replace(tmp_path / "sinew.db", tmp_path / "sinew.before-restore-20260101T000000.0Z.db")
-    with only_service_on(tmp_path):
+    with lock_for_service(tmp_path):
         held = sinew("runs", "list", folder=tmp_path)  # it is somebody else's to complete
     assert held.returncode == 1
     ended = sinew("runs", "list", folder=tmp_path)

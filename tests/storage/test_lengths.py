@@ -13,7 +13,7 @@ from sqlalchemy import String, text
 from backend import __version__
 from backend.banks.tuning_settings import saved_tuning_key
 from backend.commissioning.steps import StepId
-from backend.errors import STATION_MAX
+from backend.errors import STATION_NAME_LENGTH
 from backend.experiments import library
 from backend.faults import Fault
 from backend.identification.fitting import Fit
@@ -49,7 +49,7 @@ def methods() -> Iterable[str]:
 
 
 DIGEST = [document_digest({})]
-STATIONS = ["x" * STATION_MAX]
+STATIONS = ["x" * STATION_NAME_LENGTH]
 PEOPLE = [LONGEST_PERSON]
 SOFTWARE = [__version__, f"{__version__}.post123.dev123+g{'0' * 12}"]
 COMPOSED: dict[str, Iterable[str]] = {

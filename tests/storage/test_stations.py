@@ -10,7 +10,7 @@ from threading import Barrier
 
 import pytest
 
-from backend.errors import STATION_MAX, RequestRejectedError, require_station_name
+from backend.errors import STATION_NAME_LENGTH, RequestRejectedError, check_station_name
 from backend.recording import retention
 from backend.recording.retention import NotRemovableError, RetentionRule
 from backend.storage import (
@@ -260,12 +260,12 @@ def test_two_services_may_make_the_tables_at_once(postgres: str, tmp_path: Path)
         assert list(threads.map(open_as, ("rig-a", "rig-b"))) == ["rig-a", "rig-b"]
 
 
-@pytest.mark.parametrize("name", ["-a", "a b", "a/b", "ä", "a" * (STATION_MAX + 1), "\n", ".a"])
+@pytest.mark.parametrize("name", ["-a", "a b", "a/b", "ä", "a" * (STATION_NAME_LENGTH + 1), "\n", ".a"])
 def test_what_is_no_name_of_a_station_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="letters, digits"):
-        require_station_name(name)
+        check_station_name(name)
 
 
-@pytest.mark.parametrize("name", ["", "a", "rig-2", "Lab.1_x", "a" * STATION_MAX])
+@pytest.mark.parametrize("name", ["", "a", "rig-2", "Lab.1_x", "a" * STATION_NAME_LENGTH])
 def test_names_of_stations_stay_as_they_are(name: str) -> None:
-    assert require_station_name(name) == name
+    assert check_station_name(name) == name

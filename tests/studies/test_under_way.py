@@ -13,7 +13,7 @@ from backend.services.background_work import TextWork
 from backend.services.studies import WAITING_MAX, Studies, StudyScheduler
 from backend.storage import studies
 from backend.storage.database import Database, open_database
-from backend.workers import Offload
+from backend.workers import WorkerProcess
 from plant.parameters import load_parameters
 from tests.studies.studying import SHORT
 
@@ -38,7 +38,7 @@ def database(tmp_path: Path) -> Database:
 
 def under_way(database: Database) -> tuple[StudyScheduler, Process, Process]:
     computing, reading = Process(), Process()
-    processes = (cast(Offload, computing), cast(Offload, reading))
+    processes = (cast(WorkerProcess, computing), cast(WorkerProcess, reading))
     texts = TextWork(processes[1], processes[1])
     return StudyScheduler(database, load_parameters("lab"), TuningSettings, *processes, texts), computing, reading
 

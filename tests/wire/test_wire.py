@@ -18,7 +18,7 @@ def rows_of(count: int) -> np.ndarray:
 
 
 def test_header_then_column_after_column() -> None:
-    frame = wire.pack(70_000_000_000, rows_of(3), missed=7)
+    frame = wire.pack_frame(70_000_000_000, rows_of(3), missed=7)
     assert struct.unpack_from("<QII", frame) == (70_000_000_000, 3, 7)
     assert len(frame) == 16 + 4 * 3 * len(STORED_NAMES)
     for position, name in enumerate(STORED_NAMES):
@@ -32,25 +32,25 @@ def test_header_then_column_after_column() -> None:
     missed=st.integers(0, 2**32 - 1),
 )
 def test_what_is_packed_is_unpacked(rows: np.ndarray, first_tick: int, missed: int) -> None:
-    frame = wire.unpack(wire.pack(first_tick, rows, missed))
+    frame = wire.unpack_frame(wire.pack_frame(first_tick, rows, missed))
     assert (frame.first_tick, frame.missed) == (first_tick, missed)
     stored = [NAMES.index(name) for name in STORED_NAMES]
     np.testing.assert_array_equal(frame.columns, rows[:, stored].T.astype(np.float32))
 
 
 def test_only_the_missed_count_changes_for_a_client_that_missed_some() -> None:
-    frame = wire.pack(5, rows_of(2))
-    marked = wire.unpack(wire.with_missed(frame, 123))
+    frame = wire.pack_frame(5, rows_of(2))
+    marked = wire.unpack_frame(wire.replace_missed_count(frame, 123))
     assert marked.missed == 123
-    np.testing.assert_array_equal(marked.columns, wire.unpack(frame).columns)
-    assert wire.count_of(frame) == 2
+    np.testing.assert_array_equal(marked.columns, wire.unpack_frame(frame).columns)
+    assert wire.read_sample_count(frame) == 2
 
 
 @pytest.mark.parametrize("change", [lambda frame: frame[:-4], lambda frame: frame + b"\0\0\0\0"])
 def test_a_frame_of_the_wrong_length_is_refused(change: "object") -> None:
     assert callable(change)
     with pytest.raises(ValueError, match="cannot be"):
-        wire.unpack(change(wire.pack(0, rows_of(2))))
+        wire.unpack_frame(change(wire.pack_frame(0, rows_of(2))))
 
 
 def test_curves_are_a_header_and_the_columns_of_each_signal() -> None:

@@ -10,7 +10,7 @@ from pydantic import Field, StringConstraints
 
 from backend.api.dependencies import AnglesRead, Operator, RowId, ServiceInUse, SignedIn
 from backend.exports import MEDIA_TYPES, DataFormat, foxglove_layout
-from backend.plain_text import as_file_name
+from backend.plain_text import make_file_name
 from backend.reports import MOST_RUNS
 from backend.schemas import (
     LONGEST_S,
@@ -237,7 +237,7 @@ def report(content: bytes, format: str, name: str = "") -> Response:
 
 def download(content: bytes | AsyncIterator[bytes], media_type: str, name: str) -> Response:
     """Return content, whole or piece by piece, to be saved under a name."""
-    headers = {"Content-Disposition": f'attachment; filename="{as_file_name(name)}"'}
+    headers = {"Content-Disposition": f'attachment; filename="{make_file_name(name)}"'}
     if isinstance(content, bytes):
         return Response(content, media_type=media_type, headers=headers)
     return StreamingResponse(content, media_type=media_type, headers=headers)

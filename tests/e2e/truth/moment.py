@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from playwright.sync_api import Error, Page, Response
 
-from backend.sample import COMBINED_BY_NAME, INDEX
+from backend.sample import COMBINED_SIGNAL_BY_NAME, INDEX
 from tests.api.conftest import client_with
 from tests.e2e.service import Service
 from tests.e2e.truth.figures import Range
@@ -67,7 +67,7 @@ class Moment:
             return self._rows[:, INDEX[signal]]
         plant = self.state["plant"]
         lengths = {"": 1.0, "r_m": plant["r_m"], "r_j": plant["r_j"]}
-        one, other = COMBINED_BY_NAME[signal].terms
+        one, other = COMBINED_SIGNAL_BY_NAME[signal].terms
         summed: NDArray[np.float64] = (
             one.sign * lengths[one.length] * self._rows[:, INDEX[one.column]]
             + other.sign * lengths[other.length] * self._rows[:, INDEX[other.column]]

@@ -6,7 +6,7 @@ from urllib.parse import urlencode
 
 from backend.banks.tuning_settings import NAMES
 from backend.models.run import MOTIONS, TIME_OPTIMAL
-from backend.sample import UNIT_OF
+from backend.sample import UNIT_BY_SIGNAL
 from tests.e2e.truth.deeds import VOLTAGE_LIMIT
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.legality import boxes_on_operate, compared, may_move, offered_on_operate
@@ -37,8 +37,8 @@ def _curves(found: Findings, moment: Moment) -> None:
     found.same("whether there are charts", bool(figures), True)
     for title, figure in figures.items():
         for signal, text in figure["values"].items():
-            factor = _TO_SHOWN.get((UNIT_OF[signal], figure["unit"]), 1.0)
-            found.same(f"unit of {title}", factor != 1.0 or UNIT_OF[signal] == figure["unit"], True)
+            factor = _TO_SHOWN.get((UNIT_BY_SIGNAL[signal], figure["unit"]), 1.0)
+            found.same(f"unit of {title}", factor != 1.0 or UNIT_BY_SIGNAL[signal] == figure["unit"], True)
             values, absent = moment.of(signal, factor)
             if text is None:
                 found.same(f"{signal} in {title} is not there", absent, True)

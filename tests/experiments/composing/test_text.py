@@ -20,7 +20,7 @@ from backend.experiments.parser import (
     read,
 )
 from backend.experiments.schema import EXPERIMENT, Experiment, Hold, Section, Step
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 
 SMALL = """\
 # a comment
@@ -93,7 +93,7 @@ def test_a_plain_word_is_no_number_and_no_truth(word: str) -> None:
 
 @given(
     st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cf", "Cn", "Cs")), min_size=1, max_size=100).filter(
-        lambda title: as_line(title) == title and title.strip() != ""
+        lambda title: escape_line(title) == title and title.strip() != ""
     )
 )
 def test_a_title_is_the_same_in_the_text_that_a_run_keeps(title: str) -> None:

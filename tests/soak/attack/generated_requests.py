@@ -8,7 +8,7 @@ from typing import Any
 from urllib.parse import quote
 
 from backend.experiments.library import NAMES, text_of
-from backend.plain_text import as_line
+from backend.plain_text import escape_line
 
 Request = tuple[str, str, Any]
 """Method, path and JSON body, None for none."""
@@ -170,7 +170,7 @@ def _changed_ready_made(dice: random.Random) -> Request:
 def _read(dice: random.Random) -> Request:
     path = dice.choice(READ)
     while "{" in path:
-        words = quote(as_line(_words(dice)), safe="")[:300]
+        words = quote(escape_line(_words(dice)), safe="")[:300]
         number = quote(str(dice.choice((dice.choice(NUMBERS), round(dice.uniform(0.0, 12.0), 3)))))
         path = path.replace("{words}", words, 1).replace("{number}", number, 1)
     return "GET", path, None

@@ -13,7 +13,7 @@ from typing import Any
 import httpx
 from rich.console import Console
 
-from backend.supervision import LONGEST_PAUSE_S, WELL_S
+from backend.supervision import MAX_RESTART_DELAY_S, STABLE_AFTER_S
 from tests.soak.attack.processes import Busy, is_there, kill, pool_workers
 from tests.soak.attack.stop_button import StopButton, stop_and_check, wind_up
 from tests.soak.attack.tally import Tally
@@ -29,7 +29,7 @@ LATER_S = 0.6
 DONE_S = 240.0
 """Work of a pool gives way to all else: on a machine with other work it takes minutes."""
 
-TOLD_FOR_S = LONGEST_PAUSE_S + WELL_S + 10.0
+TOLD_FOR_S = MAX_RESTART_DELAY_S + STABLE_AFTER_S + 10.0
 """Deaths are told for so long [s] at most, and no longer."""
 
 SEED = 20

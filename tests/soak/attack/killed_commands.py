@@ -20,7 +20,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from backend.data_folder import only_service_on
+from backend.data_folder import lock_for_service
 from backend.storage.database import find_database_errors, open_database, recover_database
 from tests.migrations.old_schema import at_revision
 from tests.soak.attack.isolation import mount_small, unmount
@@ -140,7 +140,7 @@ def _judge(
     trial: Trial, folder: Path, before: str, after: str, tally: Tally, outcomes: dict[str, int], what: str
 ) -> None:
     """Start as the service does, and compare."""
-    with only_service_on(folder / "data"):
+    with lock_for_service(folder / "data"):
         recover_database(folder / "data" / "sinew.db")
     found = trial.state(folder)
     tally.lost(found not in (before, after), f"{what}: {found}, neither {before} nor {after}")

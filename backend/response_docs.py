@@ -1,25 +1,25 @@
-"""What the HTTP interface documents of a dataclass that it answers with as it is; knows no pydantic.
+"""Documents, in the OpenAPI schema, dataclasses that routes return unchanged.
 
 Pydantic reads the metadata of a dataclass's fields and its ``__pydantic_config__`` only where the interface serialises
-it, so that a domain object need not be copied into a schema with the same fields.
+it. Domain modules can thus describe their fields without importing pydantic or copying them into a schema.
 """
 
 from dataclasses import fields
 from typing import Any, Final
 
-HIDDEN: Final = {"exclude": True}
+HIDDEN_FIELD: Final = {"exclude": True}
 """Metadata of a field that is not sent."""
 
 
-def described(meaning: str, unit: str | None = None) -> dict[str, Any]:
+def describe_field(meaning: str, unit: str | None = None) -> dict[str, Any]:
     """Return the metadata of a field: its meaning and, for a quantity, its SI unit."""
     if unit is None:
         return {"description": meaning}
     return {"description": f"{meaning} [{unit}]", "json_schema_extra": {"unit": unit}}
 
 
-def _leave_out_hidden(schema: dict[str, Any], form: Any) -> None:
-    """Document an answer without its hidden fields."""
+def _remove_hidden_fields(schema: dict[str, Any], form: Any) -> None:
+    """Remove the hidden fields of a dataclass from its JSON schema."""
     for item in fields(form):
         if item.metadata.get("exclude"):
             schema["properties"].pop(item.name, None)
@@ -27,16 +27,16 @@ def _leave_out_hidden(schema: dict[str, Any], form: Any) -> None:
     schema["additionalProperties"] = False
 
 
-def _require_all(schema: dict[str, Any], form: Any) -> None:
-    """Document that an answer has each field, also one that has a default where it is constructed."""
+def _require_all_fields(schema: dict[str, Any], form: Any) -> None:
+    """Mark all sent fields as required, also those with a default."""
     for part in schema["properties"].values():
         part.pop("default", None)
     schema["required"] = list(schema["properties"])
-    _leave_out_hidden(schema, form)
+    _remove_hidden_fields(schema, form)
 
 
-ANSWER: Final[dict[str, Any]] = {"json_schema_extra": _leave_out_hidden}
+RESPONSE_CONFIG: Final[dict[str, Any]] = {"json_schema_extra": _remove_hidden_fields}
 """``__pydantic_config__`` of a dataclass with hidden fields."""
 
-COMPLETE_ANSWER: Final[dict[str, Any]] = {"json_schema_extra": _require_all}
-"""``__pydantic_config__`` of a dataclass with defaults, all of whose fields are documented as required."""
+COMPLETE_RESPONSE_CONFIG: Final[dict[str, Any]] = {"json_schema_extra": _require_all_fields}
+"""``__pydantic_config__`` of a dataclass with defaults: all fields are sent."""
