@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 REFUSED = "the service does not fork"
-BEGIN = "import multiprocessing, os, pty, subprocess, sys\nfrom backend.workers import refuse_forks\nrefuse_forks()\n"
+BEGIN = "import multiprocessing, os, pty, subprocess, sys\nfrom backend.workers import forbid_forks\nforbid_forks()\n"
 
 
 def ran(lines: str) -> subprocess.CompletedProcess[str]:

@@ -49,8 +49,8 @@ def test_spawned_processes_and_theirs_do_not(folder: Path) -> None:
     program = (
         "from concurrent.futures import ProcessPoolExecutor\n"
         "import os, subprocess, sys\n"
-        "from backend.workers import spawning\n"
-        "with ProcessPoolExecutor(1, spawning()) as pool:\n"
+        "from backend.workers import get_spawn_context\n"
+        "with ProcessPoolExecutor(1, get_spawn_context()) as pool:\n"
         "    print(pool.submit(abs, -2).result())\n"
         "    print(pool.submit(subprocess.call, [sys.executable, '-c', 'import signal']).result())\n"
     )

@@ -19,7 +19,7 @@ from tests.studies.studying import SHORT
 
 
 class Process:
-    """Stands for an Offload: does in a thread what is asked once the ``gate`` is open; counts that."""
+    """Stands for a WorkerProcess: runs works in a thread once ``gate`` is open, and counts them."""
 
     def __init__(self) -> None:
         self.gate = asyncio.Event()
