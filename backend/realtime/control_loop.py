@@ -377,7 +377,10 @@ class FaultDescriber:
             beyond, within = _format_tensions(m, lambda F: bounds.F_max < F)
             return Fault.FORCE_LIMIT, f"{beyond} above the bound of {bounds.F_max:g} N{within}"
         if abs(m.q) > bounds.q_trip:
-            q, q_trip = format_number(m.q), format_number(bounds.q_trip)  # all digits, so that a conversion to degrees gives 90
+            q, q_trip = (
+                format_number(m.q),
+                format_number(bounds.q_trip),
+            )  # all digits, so that a conversion to degrees gives 90
             return Fault.JOINT_LIMIT, f"q = {q} rad; the bound is {q_trip} rad to either side"
         return Fault.NONE, ""
 
