@@ -158,7 +158,12 @@ def print_settings(source: "RunData") -> None:
     from backend.analysis import select_used_settings
 
     rows = [
-        (item.meaning, item.symbol, _convert_setting(item.value, item.unit), get_display_unit(item.unit, angle_unit()).unit)
+        (
+            item.meaning,
+            item.symbol,
+            _convert_setting(item.value, item.unit),
+            get_display_unit(item.unit, angle_unit()).unit,
+        )
         for item in select_used_settings(source.run)
     ]
     if rows:

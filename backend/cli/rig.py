@@ -215,7 +215,7 @@ def print_status(settings: Settings, *, as_json: bool) -> None:
 
 def run_steps(settings: Settings, requests: Sequence[StepRequest], *, as_json: bool) -> None:
     """Run steps one after the other until one fails or is abandoned (exit 1)."""
-    from backend.data_folder import AlreadyRunningError, read_service_address, lock_for_service
+    from backend.data_folder import AlreadyRunningError, lock_for_service, read_service_address
 
     if not settings.plant_choice.simulated and not sys.stdin.isatty():
         fail("standard input is no terminal: a rig is brought up by a person who stands at it and confirms each step")

@@ -15,7 +15,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_run, print_settings, print_table
-from backend.units import format_angles, convert_to_display, get_display_unit
+from backend.units import convert_to_display, format_angles, get_display_unit
 
 if TYPE_CHECKING:
     from backend.schemas import ComparedValue, RunView

@@ -18,7 +18,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, error_console, fail, print_json, print_table
-from backend.units import format_count, count_range_digits, format_number, convert_to_display, get_display_unit
+from backend.units import convert_to_display, count_range_digits, format_count, format_number, get_display_unit
 
 if TYPE_CHECKING:
     from backend.schemas import StudyDetail, StudyView

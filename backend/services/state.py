@@ -607,7 +607,11 @@ class LiveState:
         detail, tick = "", 0 if sample is None else int(sample["tick"])
         if self._stop is not None and self._stop.fault is fault:
             detail, tick = self._stop.detail, self._stop.arrived_tick
-        message, remedy, is_expected = describe_fault(fault, detail), EXPLANATIONS[fault].remedy, self.is_expected(fault)
+        message, remedy, is_expected = (
+            describe_fault(fault, detail),
+            EXPLANATIONS[fault].remedy,
+            self.is_expected(fault),
+        )
         if is_expected:
             message, remedy = f"The bring-up provoked this trip: {message}", ""
         elif fault is Fault.SAFETY_MODULE and self.plant.simulated:
