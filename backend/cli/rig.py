@@ -316,7 +316,7 @@ async def _ask_values(terminal: Terminal, step: StepId) -> dict[str, float]:
             }
             return collect_values(step, {name: float(answer) for name, answer in answers.items() if answer})
         except InvalidValueError as error:
-            print_message(f"  {error.sentence(angle_unit())}", style="red")
+            print_message(f"  {error.format_message(angle_unit())}", style="red")
         except ValueError as error:
             print_message(f"  {error}: type a number", style="red")
 
