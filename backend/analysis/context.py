@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from backend.analysis.step_metrics import timed
-from backend.banks import NAMES, BankError, HasEntries, TuningSettings, entry_points
+from backend.banks import TUNING_NAMES, BankError, HasEntries, TuningSettings, list_point_models
 from backend.control import cascade
 from backend.experiments import ExperimentPlan
 from backend.models import StoredLoopSettings, UnreadableDocumentError
@@ -20,14 +20,14 @@ class NotPredictedError(SinewError, ValueError):
 
 def load_initial_tuning(loop: StoredLoopSettings) -> TuningSettings:
     """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
-    known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in NAMES}
+    known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in TUNING_NAMES}
     return TuningSettings(**known)
 
 
 def load_bank_points(bank: HasEntries | None) -> tuple[PointModel, ...]:
     """Return the models of a bank; of one that cannot be read none, so that all but the prediction is told."""
     try:
-        return entry_points(bank)
+        return list_point_models(bank)
     except (BankError, UnreadableDocumentError):
         return ()
 
@@ -53,7 +53,7 @@ class EvaluationContext:
             if start > sample:
                 break
             number = segment.tuning or number
-        return self.tuning.with_parts(self.plan.laid.changes[number - 1]) if number else self.tuning
+        return self.tuning.replace_values(self.plan.laid.changes[number - 1]) if number else self.tuning
 
     def references_before(self, sample: int) -> tuple[float, float]:
         """Return q_ref [rad] and S_ref [N·m/rad] as they were left by what ended at a sample."""

@@ -49,7 +49,7 @@ from backend.analysis.step_metrics import (
     tracking_metrics,
     unseen,
 )
-from backend.banks import DECLARED, NAMES
+from backend.banks import TUNING_NAMES, TUNING_SETTINGS
 from backend.errors import Path
 from backend.experiments import (
     OF_THE_PLANT,
@@ -510,8 +510,8 @@ _OF_KIND = {
 }
 _WITHOUT_CASCADE = ("lam_q", "lam_S")
 USED: dict[Law, tuple[str, ...]] = {
-    Law.CASCADE: NAMES,
-    Law.COMPLIANCE: tuple(name for name in NAMES if name not in ("lam_q", "k_ext")),
+    Law.CASCADE: TUNING_NAMES,
+    Law.COMPLIANCE: tuple(name for name in TUNING_NAMES if name not in ("lam_q", "k_ext")),
     Law.SINGLE_LOOP: _WITHOUT_CASCADE,
     Law.FEEDBACK_LINEARIZATION: _WITHOUT_CASCADE,
     **dict.fromkeys(IDENTIFYING, ("lam_motor",)),
@@ -538,10 +538,10 @@ def select_used_settings(run: Run) -> Sequence[DeclaredValue]:
         tuning = stored.loop.known()
         return [
             DeclaredValue(setting.name, setting.symbol, setting.unit, setting.meaning, tuning[setting.name])
-            for setting in DECLARED
+            for setting in TUNING_SETTINGS
             if setting.name in tuning
         ]
-    unused = set(NAMES) - set(USED[find_control_law(run)])
+    unused = set(TUNING_NAMES) - set(USED[find_control_law(run)])
     if stored.loop.budget == 0.0:
         unused.add("u_plan")
     return [item for item in stored.declared if item.name not in unused]

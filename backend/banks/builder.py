@@ -1,4 +1,4 @@
-"""Builds banks from identifications: consistency, differences, files, gains."""
+"""Builds banks from identifications, compares them, and exports and imports them as files."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -30,36 +30,36 @@ from plant import ErrorCode, PlantParameters, SinewError
 
 # Bank consistency ----------------------------------------------------------------------------------
 #
-# What the entries of a bank must have in common before any loop runs on them. Pure.
+# Conditions on the entries of a bank before any loop uses them.
 
 
-LEAST_DISTANCE = 0.3
-"""Two entries closer than this in stiffness [N·m/rad] describe the same point: one of them is superfluous."""
+MIN_STIFFNESS_DISTANCE = 0.3
+"""Least distance of two entries in stiffness [N·m/rad]; closer entries describe the same point."""
 
 MODEL_NAMES = ("K_q", "T_q", "K_S", "T_S")
 
 
 class BankError(SinewError, ValueError):
-    """The chosen entries make no bank; the message says which and why."""
+    """The selected entries do not form a bank; the message says which and why."""
 
     category = ErrorCode.BAD_VALUE
 
 
 @dataclass(frozen=True)
 class NamedEntry:
-    """An entry with the words that name it in a refusal."""
+    """An entry with its name in messages."""
 
     name: str
     entry: BankEntry
 
     @property
     def point(self) -> PointModel:
-        """The models of the entry."""
-        return entry_point(self.entry)
+        """Models of the entry."""
+        return build_point_model(self.entry)
 
 
-def entry_point(entry: BankEntry) -> PointModel:
-    """Return the models of an entry."""
+def build_point_model(entry: BankEntry) -> PointModel:
+    """Return the models of an entry. Raises BankError if one is missing."""
     known = {name: getattr(entry.known, name) for name in MODEL_NAMES}
     if missing := [name for name, value in known.items() if value is None]:
         raise BankError(f"the entry {entry_name(entry.S_nominal, entry.known.tension_N)} has no {', '.join(missing)}")
@@ -67,7 +67,7 @@ def entry_point(entry: BankEntry) -> PointModel:
 
 
 def require_consistent(parameters: PlantParameters, chosen: Sequence[NamedEntry]) -> tuple[BankEntry, ...]:
-    """Return the entries in order of stiffness. Raises BankError naming what does not fit and why."""
+    """Return the entries in order of stiffness. Raises BankError if they do not form a bank."""
     if not chosen:
         raise BankError("a bank needs at least one identification")
     for item in chosen:
@@ -83,7 +83,7 @@ def require_consistent(parameters: PlantParameters, chosen: Sequence[NamedEntry]
 
 
 def require_same_parameters(parameters: PlantParameters, name: str, recorded: Mapping[str, Any]) -> None:
-    """Raise BankError where a run was made with other numbers than those in use: its model is of another plant."""
+    """Raise BankError if a run was made with other parameters, because its model is of another plant."""
     then = PLANT_NUMBERS.read(recorded, name)
     for section, entries in PLANT_NUMBERS.read(parameters.to_document(), parameters.name).items():
         for entry, now in entries.items():
@@ -104,9 +104,9 @@ def _require_positive(item: NamedEntry) -> None:
 
 def _require_apart(below: NamedEntry, above: NamedEntry) -> None:
     distance = above.entry.S_nominal - below.entry.S_nominal
-    if distance < LEAST_DISTANCE:
+    if distance < MIN_STIFFNESS_DISTANCE:
         raise BankError(
-            f"{below.name} and {above.name} are {distance:.2f} N·m/rad apart, less than {LEAST_DISTANCE:g}: "
+            f"{below.name} and {above.name} are {distance:.2f} N·m/rad apart, less than {MIN_STIFFNESS_DISTANCE:g}: "
             "they describe the same point, choose one of them"
         )
 
@@ -145,33 +145,35 @@ def _require_stable(parameters: PlantParameters, item: NamedEntry) -> None:
 
 # Bank building -------------------------------------------------------------------------------------
 #
-# From chosen identifications to a controller bank, and from a bank to the gains the loop is given.
+# From selected identifications to a bank, and from a bank to the gains of the control loop.
 
 
 class HasEntries(Protocol):
-    """A bank as it is stored, or as a report carries it."""
+    """A stored bank, or the copy of a bank in a report."""
 
     @property
     def entries(self) -> tuple[BankEntry, ...]:
         """Its entries in order of stiffness."""
 
 
-def name_of(identification: Identification) -> str:
-    """Return what an identification is called: by the run it came from, or by what it was made of."""
+def format_source(identification: Identification) -> str:
+    """Return the name of an identification in messages: its run, or its kind if it has no run."""
     if identification.run_id is None:
         return f"{identification.kind} identification from elsewhere (estimate {identification.id})"
     return f"identification {identification.run_id}"
 
 
 def build_entry(identification: Identification) -> BankEntry:
-    """Return the bank entry that an actuator identification gives.
+    """Return the bank entry of an actuator identification.
 
-    Raises BankError, UnreadableDocumentError.
+    Raises BankError if it is of another kind or not usable, UnreadableDocumentError.
     """
     if identification.kind != "actuator":
-        raise BankError(f"{name_of(identification)} is of kind {identification.kind}: choose actuator identifications")
+        raise BankError(
+            f"{format_source(identification)} is of kind {identification.kind}: choose actuator identifications"
+        )
     if not identification.usable:
-        raise BankError(f"{name_of(identification)} is not usable for tuning: {identification.verdict}")
+        raise BankError(f"{format_source(identification)} is not usable for tuning: {identification.verdict}")
     found = identification.actuator.model
     G_q, G_S = found.G_q.first_order, found.G_S.first_order
     tension_N = identification.actuator_options.tension_N
@@ -182,20 +184,20 @@ def build_entry(identification: Identification) -> BankEntry:
 def build_bank(
     database: Database, parameters: PlantParameters, name: str, run_ids: Sequence[int], who: str, note: str = ""
 ) -> Bank:
-    """Store the next version of a bank from the newest estimates of identification runs, ordered by stiffness.
+    """Store the next version of a bank from the newest estimates of identification runs.
 
     Raises BankError, UnknownRecordError.
     """
     require_name(name)
     with database.reading() as session:
-        named = [_named_in_bank(session, parameters, run_id) for run_id in run_ids]
+        named = [_load_named_entry(session, parameters, run_id) for run_id in run_ids]
     entries = require_consistent(parameters, named)
     with database.session() as session:
         return banks.add(session, name.strip(), entries, who, note)
 
 
 def require_name(name: str) -> None:
-    """Raise BankError unless a bank can be called so."""
+    """Raise BankError for an invalid name of a bank."""
     if not name.strip():
         raise BankError("a bank needs a name")
     try:
@@ -204,47 +206,43 @@ def require_name(name: str) -> None:
         raise BankError(f"name of a bank: {error}") from None
 
 
-def entry_points(bank: HasEntries | None) -> tuple[PointModel, ...]:
-    """Return the models of a bank's entries; none without a bank."""
-    return tuple(entry_point(entry) for entry in (bank.entries if bank else ()))
+def list_point_models(bank: HasEntries | None) -> tuple[PointModel, ...]:
+    """Return the models of a bank's entries; empty without a bank."""
+    return tuple(build_point_model(entry) for entry in (bank.entries if bank else ()))
 
 
-def build_tuning_command(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None) -> SetTuning:
-    """Return the command that puts a tuning on the models of ``bank`` into use. Raises TuningError."""
+def build_tuning_command(parameters: PlantParameters, tuning: TuningSettings, bank: Bank | None) -> SetTuning:
+    """Return the command that applies a tuning with the models of ``bank``. Raises TuningError."""
     return make_tuning_command(
         parameters=parameters,
-        lambdas=choice.lambdas,
-        points=entry_points(bank),
+        lambdas=tuning.lambdas,
+        points=list_point_models(bank),
         motor=None,
-        interpolate=choice.interpolate,
-        u_plan=choice.budget,
-        k_ext=choice.k_ext,
+        interpolate=tuning.interpolate,
+        u_plan=tuning.budget,
+        k_ext=tuning.k_ext,
     )
 
 
-def _named_in_bank(session: Session, parameters: PlantParameters, run_id: int) -> NamedEntry:
+def _load_named_entry(session: Session, parameters: PlantParameters, run_id: int) -> NamedEntry:
     found = identifications.of_run(session, run_id)
-    entry, name = build_entry(found), name_of(found)
+    entry, name = build_entry(found), format_source(found)
     require_same_parameters(parameters, name, runs.get(session, run_id).parameters)
     return NamedEntry(name, entry)
 
 
 # Bank difference -----------------------------------------------------------------------------------
 #
-# What would change if one bank were used in place of another: models, gains, and M_s of the loops.
-# Pure.
+# Differences of two banks: models, gains, and M_s of the loops.
 
 
 SAME_POINT = 1.0
-"""Entries of two banks this close in stiffness [N·m/rad] are two identifications of the same point."""
+"""Distance in stiffness [N·m/rad] below which entries of two banks count as the same operating point."""
 
 
 @dataclass(frozen=True)
 class OuterLoopFigures:
-    """One outer loop at one point: model K, T [s], gains at the λ in force, and M_s on the high-order model.
-
-    ``M_s`` is None where the loop would be unstable.
-    """
+    """One outer loop at one operating point: model, gains at the active λ, and M_s."""
 
     K: float = field(metadata=describe_field("gain of the model"))
     T: float = field(metadata=describe_field("time constant of the model", "s"))
@@ -255,7 +253,7 @@ class OuterLoopFigures:
 
 @dataclass(frozen=True)
 class BankEntryFigures:
-    """Both loops of one entry, at its stiffness [N·m/rad] and tension [N]."""
+    """Both outer loops of one entry, at its stiffness [N·m/rad] and tension [N]."""
 
     S_nominal: float = field(metadata=describe_field("stiffness of the point", "N·m/rad"))
     tension_N: float | None = field(metadata=describe_field("tendon tension of the point", "N"))
@@ -266,70 +264,69 @@ class BankEntryFigures:
 
 @dataclass(frozen=True)
 class BankEntryChange:
-    """An entry before and after; one of them is None where it is new or gone."""
+    """An entry before and after; None if it is new or removed."""
 
     before: BankEntryFigures | None
     after: BankEntryFigures | None
 
 
-def figures_of(parameters: PlantParameters, lambdas: TuningParameters, entry: BankEntry) -> BankEntryFigures:
-    """Return models, gains and M_s of one entry. Raises TuningError for λ without gains."""
-    point = entry_point(entry)
+def _compute_figures(parameters: PlantParameters, lambdas: TuningParameters, entry: BankEntry) -> BankEntryFigures:
+    """Return models, gains and M_s of one entry. Raises TuningError for a λ without gains."""
+    point = build_point_model(entry)
     model = decoupled_model(parameters, make_motor_loops(parameters, lambdas.lam_motor), point.S_nominal)
     q, S = position_gains(parameters, point, lambdas), stiffness_gains(parameters, point, lambdas)
     return BankEntryFigures(
         S_nominal=point.S_nominal,
         tension_N=entry.known.tension_N,
         estimate=entry.identification_id,
-        position=_loop(point.K_q, point.T_q, q, OuterProcess(model[0, 0])),
-        stiffness=_loop(point.K_S, point.T_S, S, OuterProcess(model[1, 1])),
+        position=_compute_loop_figures(point.K_q, point.T_q, q, OuterProcess(model[0, 0])),
+        stiffness=_compute_loop_figures(point.K_S, point.T_S, S, OuterProcess(model[1, 1])),
     )
 
 
 def compute_entry_figures(
     parameters: PlantParameters, lambdas: TuningParameters, entries: Sequence[BankEntry]
 ) -> tuple[BankEntryFigures, ...]:
-    """Return models, gains and M_s of every entry. Raises TuningError for λ without gains."""
-    return tuple(figures_of(parameters, lambdas, entry) for entry in entries)
+    """Return models, gains and M_s of every entry. Raises TuningError for a λ without gains."""
+    return tuple(_compute_figures(parameters, lambdas, entry) for entry in entries)
 
 
 def compare_entries(
     parameters: PlantParameters, lambdas: TuningParameters, before: Sequence[BankEntry], after: Sequence[BankEntry]
 ) -> tuple[BankEntryChange, ...]:
-    """Return what changes from one set of entries to another, in order of stiffness."""
-    left = [figures_of(parameters, lambdas, entry) for entry in after]
+    """Return the changes from one set of entries to another, in order of stiffness."""
+    unmatched = [_compute_figures(parameters, lambdas, entry) for entry in after]
     pairs: list[BankEntryChange] = []
     for entry in before:
-        old = figures_of(parameters, lambdas, entry)
-        near = [new for new in left if abs(new.S_nominal - old.S_nominal) < SAME_POINT]
+        old = _compute_figures(parameters, lambdas, entry)
+        near = [new for new in unmatched if abs(new.S_nominal - old.S_nominal) < SAME_POINT]
         match = min(near, key=lambda new: abs(new.S_nominal - old.S_nominal), default=None)
         if match is not None:
-            left.remove(match)
+            unmatched.remove(match)
         pairs.append(BankEntryChange(old, match))
-    pairs += [BankEntryChange(None, new) for new in left]
-    return tuple(sorted(pairs, key=_stiffness))
+    pairs += [BankEntryChange(None, new) for new in unmatched]
+    return tuple(sorted(pairs, key=_get_stiffness))
 
 
 def merge_entries(bank: Sequence[BankEntry], new: Sequence[BankEntry]) -> tuple[BankEntry, ...]:
-    """Return the entries of a bank after identifying some of its points again: nearest entries are replaced."""
+    """Return the entries of a bank in which new entries replace those within SAME_POINT."""
     kept = [entry for entry in bank if all(abs(entry.S_nominal - item.S_nominal) >= SAME_POINT for item in new)]
     return tuple(sorted([*kept, *new], key=lambda entry: entry.S_nominal))
 
 
-def _loop(K: float, T: float, gains: pid.IPGains, process: OuterProcess) -> OuterLoopFigures:
+def _compute_loop_figures(K: float, T: float, gains: pid.IPGains, process: OuterProcess) -> OuterLoopFigures:
     M_s = process.sensitivity_peak(gains)
     return OuterLoopFigures(K, T, gains.k_p, gains.k_i, M_s if isfinite(M_s) else None)
 
 
-def _stiffness(pair: BankEntryChange) -> float:
+def _get_stiffness(pair: BankEntryChange) -> float:
     present = pair.before or pair.after
     return present.S_nominal if present else 0.0
 
 
 # Bank files ----------------------------------------------------------------------------------------
 #
-# A bank as a file, to take it to another data folder: JSON that says what it is, checked when it
-# comes in.
+# A bank as a JSON file, for another data folder. Imported files are checked.
 
 
 FORMAT = "sinew-bank"
@@ -349,21 +346,21 @@ _UNITS = {
 
 
 def build_bank_document(bank: Bank) -> dict[str, Any]:
-    """Return a bank as the file says it; lineage stays behind, it is of the data folder the bank came from."""
-    made = f"{bank.created_at:%FT%TZ}"
-    entries = [{"S_nominal": entry.S_nominal, **_known(entry.model)} for entry in bank.entries]
+    """Return the document of a bank file. It has no lineage, which refers to records of this data folder."""
+    created = f"{bank.created_at:%FT%TZ}"
+    entries = [{"S_nominal": entry.S_nominal, **_select_known_values(entry.model)} for entry in bank.entries]
     return {
         "format": FORMAT,
         "version": VERSION,
         "name": escape_line(bank.name),
-        "exported_from": {"bank": bank.id, "version": bank.version, "who": escape_line(bank.who), "made": made},
+        "exported_from": {"bank": bank.id, "version": bank.version, "who": escape_line(bank.who), "made": created},
         "units": _UNITS,
         "entries": entries,
     }
 
 
 def parse_bank_file(text: str) -> dict[str, Any]:
-    """Return the document of a file's text. Raises BankError."""
+    """Return the document in the text of a bank file. Raises BankError."""
     if len(text.encode()) > MAX_BYTES:
         raise BankError(f"the file is larger than {MAX_BYTES} bytes: that is no bank")
     try:
@@ -381,25 +378,25 @@ def parse_bank_file(text: str) -> dict[str, Any]:
 def import_bank(
     database: Database, parameters: PlantParameters, document: dict[str, Any], who: str, name: str = ""
 ) -> Bank:
-    """Store an exported bank as the next version of its name, or of ``name``. Raises BankError."""
+    """Store the bank of a file as the next version of its name, or of ``name``. Raises BankError."""
     if document.get("format") != FORMAT or document.get("version") != VERSION:
         raise BankError(f"the file is not a bank: it needs format = {FORMAT!r} and version = {VERSION}")
-    called, listed = name or document.get("name"), document.get("entries")
-    if not isinstance(called, str) or len(called) > 60:
+    bank_name, items = name or document.get("name"), document.get("entries")
+    if not isinstance(bank_name, str) or len(bank_name) > 60:
         raise BankError("the bank in the file needs a name of at most 60 characters")
-    require_name(called)
-    if not isinstance(listed, list) or not 0 < len(listed) <= MAX_ENTRIES:
+    require_name(bank_name)
+    if not isinstance(items, list) or not 0 < len(items) <= MAX_ENTRIES:
         raise BankError(f"the bank in the file needs 1 to {MAX_ENTRIES} entries")
     entries = require_consistent(
-        parameters, [_named_in_file(position, item) for position, item in enumerate(listed, start=1)]
+        parameters, [_parse_named_entry(position, item) for position, item in enumerate(items, start=1)]
     )
     origin = document.get("exported_from")
     note = f"imported; exported from {json.dumps(origin, ensure_ascii=False)[:200]}" if origin else "imported"
     with database.session() as session:
-        return banks.add(session, called.strip(), entries, who, note)
+        return banks.add(session, bank_name.strip(), entries, who, note)
 
 
-def _named_in_file(position: int, item: Any) -> NamedEntry:
+def _parse_named_entry(position: int, item: Any) -> NamedEntry:
     name = f"entry {position}"
     tension_N = item.get("tension_N") if isinstance(item, dict) else None
     if isinstance(tension_N, int | float) and not isinstance(tension_N, bool):
@@ -412,8 +409,8 @@ def _named_in_file(position: int, item: Any) -> NamedEntry:
     S_nominal = item.get("S_nominal")
     if S_nominal is None:
         raise BankError(f"{name} has no S_nominal")
-    return NamedEntry(name, BankEntry(float(S_nominal), _known(item)))
+    return NamedEntry(name, BankEntry(float(S_nominal), _select_known_values(item)))
 
 
-def _known(model: dict[str, Any]) -> dict[str, Any]:
+def _select_known_values(model: dict[str, Any]) -> dict[str, Any]:
     return {key: model[key] for key in (*MODEL_NAMES, "tension_N") if model.get(key) is not None}

@@ -1,4 +1,4 @@
-"""Tuning settings: λ, b, bank and scheduling; defaults and what is kept of them."""
+"""Tuning settings: λ, b, bank, scheduling and motion, their defaults, and the last active tuning."""
 
 import hashlib
 import json
@@ -40,14 +40,11 @@ from backend.tuning import (
 )
 from plant import SIDES, PlantParameters
 
-# Tuning choice -------------------------------------------------------------------------------------
+# Tuning settings -----------------------------------------------------------------------------------
 #
-# What decides the gains of the loop, said once: λ, b, bank and how to go between its entries.
-#
-# Whoever keeps, sends, shows or compares a tuning derives it from ``TuningSettings``: the settings of
-# an experiment, what a run has stored, the tuning in force and its trial, what is saved for a bank,
-# the bodies of the interface. A part that is added here is added to all of them, and
-# ``tests/experiments/test_tuning_choice.py`` finds the one that forgot it.
+# The settings that determine the gains of the loops, defined once. Stored runs, experiments, active
+# and saved tuning, and requests derive from ``TuningSettings``, so a new setting reaches all of them;
+# ``tests/experiments/test_tuning_settings.py`` checks this.
 
 
 _LAM_LEAST = 0.01
@@ -55,9 +52,9 @@ _LAM_LEAST = 0.01
 
 @dataclass(frozen=True)
 class TuningSettings:
-    """A tuning as a person chooses it. The bounds of λ here are coarse; the safe range follows from the models in use.
+    """A tuning as a person chooses it; ``bank`` 0 selects geometric gains.
 
-    ``bank`` 0 stands for gains from geometry.
+    The bounds of λ are coarse. The safe range depends on the models in use.
     """
 
     lam_q: float = number_setting(
@@ -121,88 +118,88 @@ class TuningSettings:
     )
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Self:
-        """Return the choice that a stored document or another choice's values hold; what else it holds is left out.
+    def from_values(cls, values: Mapping[str, Any]) -> Self:
+        """Return the tuning in a document or mapping, without its unknown keys.
 
-        What it lacks is at its default. A voltage limit without a motion means what ``complete_motion`` says.
+        A missing setting has its default; ``complete_motion`` defines the motion if there is only a voltage limit.
         Raises SettingError, OutOfRangeError.
         """
         known = {setting.name for setting in describe_settings(cls)}
         given = {name: value for name, value in values.items() if name in known and value is not None}
         return build_plan(cls, complete_motion(given))
 
-    def with_parts(self, parts: Mapping[str, Any]) -> "TuningSettings":
-        """Return the tuning with other values of some of its parts."""
-        return TuningSettings(**{**self.document(), **complete_motion(parts)})
+    def replace_values(self, parts: Mapping[str, Any]) -> "TuningSettings":
+        """Return a copy with some settings replaced."""
+        return TuningSettings(**{**self.to_document(), **complete_motion(parts)})
 
     @property
     def budget(self) -> float:
-        """Voltage limit [V] of the trajectory in use; 0 V in ``lambda``, which has none."""
+        """Voltage limit [V] of the trajectory feed-forward; 0 V for the motion ``lambda``."""
         return self.u_plan if self.motion == TIME_OPTIMAL else 0.0
 
     @property
     def lambdas(self) -> TuningParameters:
-        """The tuning parameters and b alone."""
+        """The tuning parameters and b."""
         return TuningParameters(self.lam_q, self.lam_S, self.lam_motor, self.b)
 
-    def document(self) -> dict[str, Any]:
-        """Return the tuning as it is stored."""
-        return {name: value for name, value in asdict(self).items() if name in NAMES}
+    def to_document(self) -> dict[str, Any]:
+        """Return the tuning as a document."""
+        return {name: value for name, value in asdict(self).items() if name in TUNING_NAMES}
 
-    def in_words(self) -> str:
-        """Return all but the bank in one line: "λ_q 0.5 s, … b 0, switching between entries"."""
-        return ", ".join(text for name, text in self.parts_in_words().items() if name != "bank")
+    def format(self) -> str:
+        """Return all settings except the bank as text: "λ_q 0.5 s, … b 0, switching between entries"."""
+        return ", ".join(text for name, text in self.format_parts().items() if name != "bank")
 
-    def parts_in_words(self) -> dict[str, str]:
-        """Return each part by name as a person reads it: "λ_q 0.5 s", "gains from geometry"; no k_ext of 0."""
+    def format_parts(self) -> dict[str, str]:
+        """Return each setting as text by its name: "λ_q 0.5 s". A k_ext of 0 is left out."""
         words = {
-            setting.name: f"{setting.symbol} {part_in_words(setting.name, getattr(self, setting.name))}"
+            setting.name: f"{setting.symbol} {format_part(setting.name, getattr(self, setting.name))}"
             + ("" if setting.unit == "1" else f" {setting.unit}")
-            for setting in DECLARED
+            for setting in TUNING_SETTINGS
         }
         words["motion"] = f"{self.motion} motion"
         if self.motion == LAMBDA:
-            del words["u_plan"]  # without an effect
+            del words["u_plan"]  # has no effect
         if self.k_ext == 0.0:
-            del words["k_ext"]  # pushes are left to the position loop, as nothing else is said
+            del words["k_ext"]  # no disturbance rejection, the usual case
         words["bank"] = "gains from geometry" if self.bank == 0 else f"bank {self.bank}"
         words["interpolate"] = f"{'interpolating' if self.interpolate else 'switching'} between entries"
         return words
 
-    def differences(self, before: "TuningSettings") -> list[str]:
-        """Say part by part what differs from ``before``: "λ_q 0.5 → 0.6 s"."""
+    def list_differences(self, before: "TuningSettings") -> list[str]:
+        """Return the changes since ``before`` as texts: "λ_q 0.5 → 0.6 s"."""
         return [
-            f"{setting.symbol} {part_in_words(setting.name, old)} → {part_in_words(setting.name, new)}"
+            f"{setting.symbol} {format_part(setting.name, old)} → {format_part(setting.name, new)}"
             + ("" if setting.unit == "1" else f" {setting.unit}")
-            for setting in DECLARED
+            for setting in TUNING_SETTINGS
             if (old := getattr(before, setting.name)) != (new := getattr(self, setting.name))
         ]
 
 
-DECLARED = describe_settings(TuningSettings)
-NAMES = tuple(setting.name for setting in DECLARED)
+TUNING_SETTINGS = describe_settings(TuningSettings)
+TUNING_NAMES = tuple(setting.name for setting in TUNING_SETTINGS)
 
 
 def parse_changes(text: str) -> dict[str, Value] | None:
-    """Return the new values in a text of ``TuningSettings.differences``; None for any other text.
+    """Return the new values in a text of ``TuningSettings.list_differences``; None for any other text.
 
-    The values are joined by commas, with words before a colon.
+    The changes are separated by commas and may follow other words and a colon.
     """
     found: dict[str, Value] = {}
-    for told in text.rpartition(": ")[2].split(", "):
-        left, arrow, right = told.partition(" → ")
-        setting = next((one for one in DECLARED if left.startswith(f"{one.symbol} ")), None)
+    for change in text.rpartition(": ")[2].split(", "):
+        left, arrow, right = change.partition(" → ")
+        setting = next((item for item in TUNING_SETTINGS if left.startswith(f"{item.symbol} ")), None)
         if not arrow or setting is None:
             return None
         word = right.removesuffix(f" {setting.unit}")
         try:
-            found[setting.name] = _part_told(setting.kind, word)
+            found[setting.name] = _parse_part(setting.kind, word)
         except ValueError:
             return None
     return found
 
 
-def _part_told(kind: str, word: str) -> Value:
+def _parse_part(kind: str, word: str) -> Value:
     match kind:
         case "boolean":
             return word == "yes"
@@ -214,8 +211,8 @@ def _part_told(kind: str, word: str) -> Value:
             return float(word)
 
 
-def part_in_words(name: str, value: Value) -> str:
-    """Return one part of a tuning as a person reads it, without its unit."""
+def format_part(name: str, value: Value) -> str:
+    """Return the value of a setting as text, without its unit."""
     if name == "bank":
         return "geometry" if value == 0 else str(value)
     if isinstance(value, bool):
@@ -225,140 +222,143 @@ def part_in_words(name: str, value: Value) -> str:
     return f"{value:.12g}"
 
 
-# Default choice ------------------------------------------------------------------------------------
+# Default tuning ------------------------------------------------------------------------------------
 #
-# The tuning where nobody has chosen one: the method's defaults, each λ moved into what the plant's
-# numbers leave.
-#
-# The motion is ``lambda``, the paper's law; the voltage limit of ``time-optimal`` is the usual
-# share of the plant's.
+# The defaults of the method, with each λ moved into the range that is safe for the plant. The motion
+# is ``lambda``, the paper's law; the voltage limit of ``time-optimal`` is the usual share of the
+# plant's limit.
 
 
 _STEP, _STEP_OF_MOTOR = 1e-3, 1e-4
-"""A λ that is moved ends on a multiple of this [s]: all of it is shown where the tuning is."""
+"""A moved λ is a multiple of this [s], so that the page shows all of its digits."""
 
 
 @dataclass(frozen=True)
 class DefaultTuning:
-    """What is in force by default, and ``moved``: a sentence on each λ that the method has otherwise, empty mostly.
+    """The default tuning for some models.
 
-    ``previewer`` is for these models and this λ_motor.
+    ``moved``: a sentence on each λ that differs from the method's default, usually empty. ``previewer`` is for the same
+    models and λ_motor.
     """
 
-    choice: TuningSettings
+    tuning: TuningSettings
     moved: str
     previewer: TuningPreviewer
 
 
-def default_tuning_choice(
+def compute_default_tuning(
     parameters: PlantParameters, points: Sequence[PointModel] = (), known: TuningPreviewer | None = None
 ) -> DefaultTuning:
-    """Return the defaults on the models ``points``, of geometry where there are none.
+    """Return the default tuning for the models ``points``, of geometry if empty; it names no bank.
 
-    ``known`` is for the same models and saves work where λ_motor and b are the same too. The choice names no bank,
-    whoever has models of one does. Raises TuningError where no λ would do.
+    ``known`` is a previewer for the same models, reused if λ_motor and b are the same. Raises TuningError if no λ is
+    safe.
     """
     method = TuningSettings()
     lam_motor = default_lam_motor(parameters)
     if known is None or not known.is_for(lam_motor, method.b):
         known = TuningPreviewer(parameters, points, lam_motor=lam_motor, b=method.b)
     lam_q_min, lam_S_min = known.safe_range()
-    choice = replace(
+    tuning = replace(
         method,
-        lam_q=_into(method.lam_q, lam_q_min, LAM_MAX, _STEP),
-        lam_S=_into(method.lam_S, lam_S_min, LAM_MAX, _STEP),
+        lam_q=_move_into_range(method.lam_q, lam_q_min, LAM_MAX, _STEP),
+        lam_S=_move_into_range(method.lam_S, lam_S_min, LAM_MAX, _STEP),
         lam_motor=lam_motor,
         u_plan=usual_budget(parameters),
     )
-    moved = replace(choice, u_plan=method.u_plan).differences(method)  # a limit has no effect in ``lambda``
-    said = f"the method's default is not offered for these models, the nearest that is: {', '.join(moved)}"
-    return DefaultTuning(choice, said if moved else "", known)
+    moved = replace(tuning, u_plan=method.u_plan).list_differences(method)  # a limit has no effect in ``lambda``
+    reason = f"the method's default is not offered for these models, the nearest that is: {', '.join(moved)}"
+    return DefaultTuning(tuning, reason if moved else "", known)
 
 
 def default_lam_motor(parameters: PlantParameters) -> float:
-    """Return λ_motor [s] where nobody has chosen one. Raises TuningError where none would do."""
+    """Return the default λ_motor [s]. Raises TuningError if no value is safe."""
     offered = common_lambda_range([motor_model(parameters, side) for side in SIDES])
-    return _into(TuningSettings().lam_motor, *offered, _STEP_OF_MOTOR)
+    return _move_into_range(TuningSettings().lam_motor, *offered, _STEP_OF_MOTOR)
 
 
-def _into(lam: float, low: float, high: float, step: float) -> float:
-    """Return ``lam`` [s], or the nearest multiple of the step within low to high; a bound where there is none."""
+def _move_into_range(lam: float, low: float, high: float, step: float) -> float:
+    """Return ``lam`` [s], or the nearest multiple of the step in the range, or else a bound."""
     if low <= lam <= high:
         return lam
     steps = ceil(low / step) if lam < low else floor(high / step)
     return min(max(round(steps * step, 4), low), high)
 
 
-# Kept choice ---------------------------------------------------------------------------------------
+# Last tuning ---------------------------------------------------------------------------------------
 #
-# The tuning in force as the data folder keeps it: for the next start of the service, and for the
-# command line.
+# The active tuning as the database stores it, for the next start of the service and for the command
+# line.
 
 
 def saved_tuning_key(bank: int | None) -> str:
-    """Return the name of the setting that a bank's saved tuning is kept under; None is gains from geometry."""
+    """Return the key of the saved tuning of a bank; None means geometric gains."""
     return f"tuning/{'geometry' if bank is None else bank}"
 
 
-TUNING_NAME = "tuning in force"
+ACTIVE_TUNING_KEY = "tuning in force"
 
 
 @dataclass(frozen=True)
 class LastTuning:
-    """What was in force, who left it so, and whether that was with the same numbers of the plant."""
+    """The last active tuning, its author, and whether the plant parameters were the same."""
 
-    choice: TuningSettings
+    tuning: TuningSettings
     who: str
     same_plant: bool
 
 
-def store_tuning(database: Database, choice: TuningSettings, parameters: PlantParameters, who: str) -> None:
-    """Keep a choice that has come into force."""
+def store_tuning(database: Database, tuning: TuningSettings, parameters: PlantParameters, who: str) -> None:
+    """Store a tuning that has become active."""
     with database.session() as session:
-        document = KEPT_TUNING.write(StoredTuning(**choice.document(), parameters=tuning_digest(parameters)))
-        settings.save(session, TUNING_NAME, document, who)
+        document = KEPT_TUNING.write(
+            StoredTuning(**tuning.to_document(), parameters=compute_parameters_digest(parameters))
+        )
+        settings.save(session, ACTIVE_TUNING_KEY, document, who)
 
 
-def newest_tuning(database: Database, parameters: PlantParameters) -> LastTuning | None:
-    """Return what was in force last, None on a new data folder.
+def load_last_tuning(database: Database, parameters: PlantParameters) -> LastTuning | None:
+    """Return the last active tuning, None for a new data folder.
 
     Raises SettingError, OutOfRangeError, UnreadableDocumentError.
     """
     with database.reading() as session:
-        kept = settings.newest(session, TUNING_NAME)
-    if kept is None:
+        stored = settings.newest(session, ACTIVE_TUNING_KEY)
+    if stored is None:
         return None
-    tuning = _read(kept)
-    return LastTuning(TuningSettings.of(vars(tuning)), kept.who, tuning.parameters == tuning_digest(parameters))
+    tuning = _parse_stored(stored)
+    return LastTuning(
+        TuningSettings.from_values(vars(tuning)), stored.who, tuning.parameters == compute_parameters_digest(parameters)
+    )
 
 
-def earlier_tuning(session: Session, choice: TuningSettings, parameters: PlantParameters) -> TuningSettings | None:
-    """Return the newest kept choice for this plant other than ``choice``; None where there is none.
-
-    Raises SettingError, OutOfRangeError, UnreadableDocumentError.
-    """
-    mine = tuning_digest(parameters)
-    read = (_read(one) for one in settings.history(session, TUNING_NAME))
-    kept = (TuningSettings.of(vars(one)) for one in read if one.parameters == mine)
-    return next((one for one in kept if one != choice), None)
-
-
-def left_with(session: Session, parameters: PlantParameters) -> TuningSettings | None:
-    """Return what was in force last with these numbers of the plant; None where nothing was.
+def load_earlier_tuning(session: Session, tuning: TuningSettings, parameters: PlantParameters) -> TuningSettings | None:
+    """Return the newest stored tuning for this plant that differs from ``tuning``, or None.
 
     Raises SettingError, OutOfRangeError, UnreadableDocumentError.
     """
-    mine = tuning_digest(parameters)
-    read = (_read(one) for one in settings.history(session, TUNING_NAME))
-    return next((TuningSettings.of(vars(one)) for one in read if one.parameters == mine), None)
+    digest = compute_parameters_digest(parameters)
+    documents = (_parse_stored(item) for item in settings.history(session, ACTIVE_TUNING_KEY))
+    stored = (TuningSettings.from_values(vars(item)) for item in documents if item.parameters == digest)
+    return next((item for item in stored if item != tuning), None)
 
 
-def _read(kept: StoredSetting) -> StoredTuning:
-    return KEPT_TUNING.read(kept.value, f"the data folder, left by {kept.who}")
+def load_tuning_of_plant(session: Session, parameters: PlantParameters) -> TuningSettings | None:
+    """Return the last active tuning for these plant parameters, or None.
+
+    Raises SettingError, OutOfRangeError, UnreadableDocumentError.
+    """
+    digest = compute_parameters_digest(parameters)
+    documents = (_parse_stored(item) for item in settings.history(session, ACTIVE_TUNING_KEY))
+    return next((TuningSettings.from_values(vars(item)) for item in documents if item.parameters == digest), None)
 
 
-def tuning_digest(parameters: PlantParameters) -> str:
-    """Tell one set of numbers from another, whatever it is called and wherever the numbers come from."""
+def _parse_stored(stored: StoredSetting) -> StoredTuning:
+    return KEPT_TUNING.read(stored.value, f"the data folder, left by {stored.who}")
+
+
+def compute_parameters_digest(parameters: PlantParameters) -> str:
+    """Return a digest of the values of the plant parameters, independent of their name and source."""
     values = {
         section: {name: number.value for name, number in entries.items()}
         for section, entries in PLANT_NUMBERS.read(parameters.to_document(), parameters.name).items()

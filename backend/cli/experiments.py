@@ -95,7 +95,7 @@ def resolve_settings(
 
     values = complete_motion(values)
     plan, loop = split_values(settings, make, {**base.parts, **values})
-    parts = [f"{text} ({'set' if name in values else base.origin})" for name, text in loop.parts_in_words().items()]
+    parts = [f"{text} ({'set' if name in values else base.origin})" for name, text in loop.format_parts().items()]
     return plan, loop, f"tuning: {', '.join(parts)}"
 
 
@@ -109,7 +109,7 @@ def load_active_tuning(settings: Settings) -> BaseTuning:
     with open_configured_database(settings, read_only=True) as database:
         parameters = load_plant_parameters(settings, database)
         try:
-            stored = tuning_settings.newest_tuning(database, parameters)
+            stored = tuning_settings.load_last_tuning(database, parameters)
         except (SettingError, OutOfRangeError, UnreadableDocumentError) as error:
             error_console.print(f"defaults: the tuning in force is refused, {error}", highlight=False, markup=False)
             return _build_default_tuning(parameters)
@@ -118,7 +118,7 @@ def load_active_tuning(settings: Settings) -> BaseTuning:
     if not stored.same_plant:
         error_console.print("defaults: the tuning in force is for other parameters of the plant", highlight=False)
         return _build_default_tuning(parameters)
-    return BaseTuning(stored.choice.document(), "in force")
+    return BaseTuning(stored.tuning.to_document(), "in force")
 
 
 def current_user() -> str:
@@ -130,12 +130,12 @@ def current_user() -> str:
 
 
 def _build_default_tuning(parameters: "PlantParameters") -> BaseTuning:
-    from backend.banks import default_tuning_choice
+    from backend.banks import compute_default_tuning
 
-    default = default_tuning_choice(parameters)
+    default = compute_default_tuning(parameters)
     if default.moved:
         error_console.print(default.moved, highlight=False, markup=False, soft_wrap=True)
-    return BaseTuning(default.choice.document(), "default")
+    return BaseTuning(default.tuning.to_document(), "default")
 
 
 # Headless runs -------------------------------------------------------------------------------------
@@ -481,7 +481,7 @@ def _simulate_metrics(
     bank_ids = {tuning.bank, *list_plan_banks(plan)}
     with database.reading() as session:
         used_banks = [bank for bank in banks.find(session) if bank.id in bank_ids]
-    request = RunRequest(plan, LoopSettings(**tuning.document()), current_user())
+    request = RunRequest(plan, LoopSettings(**tuning.to_document()), current_user())
     with TemporaryDirectory() as folder:
         done = dry_run(
             parameters=parameters, request=request, used_banks=used_banks, signals=("q",), points=2, folder=Path(folder)
@@ -493,7 +493,7 @@ def _simulate_metrics(
 def _load_tuning_settings(settings: Settings) -> "TuningSettings":
     from backend.banks import TuningSettings
 
-    return TuningSettings.of(load_active_tuning(settings).parts)
+    return TuningSettings.from_values(load_active_tuning(settings).parts)
 
 
 # sinew queue ---------------------------------------------------------------------------------------

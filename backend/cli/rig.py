@@ -243,14 +243,14 @@ def _require_unblocked(settings: Settings, database: "Database", requests: Seque
 
 async def _run_session(settings: Settings, database: "Database", requests: Sequence[StepRequest]) -> "_Commissioning":
     """Start a control loop, run the steps in it, and return the state of all steps afterwards."""
-    from backend.banks import build_tuning_command, default_tuning_choice
+    from backend.banks import build_tuning_command, compute_default_tuning
     from backend.commissioning import BlockedError, OperatorDialog, find_completed_commissioning, open_session
     from backend.realtime import Setup
     from plant import load_parameters
 
     choice, parameters = settings.plant_choice, load_parameters(settings.params)
     # Commissioning closes the motor loops only, so the defaults serve; the active tuning belongs to the service.
-    tuning = build_tuning_command(parameters, default_tuning_choice(parameters).choice, None)
+    tuning = build_tuning_command(parameters, compute_default_tuning(parameters).tuning, None)
     setup = Setup(choice, settings.params, 0, tuning, find_completed_commissioning(database, choice))
     terminal = Terminal()
     dialog = OperatorDialog(current_user(), terminal.confirm, terminal.show_phase)

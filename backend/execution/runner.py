@@ -12,7 +12,7 @@ import numpy as np
 
 from backend import __version__
 from backend.analysis import Evaluation, evaluate_finished_run, require_measurable
-from backend.banks import TuningSettings, build_tuning_command, entry_points
+from backend.banks import TuningSettings, build_tuning_command, list_point_models
 from backend.control import STIFFNESS_RANGE
 from backend.errors import InvalidValueError, Path
 from backend.execution.progress import ProgressCallback, RunPhase
@@ -110,7 +110,7 @@ def compile_program(load_bank: LoadBank, parameters: PlantParameters, plan: Plan
 def list_plan_tunings(plan: Plan, tuning: TuningSettings) -> list[TuningSettings]:
     """Return the tunings that a plan changes to, in order; ``tuning`` is the one at its start."""
     changes = plan.laid.changes if isinstance(plan, ExperimentPlan) else ()
-    return [tuning.with_parts(change) for change in changes]
+    return [tuning.replace_values(change) for change in changes]
 
 
 def list_plan_banks(plan: Plan) -> set[int]:
@@ -125,7 +125,7 @@ def _build_change_command(
     line = find_line(path, plan.lines)
     try:
         bank = load_bank(choice.bank) if choice.bank else None
-        previewer = TuningPreviewer(parameters, entry_points(bank), lam_motor=choice.lam_motor, b=choice.b)
+        previewer = TuningPreviewer(parameters, list_point_models(bank), lam_motor=choice.lam_motor, b=choice.b)
         previewer.require_safe(choice.lambdas, choice.budget)
         return build_tuning_command(parameters, choice, bank)
     except InvalidValueError as error:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.analysis import EvaluationContext, NoSamplesError, evaluate_experiment
-from backend.banks import build_tuning_command, entry_points
+from backend.banks import build_tuning_command, list_point_models
 from backend.execution.progress import RunPhase
 from backend.execution.runner import (
     ExperimentRig,
@@ -75,7 +75,7 @@ def make_headless_loop(
 
     Raises PlantError for a ``plant`` that runs in real time, OutOfRangeError for an unsafe λ.
     """
-    previewer = TuningPreviewer(parameters, entry_points(bank), lam_motor=settings.lam_motor, b=settings.b)
+    previewer = TuningPreviewer(parameters, list_point_models(bank), lam_motor=settings.lam_motor, b=settings.b)
     previewer.require_safe(settings.lambdas, settings.budget)
     actuator = make_plant(plant, parameters, settings.seed)
     if not actuator.stepped:
@@ -208,7 +208,7 @@ def simulate_in_memory(
         planned_s=plan.program().duration_s,
         phases=plan.phases(),
     )
-    context = EvaluationContext(parameters, plan, settings.tuning, entry_points(bank))
+    context = EvaluationContext(parameters, plan, settings.tuning, list_point_models(bank))
     try:
         metrics, criteria = evaluate_experiment(columns, context, outline, 0)
     except NoSamplesError as error:

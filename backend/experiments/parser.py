@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from backend.banks import NAMES
+from backend.banks import TUNING_NAMES
 from backend.errors import InvalidValueError, OutOfRangeError, Path
 from backend.experiments.schema import EXPERIMENT, FORMAT, Declared, Experiment, Rule
 from backend.models import Setting, SettingError, Value
@@ -307,7 +307,7 @@ def error_context(path: Path, lines: Lines) -> Iterator[None]:
 OF_THE_PLANT = ("u_max", "F_max", "r_j", "r_m", "ideal")
 """What the bounds of criteria may speak of beside settings and tuning."""
 
-_SETTING_TAKEN = {*NAMES, *OF_THE_PLANT, "seed", "experiment", "name", *CONSTANTS, *FUNCTIONS}
+_SETTING_TAKEN = {*TUNING_NAMES, *OF_THE_PLANT, "seed", "experiment", "name", *CONSTANTS, *FUNCTIONS}
 
 
 def settings_of(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:

@@ -257,7 +257,7 @@ class LoopSettings(TuningSettings):
     @property
     def tuning(self) -> TuningSettings:
         """The tuning alone."""
-        return TuningSettings(**self.document())
+        return TuningSettings(**self.to_document())
 
 
 def split_values(

@@ -21,7 +21,7 @@ from backend.analysis import (
     measure_holds,
     measure_pushes,
 )
-from backend.banks import BankError, TuningSettings, entry_points
+from backend.banks import BankError, TuningSettings, list_point_models
 from backend.experiments import KIND, ExperimentPlan, Measure, parse_stored_plan
 from backend.models import Metrics, StepFigures
 from backend.realtime import Law
@@ -189,8 +189,10 @@ def papers_law(source: RunData) -> PapersLaw | None:
         return PapersLaw(reason="λ was changed during the run")
     try:
         parameters = parse_parameters(source.run.parameters_name, source.run.parameters)
-        choice = TuningSettings.of(known)
-        tuning = make_cascade_tuning(parameters, choice.lambdas, entry_points(source.bank), None, choice.interpolate)
+        choice = TuningSettings.from_values(known)
+        tuning = make_cascade_tuning(
+            parameters, choice.lambdas, list_point_models(source.bank), None, choice.interpolate
+        )
     except (BankError, TuningError, ParameterError) as error:
         return PapersLaw(reason=str(error))
     push = columns["F_push"] if np.all(np.isfinite(columns["F_push"])) else None

@@ -159,7 +159,9 @@ class SessionRuns:
             parameters=tuning.parameters.to_document(),
             who=who,
             software=__version__,
-            settings=SETTINGS.write(RunSettings(mode=str(mode), loop=StoredLoopSettings(**tuning.choice.document()))),
+            settings=SETTINGS.write(
+                RunSettings(mode=str(mode), loop=StoredLoopSettings(**tuning.choice.to_document()))
+            ),
             bank_id=None if tuning.bank is None else tuning.bank.id,
         )
         with self._database.session() as session:

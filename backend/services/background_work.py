@@ -9,7 +9,7 @@ from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
 from backend.auth import User
-from backend.banks import TuningSettings, entry_points
+from backend.banks import TuningSettings, list_point_models
 from backend.errors import RequestRejectedError
 from backend.reports import render_sheet_pdf
 from backend.schemas import Motion, MotorPreview, RobustTuning, Role, TuningPreview
@@ -85,7 +85,7 @@ class TuningSnapshot:
         with _recent_lock:
             same = next((one for one in _recent if self._has_models_of(one)), None)
             if same is None:
-                points = entry_points(self.bank)
+                points = list_point_models(self.bank)
                 lam_motor, b = self.choice.lam_motor, self.choice.b
                 previewer = TuningPreviewer(self.parameters, points, lam_motor=lam_motor, b=b, ranges=self.ranges)
                 same = ActiveTuning(self.choice, self.bank, self.parameters, previewer)

@@ -65,7 +65,7 @@ def look_over(run: Run) -> None:
             _require_experiment(kept.experiment)
         if kept.plan is not None:
             parse_stored_plan(run.kind, kept.plan)
-        LoopSettings.of(kept.loop.known())
+        LoopSettings.from_values(kept.loop.known())
     except (ExperimentError, SettingError, OutOfRangeError, UnreadableDocumentError, KeyError) as error:
         raise ImportRefusedError(
             f"its plan: {escape_line(error)}; correct the experiment and run it again, or export the run with "

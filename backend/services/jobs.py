@@ -783,7 +783,7 @@ class JobManager:
         return await self._text_work.run_for_operator(self._experiments.plan, *asked)
 
     def _loop_settings(self) -> LoopSettings:
-        return LoopSettings(**self._actuator.live_state.operator_tuning.choice.document(), seed=self._seed)
+        return LoopSettings(**self._actuator.live_state.operator_tuning.choice.to_document(), seed=self._seed)
 
 
 def _list_experiment_kinds(

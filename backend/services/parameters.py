@@ -60,7 +60,7 @@ def list_parameter_versions(database: Database, base: PlantParameters) -> list[A
     """
     with database.reading() as session:
         stored = [(APPLIED.read(one.value, f"version of {one.who}"), one) for one in settings.history(session, NAME)]
-    mine = tuning_settings.tuning_digest(base)
+    mine = tuning_settings.compute_parameters_digest(base)
     made = [(applied, one) for applied, one in reversed(stored) if applied.base == mine]
     found = [
         AppliedVersion(number, _over(base, applied), applied, one.who, one.at)
@@ -100,7 +100,7 @@ def proposal(base: PlantParameters, now: PlantParameters, found: Identification)
             own.pop("points", None)
         own |= {name: {"value": value, "unit": unit, "source": source} for name, (value, unit) in entries.items()}
     document = {
-        "base": tuning_settings.tuning_digest(base),
+        "base": tuning_settings.compute_parameters_digest(base),
         "identified": sections,
         "estimate": found.id,
         "run": found.run_id or 0,
@@ -119,7 +119,7 @@ def undoing(database: Database, base: PlantParameters) -> AppliedParameters:
     former = found[1].applied
     sections = {} if former is None else former.identified
     return AppliedParameters(
-        base=tuning_settings.tuning_digest(base),
+        base=tuning_settings.compute_parameters_digest(base),
         identified=sections,
         estimate=0 if former is None else former.estimate,
         run=0 if former is None else former.run,
@@ -286,7 +286,7 @@ class Applied:
         self._require_idle(before)  # before it waits for its turn, too: there is nothing to wait for
         undone = "the former parameters, as the last identification was undone"
         run = f"the identification of run {applied.run}" if applied.run else "a spring measured elsewhere"
-        moved = ", ".join(tuning.choice.differences(before.choice))
+        moved = ", ".join(tuning.choice.list_differences(before.choice))
         told = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
         await self._actuator.restart_loop_with(take, told, who)
 

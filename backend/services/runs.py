@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from backend import wire
 from backend.analysis import reevaluate_run, require_evaluable, select_used_settings
-from backend.banks import MODEL_NAMES, entry_point, parse_changes
+from backend.banks import MODEL_NAMES, build_point_model, parse_changes
 from backend.errors import RequestRejectedError
 from backend.event_bus import EventBus
 from backend.experiments import (
@@ -622,7 +622,7 @@ def bank_view(
                 tension_N=entry.known.tension_N,
                 S_nominal=entry.S_nominal,
                 q_nominal=None if entry.identification_id is None else positions.get(entry.identification_id),
-                **{name: getattr(entry_point(entry), name) for name in MODEL_NAMES},
+                **{name: getattr(build_point_model(entry), name) for name in MODEL_NAMES},
             )
             for entry in bank.entries
         ],

@@ -335,11 +335,11 @@ class StudyScheduler:
 
 
 def _check(database: Database, text: str, parameters: PlantParameters, tuning: TuningSettings) -> CheckedStudy:
-    return Studies(database).check(text, parameters, tuning.document())
+    return Studies(database).check(text, parameters, tuning.to_document())
 
 
 def _begin(database: Database, text: str, who: str, parameters: PlantParameters, tuning: TuningSettings) -> StudyView:
-    return Studies(database).begin(text, who, parameters, tuning.document())
+    return Studies(database).begin(text, who, parameters, tuning.to_document())
 
 
 def _detail(database: Database, study_id: int, pick: str) -> StudyDetail:

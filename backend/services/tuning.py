@@ -368,7 +368,7 @@ class SavedTunings:
         if stored is not None:
             return _saved(stored)
         default = tuning.default()
-        return SavedTuning(**list_tuning_parts(default.choice), who=None, at=None, moved=default.moved)
+        return SavedTuning(**list_tuning_parts(default.tuning), who=None, at=None, moved=default.moved)
 
     def save(self, tuning: ActiveTuning, who: str) -> SavedTuning:
         """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
@@ -380,7 +380,9 @@ class SavedTunings:
 
 def _saved(stored: StoredSetting) -> SavedTuning:
     read = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”")
-    return SavedTuning(**list_tuning_parts(TuningSettings.of(read.known())), who=stored.who, at=stored.at, moved="")
+    return SavedTuning(
+        **list_tuning_parts(TuningSettings.from_values(read.known())), who=stored.who, at=stored.at, moved=""
+    )
 
 
 def _setting_of(tuning: ActiveTuning) -> str:

@@ -18,8 +18,8 @@ from backend.banks import (
     LastTuning,
     TuningSettings,
     build_tuning_command,
-    default_tuning_choice,
-    entry_points,
+    compute_default_tuning,
+    list_point_models,
     tuning_settings,
 )
 from backend.data_folder import write_private
@@ -170,7 +170,7 @@ class ActiveTuning(ResolvedTuning):
     def with_request(self, request: TuningRequest) -> "ActiveTuning":
         """Return the tuning after ``request``. Raises OutOfRangeError; takes a while where models change."""
         wanted = request.model_dump(exclude_none=True, include=set(TuningParts.model_fields))
-        return self.with_choice(self.choice.with_parts(wanted), self.bank)
+        return self.with_choice(self.choice.replace_values(wanted), self.bank)
 
     def with_choice(self, choice: TuningSettings, bank: Bank | None) -> "ActiveTuning":
         """Return another tuning of the same plant, ``bank`` being what the choice names.
@@ -189,11 +189,11 @@ class ActiveTuning(ResolvedTuning):
 
     def difference(self, before: "ActiveTuning") -> str:
         """Return in words what differs from ``before``."""
-        return ", ".join(self.choice.differences(before.choice)) or "the same tuning again"
+        return ", ".join(self.choice.list_differences(before.choice)) or "the same tuning again"
 
     def default(self) -> DefaultTuning:
         """Return what would be in force on these models where nobody had chosen; takes a while at another λ_motor."""
-        return default_tuning_choice(self.parameters, entry_points(self.bank), self.previewer)
+        return compute_default_tuning(self.parameters, list_point_models(self.bank), self.previewer)
 
     def view(self, entry: float) -> TuningView:
         """Return what the page shows; ``entry`` is the active entry of the bank."""
@@ -236,7 +236,7 @@ class ActiveTuning(ResolvedTuning):
         """
         lambdas = replace(self.lambdas, lam_q=lam_q, lam_S=lam_S)
         wanted = {name: value for name, value in (("motion", motion), ("u_plan", u_plan)) if value is not None}
-        budget = self.choice.with_parts(wanted).budget
+        budget = self.choice.replace_values(wanted).budget
         share = self.choice.k_ext if k_ext is None else k_ext
         require_budget(self.parameters, budget)
         require_share(share)
@@ -297,13 +297,13 @@ def make_active_tuning(parameters: PlantParameters, choice: TuningSettings, bank
 
 def default_tuning(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
     """Return the tuning where nobody has chosen one, and what to say of it: empty where it is the method's."""
-    default = default_tuning_choice(parameters)
-    return ActiveTuning(default.choice, None, parameters, default.previewer), default.moved
+    default = compute_default_tuning(parameters)
+    return ActiveTuning(default.tuning, None, parameters, default.previewer), default.moved
 
 
 def list_tuning_parts(choice: TuningSettings) -> dict[str, Any]:
     """Return the parts of a tuning that ``schemas.tuning.TuningParts`` shows; the bank is shown beside them."""
-    return {name: value for name, value in choice.document().items() if name != "bank"}
+    return {name: value for name, value in choice.to_document().items() if name != "bank"}
 
 
 def build_chosen_tuning(tuning: ResolvedTuning) -> ChosenTuning:
@@ -333,7 +333,7 @@ def _resolve(
     ):
         previewer = before.previewer
     else:
-        previewer = TuningPreviewer(parameters, entry_points(bank), lam_motor=choice.lam_motor, b=choice.b)
+        previewer = TuningPreviewer(parameters, list_point_models(bank), lam_motor=choice.lam_motor, b=choice.b)
     previewer.require_safe(choice.lambdas, choice.budget)
     require_share(choice.k_ext)
     return ActiveTuning(choice, bank, parameters, previewer)
@@ -416,7 +416,7 @@ class TuningStore:
         """Return what was in force before ``tuning`` came into force on this plant; None where nothing else was."""
         try:
             with self._database.reading() as session:
-                choice = tuning_settings.earlier_tuning(session, tuning.choice, tuning.parameters)
+                choice = tuning_settings.load_earlier_tuning(session, tuning.choice, tuning.parameters)
                 if choice is None:
                     return None
                 return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
@@ -440,7 +440,7 @@ class TuningStore:
     def _load_last_for(self, parameters: PlantParameters) -> ResolvedTuning | None:
         try:
             with self._database.reading() as session:
-                choice = tuning_settings.left_with(session, parameters)
+                choice = tuning_settings.load_tuning_of_plant(session, parameters)
                 if choice is None:
                     return None
                 return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
@@ -454,14 +454,14 @@ class TuningStore:
         What was kept for other parameters, or cannot be used any more, gives way to the defaults.
         """
         try:
-            kept = tuning_settings.newest_tuning(self._database, parameters)
+            kept = tuning_settings.load_last_tuning(self._database, parameters)
             if kept is None:
                 return default_tuning(parameters)
             if not kept.same_plant:
                 return _defaults(parameters, "the tuning of last time was for other parameters")
             with self._database.reading() as session:
-                bank = None if kept.choice.bank == 0 else banks.own(session, kept.choice.bank)
-            tuning = make_active_tuning(parameters, replace(kept.choice, k_ext=0.0), bank)  # as nothing is learned yet
+                bank = None if kept.tuning.bank == 0 else banks.own(session, kept.tuning.bank)
+            tuning = make_active_tuning(parameters, replace(kept.tuning, k_ext=0.0), bank)  # as nothing is learned yet
         except (SettingError, OutOfRangeError, TuningError, UnknownRecordError, UnreadableDocumentError) as error:
             return _defaults(parameters, f"the tuning of last time is refused, {error}")
         return tuning, _describe_restored(tuning, kept)
@@ -475,7 +475,7 @@ def _defaults(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]
 def _describe_restored(tuning: ActiveTuning, kept: LastTuning) -> str:
     bank = tuning.bank
     models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
-    return f"in force again as {kept.who} left it: {models}, {tuning.choice.in_words()}"
+    return f"in force again as {kept.who} left it: {models}, {tuning.choice.format()}"
 
 
 # Tuning trial --------------------------------------------------------------------------------------

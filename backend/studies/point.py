@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from backend import __version__
-from backend.banks import entry_points
+from backend.banks import list_point_models
 from backend.errors import InvalidValueError, RequestRejectedError
 from backend.execution import ProgramRejectedError, simulate_in_memory
 from backend.experiments import (
@@ -245,7 +245,7 @@ def _simulate_point(base: StudyBase, point: Point, figures: dict[str, float | No
             raise UnknownRecordError(f"there is no bank {number}")
         return banks[number]
 
-    figures |= compute_loop_metrics(parameters, entry_points(load_bank(loop.bank) if loop.bank else None), loop)
+    figures |= compute_loop_metrics(parameters, list_point_models(load_bank(loop.bank) if loop.bank else None), loop)
     result = simulate_in_memory(parameters, plan, loop, load_bank)
     verdicts = [item.passed for item in result.criteria]
     passed = None if not verdicts or (None in verdicts and False not in verdicts) else all(verdicts)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.banks.tuning_settings import default_tuning_choice
+from backend.banks.tuning_settings import compute_default_tuning
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import LEAST, WITHIN_Q_RAD, WITHIN_S, build_library_entry
@@ -134,7 +134,7 @@ def test_pushes_walls_and_the_tuning_are_those_of_the_runs_own_events(database: 
 def test_what_is_made_is_played_as_it_was_recorded(database: Database) -> None:
     run, experiment, _ = made(database, busy)
     plan = build_library_entry(*read(experiment.text)).usual
-    settings = LoopSettings(**default_tuning_choice(load_parameters("ideal")).choice.document())
+    settings = LoopSettings(**compute_default_tuning(load_parameters("ideal")).tuning.to_document())
     with open_headless_rig(database, load_parameters("ideal"), settings) as station:
         again = asyncio.run(run_experiment(station, RunRequest(plan, settings, WHO))).run
     assert again.end_state == "completed"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.tuning_settings import TUNING_NAME, TuningSettings, default_tuning_choice
+from backend.banks.tuning_settings import ACTIVE_TUNING_KEY, TuningSettings, compute_default_tuning
 from backend.schemas.tuning import TuningParts, TuningRequest
 from backend.services.tuning import SavedTunings
 from backend.services.tuning_state import ActiveTuning, TuningStore, make_active_tuning
@@ -70,7 +70,7 @@ def test_another_plant_starts_with_its_defaults(
     tuning_store.save(chosen, "A. Operator")
     lab = load_parameters("lab")
     restored, said = tuning_store.restore(lab)
-    assert restored.choice == default_tuning_choice(lab).choice
+    assert restored.choice == compute_default_tuning(lab).tuning
     assert "other parameters" in said
 
 
@@ -117,9 +117,9 @@ def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
     tuning_store = TuningStore(database)
     tuning_store.save(chosen, "A. Operator")
     with database.session() as session:
-        stored = settings.newest(session, TUNING_NAME)
+        stored = settings.newest(session, ACTIVE_TUNING_KEY)
         assert stored is not None
-        settings.save(session, TUNING_NAME, {**stored.value, name: value}, "A. Operator")
+        settings.save(session, ACTIVE_TUNING_KEY, {**stored.value, name: value}, "A. Operator")
     restored, said = tuning_store.restore(ideal)
-    assert restored.choice == default_tuning_choice(ideal).choice
+    assert restored.choice == compute_default_tuning(ideal).tuning
     assert str(value) in said

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from backend.banks.tuning_settings import TuningSettings, default_tuning_choice
+from backend.banks.tuning_settings import TuningSettings, compute_default_tuning
 from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.models.settings import SettingError
 from backend.realtime.commands import Stop
@@ -57,7 +57,7 @@ def bank(database: Database) -> Bank:
 
 
 def own(bank: Bank) -> TuningSettings:
-    return replace(default_tuning_choice(IDEAL).choice, lam_q=0.55, lam_S=0.45, bank=bank.id)
+    return replace(compute_default_tuning(IDEAL).tuning, lam_q=0.55, lam_S=0.45, bank=bank.id)
 
 
 async def started(parts: Parts, bank: Bank) -> None:
@@ -101,7 +101,7 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
     with database.reading() as session:
         stored = runs.get(session, run)
         told = [event.text for event in events.between(session, stored.started_at, None)]
-    assert TuningSettings.of(stored.settings["loop"]) == asked
+    assert TuningSettings.from_values(stored.settings["loop"]) == asked
     assert stored.bank_id is None
     declared = {item["name"]: item["value"] for item in stored.settings["declared"]}
     assert {name: declared[name] for name in ASKED} == ASKED
@@ -265,7 +265,7 @@ def test_a_dry_run_says_what_it_was_played_with(database: Database, bank: Bank) 
     async def work(parts: Parts) -> None:
         await started(parts, bank)
         played = await parts.ordered_runs.dry_run(sequence(b=0.5), OPERATOR, left)
-        expected = {**own(bank).document(), "b": 0.5, "seed": 0}
+        expected = {**own(bank).to_document(), "b": 0.5, "seed": 0}
         assert (played.status, played.settings) == ("completed", expected)
         assert parts.live_state.tuning.choice == own(bank)
 

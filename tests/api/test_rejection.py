@@ -105,11 +105,11 @@ def test_a_start_begins_without_it(database: Database) -> None:
         chosen.append(parts.live_state.tuning.choice)
 
     stepped(database, parameters, operate)
-    kept = tuning_settings.newest_tuning(database, parameters)
+    kept = tuning_settings.load_last_tuning(database, parameters)
     assert kept is not None
-    assert kept.choice.k_ext == 0.7
+    assert kept.tuning.k_ext == 0.7
     stepped(database, parameters, again)
-    assert chosen == [replace(kept.choice, k_ext=0.0)]
+    assert chosen == [replace(kept.tuning, k_ext=0.0)]
 
 
 def test_what_it_does_is_previewed_before_it_is_chosen(database: Database) -> None:

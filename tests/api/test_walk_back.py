@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from backend.banks.tuning_settings import TuningSettings, default_tuning_choice
+from backend.banks.tuning_settings import TuningSettings, compute_default_tuning
 from backend.errors import RequestRejectedError
 from backend.schemas.tuning import ChosenTuning, TrialRequest, TuningRequest
 from backend.services.state import UNDO_STEPS
@@ -18,7 +18,7 @@ from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 
 IDEAL = load_parameters("ideal")
-DEFAULT = default_tuning_choice(IDEAL).choice
+DEFAULT = compute_default_tuning(IDEAL).tuning
 MODEL = {"K_q": 0.05, "T_q": 0.342, "K_S": 0.7209, "T_S": 0.342}
 WHO = OPERATOR.name
 CHANGES = [
@@ -65,7 +65,7 @@ def settings_of(shown: ChosenTuning | None) -> TuningSettings | None:
     if shown is None:
         return None
     values = shown.model_dump()
-    return TuningSettings.of({**values, "bank": 0 if shown.bank is None else shown.bank.id})
+    return TuningSettings.from_values({**values, "bank": 0 if shown.bank is None else shown.bank.id})
 
 
 def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank: Bank) -> None:
@@ -84,7 +84,7 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
             await tuning_service.apply(change, WHO)  # the same again is no change
             assert earlier(parts) == before
             view = await tuning_service.undo(WHO)
-            assert TuningSettings.of({**view.model_dump(), "bank": bank.id}) == before
+            assert TuningSettings.from_values({**view.model_dump(), "bank": bank.id}) == before
             assert (in_force(parts), later(parts)) == (before, changed)
             await tuning_service.redo(WHO)
             assert (in_force(parts), earlier(parts), later(parts)) == (changed, before, None)

@@ -73,10 +73,10 @@ def test_an_experiment_starts_from_what_is_in_force_and_says_so(command: Command
     with closing(open_database(tmp_path)) as database:
         with database.reading() as session:
             used = runs.find(session, limit=1)[0].settings["loop"]
-        kept = tuning_settings.newest_tuning(database, parameters)
-    assert TuningSettings.of(used) == TuningSettings(lam_q=0.7, b=1.0)
+        kept = tuning_settings.load_last_tuning(database, parameters)
+    assert TuningSettings.from_values(used) == TuningSettings(lam_q=0.7, b=1.0)
     assert kept is not None
-    assert kept.choice == TuningSettings(lam_q=0.7, b=0.5)  # of an experiment nothing stays
+    assert kept.tuning == TuningSettings(lam_q=0.7, b=0.5)  # of an experiment nothing stays
 
 
 def test_an_experiment_on_a_plant_without_the_methods_lambda_says_which_stands_for_it(

@@ -10,7 +10,7 @@ import pytest
 
 import plant
 from backend.banks.builder import build_tuning_command
-from backend.banks.tuning_settings import default_tuning_choice
+from backend.banks.tuning_settings import compute_default_tuning
 from backend.commissioning import status
 from backend.commissioning.procedure import MeasuredNumber, StepFinding
 from backend.commissioning.session import BlockedError, CommissioningSession, DriveLockout, OperatorDialog
@@ -249,7 +249,7 @@ def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None
     database, file = open_database(tmp_path), tmp_path / "rig.toml"
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
-    tuning = build_tuning_command(PARAMETERS, default_tuning_choice(PARAMETERS).choice, None)
+    tuning = build_tuning_command(PARAMETERS, compute_default_tuning(PARAMETERS).tuning, None)
     known = status.load_brought_up(database, load_wiring(str(file)))
     supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning, known))
     person = OperatorDialog("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)

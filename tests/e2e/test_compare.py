@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from backend.banks.tuning_settings import default_tuning_choice
+from backend.banks.tuning_settings import compute_default_tuning
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import find_experiment
@@ -65,7 +65,7 @@ def segment(duration_s: float, q_ref: float) -> dict[str, float]:
 def play(database: Database, segments: list[dict[str, float]], lam_q: float) -> None:
     """Run a sequence headless, as the command line does, but in this process: a new one takes longer than to play."""
     lab, kind = load_parameters("lab"), find_experiment("sequence")
-    values = {**default_tuning_choice(lab).choice.document(), "segments": json.dumps(segments), "lam_q": lam_q}
+    values = {**compute_default_tuning(lab).tuning.to_document(), "segments": json.dumps(segments), "lam_q": lam_q}
     plan, settings = split_values(kind.settings, kind.make, values)
     with open_headless_rig(database, lab, settings) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator")))

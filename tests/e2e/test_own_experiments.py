@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Response, expect
 
-from backend.banks.tuning_settings import default_tuning_choice
+from backend.banks.tuning_settings import compute_default_tuning
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_library_entry, text_of
@@ -100,7 +100,7 @@ def by_command(folder: Path) -> dict[str, float | None]:
     plan = build_library_entry(*read(OWN)).usual
     database = open_database(folder)
     lab = load_parameters("lab")
-    settings = LoopSettings(**default_tuning_choice(lab).choice.document())
+    settings = LoopSettings(**compute_default_tuning(lab).tuning.to_document())
     with open_headless_rig(database, lab, settings) as station:
         result = asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator"))).evaluation.result
     database.close()

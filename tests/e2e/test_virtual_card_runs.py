@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Locator, expect
 
-from backend.banks.tuning_settings import default_tuning_choice
+from backend.banks.tuning_settings import compute_default_tuning
 from backend.experiments.library import IDENTIFICATIONS, experiments_by_name, find_experiment
 from backend.experiments.plans import LoopSettings, Plan
 from backend.models.settings import build_plan
@@ -25,7 +25,7 @@ RUN_TIMEOUT_MS = 180_000
 HELD_S = 8.0
 """The simulator's pretension is held for some seconds too before it begins: a person is not as fast as a program."""
 
-BY_DEFAULT = LoopSettings(**default_tuning_choice(PARAMETERS).choice.document())
+BY_DEFAULT = LoopSettings(**compute_default_tuning(PARAMETERS).tuning.to_document())
 """Of a data folder in which nobody has chosen a tuning."""
 
 ORDERS: dict[str, Mapping[str, Any]] = {

@@ -10,9 +10,9 @@ import pytest
 from backend.banks.builder import (
     BankError,
     NamedEntry,
+    _compute_figures,
     build_bank_document,
     compare_entries,
-    figures_of,
     import_bank,
     merge_entries,
     parse_bank_file,
@@ -111,7 +111,7 @@ def test_entries_that_are_new_or_gone_stand_alone(ideal: PlantParameters) -> Non
 
 
 def test_an_unstable_loop_has_no_peak(ideal: PlantParameters) -> None:
-    assert figures_of(ideal, replace(LAMBDAS, lam_q=0.1), GOOD[1]).position.M_s is None
+    assert _compute_figures(ideal, replace(LAMBDAS, lam_q=0.1), GOOD[1]).position.M_s is None
 
 
 def test_a_bank_survives_the_way_through_a_file(ideal: PlantParameters, database: Database) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backend.analysis.step_metrics import tracking_metrics
-from backend.banks.builder import BankError, build_bank, build_tuning_command, entry_points
+from backend.banks.builder import BankError, build_bank, build_tuning_command, list_point_models
 from backend.errors import OutOfRangeError
 from backend.execution.progress import RunPhase
 from backend.execution.runner import ExperimentRig, NotReadyError, RunRequest, RunResult, create_run, run_experiment
@@ -175,7 +175,7 @@ def test_identification_finds_the_geometric_gains_and_feeds_a_bank(station: Expe
     with station.database.reading() as session:
         run_id = identifications.get(session, entry.identification_id or 0).run_id or 0
         assert runs.get(session, run_id).kind == "actuator_identification"
-    (point,) = entry_points(bank)
+    (point,) = list_point_models(bank)
     assert point.T_q == found.model["G_q"]["first_order"]["T"]
     command = build_tuning_command(station.parameters, LoopSettings(lam_q=0.6), bank)
     assert (command.lam_q, len(command.entries)) == (0.6, 1)

@@ -46,7 +46,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 def test_a_kept_loop_has_every_part_of_a_tuning_and_the_seed() -> None:
     assert [part.name for part in fields(StoredLoopSettings)] == [part.name for part in fields(LoopSettings)]
     kept = StoredLoopSettings(**asdict(LoopSettings(lam_q=0.6, bank=3, seed=4)))
-    assert TuningSettings.of(kept.known()) == TuningSettings(lam_q=0.6, bank=3)
+    assert TuningSettings.from_values(kept.known()) == TuningSettings(lam_q=0.6, bank=3)
     assert kept.known()["seed"] == 4
 
 

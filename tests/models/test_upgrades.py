@@ -14,7 +14,7 @@ from tests.models import earlier_identifications as identified
 
 LOOP: dict[str, Any] = {"lam_q": 0.5, "lam_S": 0.42, "interpolate": False}
 KEPT: dict[str, Any] = {"lam_q": 0.8, "lam_S": 0.6, "lam_motor": 0.09, "interpolate": True, "parameters": "ab"}
-PRESENT = {**KEPT, **TuningSettings(0.8, 0.6, 0.09, 0.0, 0, interpolate=True).document()}
+PRESENT = {**KEPT, **TuningSettings(0.8, 0.6, 0.09, 0.0, 0, interpolate=True).to_document()}
 NO_BOUND: dict[str, Any] = {
     **identified.QUALITY,
     "residuals": {"whiteness": identified.BAND, "input_correlation": identified.TEST, "std": 1.0},

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backend.analysis.evaluation import USED, find_control_law, select_used_settings
-from backend.banks.tuning_settings import NAMES
+from backend.banks.tuning_settings import TUNING_NAMES
 from backend.experiments.library import build_ready_plan, declare_choice, plan_values
 from backend.experiments.plans import LoopSettings
 from backend.models.settings import describe_values
@@ -81,8 +81,8 @@ def test_what_is_left_out_changes_nothing_in_the_law(tuning_of: Any) -> None:
 
 def test_every_law_has_its_settings() -> None:
     assert set(USED) == set(Law)
-    assert set(USED[Law.CASCADE]) == set(NAMES)
-    assert set(NAMES) - set(USED[Law.SINGLE_LOOP]) == CASCADE_ONLY
+    assert set(USED[Law.CASCADE]) == set(TUNING_NAMES)
+    assert set(TUNING_NAMES) - set(USED[Law.SINGLE_LOOP]) == CASCADE_ONLY
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_an_identification_uses_the_motor_loops_alone(kind: str, law: Law, used:
     settings = {**source.run.settings, "plan": {}}
     identification = replace(source.run, kind=kind, settings=settings)
     assert find_control_law(identification) is law
-    assert {item.name for item in select_used_settings(identification)} & set(NAMES) == used
+    assert {item.name for item in select_used_settings(identification)} & set(TUNING_NAMES) == used
 
 
 def test_the_compliance_experiment_runs_with_its_position_loop_open() -> None:

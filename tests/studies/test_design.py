@@ -23,7 +23,7 @@ def no_bank(number: int) -> Bank:
     raise UnknownRecordError(f"there is no bank {number}")
 
 
-AROUND = StudyContext(find_experiment, load_parameters("lab"), TuningSettings().document(), no_bank)
+AROUND = StudyContext(find_experiment, load_parameters("lab"), TuningSettings().to_document(), no_bank)
 
 
 def design(body: str) -> Design:

@@ -20,7 +20,7 @@ PAGE = Path(__file__).parents[2] / "frontend/src/pages/studies/NewStudy.tsx"
 def test_the_time_of_a_step_grows_with_lambda_whatever_the_operator_has_active(tmp_path: Path) -> None:
     found = re.search(r"const EXAMPLE = `(.*?)`", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert found is not None
-    active = TuningSettings(motion="time-optimal").document()
+    active = TuningSettings(motion="time-optimal").to_document()
     with closing(open_database(tmp_path)) as database:
         study = Studies(database).begin(found.group(1), "Ana", load_parameters("lab"), active).id
         with database.reading() as session:

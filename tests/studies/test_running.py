@@ -54,7 +54,7 @@ def test_a_study_begun_with_a_bank_in_force_computes_with_it(database: Database)
     entries = [BankEntry(S, models, None) for S in (8.5, 14.0)]
     with database.session() as session:
         bank = banks.add(session, "two", entries, "Ana")
-    tuning = TuningSettings(bank=bank.id).document()
+    tuning = TuningSettings(bank=bank.id).to_document()
     text = SHORT.replace("draws: 2", "draws: 1").replace("seeds: 2", "seeds: 1")
     study = Studies(database).begin(text, "Ana", lab, tuning).id
     with database.reading() as session:

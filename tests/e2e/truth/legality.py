@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from backend.banks.tuning_settings import NAMES
+from backend.banks.tuning_settings import TUNING_NAMES
 from backend.realtime.contact import PUSH_MODES
 from backend.realtime.modes import LEGAL, MOVING, Mode
 from backend.tuning.gains import DEVIATIONS, UNSEEN_F
@@ -56,7 +56,7 @@ def offered_on_operate(moment: Moment) -> dict[tuple[str, str], bool]:
     sweeping = bool(touch["sweep"] and touch["sweep"]["under_way"])
     learned, armed = bool(touch["learned"]), touch["contact_N"] > 0.0
     run, own, mine = state["mode"] == "run", may_retune(state), may_command(state)
-    differs = any(saved[name] != tuning[name] for name in NAMES if name != "bank")
+    differs = any(saved[name] != tuning[name] for name in TUNING_NAMES if name != "bank")
     changes = "Changes of the tuning"
     offered = {("Mode", name): mode in legal_modes(state) for name, mode in MOVES.items()}
     offered |= {

@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from backend.banks.tuning_settings import DECLARED, part_in_words
+from backend.banks.tuning_settings import TUNING_SETTINGS, format_part
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.moment import Around, State
 
 LINES = 200
 """Lines of the log that are read after an action: more than one action and what ends by itself can leave."""
 
-PARTS = tuple(setting for setting in DECLARED if setting.name not in ("bank",))
+PARTS = tuple(setting for setting in TUNING_SETTINGS if setting.name not in ("bank",))
 
 Line = dict[str, Any]
 
@@ -79,13 +79,13 @@ def _mode(found: Findings, earlier: Account, now: Account, new: Sequence[Line]) 
 def _tuning(found: Findings, earlier: Account, now: Account, new: Sequence[Line]) -> None:
     """Compare each part of the tuning with the last change of it that the log has."""
     for part in PARTS:
-        values = {part_in_words(part.name, state["tuning"][part.name]) for state in now.states}
+        values = {format_part(part.name, state["tuning"][part.name]) for state in now.states}
         last = next(_changes(new, part.symbol), None)
         if last is not None:
             if last not in values:
                 found.append(f"{part.name}: the log's last value is {last!r}, the service says {sorted(values)}")
             continue
-        before = {part_in_words(part.name, state["tuning"][part.name]) for state in earlier.states}
+        before = {format_part(part.name, state["tuning"][part.name]) for state in earlier.states}
         if not values & before and not _is_told_otherwise(part.name, new):
             found.append(f"{part.name}: {sorted(before)} became {sorted(values)}, of which the log has no line")
 

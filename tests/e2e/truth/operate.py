@@ -4,7 +4,7 @@ import math
 import re
 from urllib.parse import urlencode
 
-from backend.banks.tuning_settings import NAMES
+from backend.banks.tuning_settings import TUNING_NAMES
 from backend.models.run import MOTIONS, TIME_OPTIMAL
 from backend.sample import UNIT_BY_SIGNAL
 from tests.e2e.truth.deeds import VOLTAGE_LIMIT
@@ -14,7 +14,7 @@ from tests.e2e.truth.moment import Moment, State
 
 _TO_SHOWN = {("rad", "°"): 180.0 / math.pi, ("rad/s", "°/s"): 180.0 / math.pi, ("m", "mm"): 1e3, ("s", "ms"): 1e3}
 _ROWS = ("λq", "λS", "λmotor", "b", "entries", "motion", "Uplan", "kext")
-_PARTS = tuple(name for name in NAMES if name != "bank")
+_PARTS = tuple(name for name in TUNING_NAMES if name != "bank")
 
 
 def operate(moment: Moment) -> Findings:

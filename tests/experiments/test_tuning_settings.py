@@ -1,4 +1,4 @@
-"""One tuning, however it is spelled: whatever decides a gain is compared, kept, shown and stored."""
+"""Each setting of a tuning is compared, stored, shown and sent."""
 
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -41,8 +41,8 @@ def test_every_part_is_tried_here() -> None:
 
 def test_what_is_told_of_a_change_says_all_of_it() -> None:
     before, after = TuningSettings(), TuningSettings(**OTHER)
-    assert parse_changes(", ".join(after.differences(before))) == OTHER
-    assert parse_changes(", ".join(before.differences(after))) == before.document()
+    assert parse_changes(", ".join(after.list_differences(before))) == OTHER
+    assert parse_changes(", ".join(before.list_differences(after))) == before.to_document()
     for text in ("the same tuning again", "trial kept", "λ_q 0.5 s", "by the program: λ_q 0.5 s, λ_S 0.4 s"):
         assert parse_changes(text) is None
 
@@ -52,21 +52,21 @@ def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Pat
     before = TuningSettings()
     after = replace(before, **{name: OTHER[name]})
     assert after != before
-    assert len(after.differences(before)) == 1
-    assert before.differences(before) == []
-    assert parse_changes(f"for the run: {after.differences(before)[0]}") == {name: OTHER[name]}
-    assert TuningSettings.of(after.document()) == after
-    assert LoopSettings(**after.document(), seed=4).tuning == after
-    assert TuningSettings.of(asdict(LoopSettings(**after.document(), seed=4))) == after
+    assert len(after.list_differences(before)) == 1
+    assert before.list_differences(before) == []
+    assert parse_changes(f"for the run: {after.list_differences(before)[0]}") == {name: OTHER[name]}
+    assert TuningSettings.from_values(after.to_document()) == after
+    assert LoopSettings(**after.to_document(), seed=4).tuning == after
+    assert TuningSettings.from_values(asdict(LoopSettings(**after.to_document(), seed=4))) == after
     entry = find_experiment("tracking")
     _, ordered = split_values(entry.settings, entry.make, {name: OTHER[name]})
     assert ordered.tuning == after
     parameters, database = load_parameters("ideal"), open_database(tmp_path)
     tuning_settings.store_tuning(database, after, parameters, "A. Operator")
-    kept = tuning_settings.newest_tuning(database, parameters)
+    kept = tuning_settings.load_last_tuning(database, parameters)
     database.close()
     assert kept is not None
-    assert (kept.choice, kept.who, kept.same_plant) == (after, "A. Operator", True)
+    assert (kept.tuning, kept.who, kept.same_plant) == (after, "A. Operator", True)
 
 
 @pytest.mark.parametrize("schema", [TuningParts, TuningRequest, TuningView, ChosenTuning, SavedTuning, TrialView])

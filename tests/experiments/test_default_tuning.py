@@ -1,4 +1,4 @@
-"""The tuning where nobody has chosen one: the method's where it is safe, else the nearest that is."""
+"""The default tuning: the method's values if they are safe, else the nearest safe ones."""
 
 from contextlib import closing
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 
 from backend.analysis.context import load_initial_tuning
 from backend.banks.builder import NamedEntry, require_consistent
-from backend.banks.tuning_settings import TuningSettings, default_tuning_choice
+from backend.banks.tuning_settings import TuningSettings, compute_default_tuning
 from backend.errors import OutOfRangeError
 from backend.execution.simulation import open_headless_rig
 from backend.experiments.plans import LoopSettings
@@ -40,8 +40,8 @@ def quick(tmp_path_factory: pytest.TempPathFactory) -> PlantParameters:
 
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
-    default = default_tuning_choice(load_parameters(name))
-    assert (default.choice, default.moved) == (METHOD, "")
+    default = compute_default_tuning(load_parameters(name))
+    assert (default.tuning, default.moved) == (METHOD, "")
     assert METHOD.motion == "lambda"
 
 
@@ -58,9 +58,9 @@ def test_the_method_decides_where_its_lambdas_are_offered(name: str) -> None:
 )
 def test_a_stored_tuning_has_the_motion_that_it_ran_with(stored: dict[str, Any], motion: str, budget: float) -> None:
     for choice in (
-        TuningSettings.of(stored),
+        TuningSettings.from_values(stored),
         load_initial_tuning(SETTINGS.read(upgrade_run_settings({"loop": stored}), "run 7").loop),
-        TuningSettings().with_parts(stored),
+        TuningSettings().replace_values(stored),
     ):
         assert (choice.motion, choice.budget) == (motion, budget)
 
@@ -73,16 +73,16 @@ def test_a_stored_loop_knows_the_limit_that_it_ran_with() -> None:
 def test_the_budget_is_one_that_this_plant_offers(weak: PlantParameters) -> None:
     for parameters in (weak, replace(weak, motor=replace(weak.motor, u_max=5.0))):
         u_max = parameters.motor.u_max
-        assert 0.5 * u_max < default_tuning_choice(parameters).choice.u_plan < u_max
+        assert 0.5 * u_max < compute_default_tuning(parameters).tuning.u_plan < u_max
 
 
 def test_a_position_loop_that_takes_all_of_the_voltage_is_slower_by_default(
     tmp_path: Path, weak: PlantParameters
 ) -> None:
-    default = default_tuning_choice(weak)
-    assert replace(default.choice, lam_q=METHOD.lam_q, u_plan=METHOD.u_plan) == METHOD
-    assert default.moved.endswith(f"λ_q 0.5 → {default.choice.lam_q:g} s")
-    settings = LoopSettings(**default.choice.document())
+    default = compute_default_tuning(weak)
+    assert replace(default.tuning, lam_q=METHOD.lam_q, u_plan=METHOD.u_plan) == METHOD
+    assert default.moved.endswith(f"λ_q 0.5 → {default.tuning.lam_q:g} s")
+    settings = LoopSettings(**default.tuning.to_document())
     with closing(open_database(tmp_path)) as database:
         with open_headless_rig(database, weak, settings):
             pass
@@ -95,20 +95,20 @@ def test_a_position_loop_that_takes_all_of_the_voltage_is_slower_by_default(
 
 
 def test_a_quick_motor_gets_the_largest_motor_lambda_that_leaves_its_loop_a_damping(quick: PlantParameters) -> None:
-    default = default_tuning_choice(quick)
-    assert default.choice.lam_motor == pytest.approx(3.8 * quick.identified.T_m)
-    assert LAM_MOTOR_MIN < default.choice.lam_motor < METHOD.lam_motor
+    default = compute_default_tuning(quick)
+    assert default.tuning.lam_motor == pytest.approx(3.8 * quick.identified.T_m)
+    assert LAM_MOTOR_MIN < default.tuning.lam_motor < METHOD.lam_motor
     assert default.moved.endswith("λ_motor 0.0854 → 0.076 s")
 
 
 def test_the_models_of_a_bank_decide_too() -> None:
     """With the T of a joint with friction (table 1 has 0.8 s and more) λ_q is out of range on any plant."""
     ideal, points = load_parameters("ideal"), (replace(POINT, T_q=0.9),)
-    default = default_tuning_choice(ideal, points)
+    default = compute_default_tuning(ideal, points)
     with pytest.raises(OutOfRangeError, match="λ_q"):
         TuningPreviewer(ideal, points).require_safe(METHOD.lambdas)
-    TuningPreviewer(ideal, points).require_safe(default.choice.lambdas)
-    assert default.choice.lam_q > 0.8
+    TuningPreviewer(ideal, points).require_safe(default.tuning.lambdas)
+    assert default.tuning.lam_q > 0.8
 
 
 def test_a_bank_is_judged_at_a_motor_lambda_that_is_offered(quick: PlantParameters) -> None:
