@@ -1,4 +1,4 @@
-"""``sinew runs``: list, search, tags, comparison, lineage, export."""
+"""Commands ``sinew runs``: list, search, tag, compare, show, export and import runs."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,21 +23,17 @@ if TYPE_CHECKING:
     from backend.storage import Database
 
 
-# Exports -------------------------------------------------------------------------------------------
-#
-# ``sinew runs export`` and what goes with it.
+# Exports and imports -------------------------------------------------------------------------------
 
 
 def export(
     run: Annotated[int, typer.Argument(help="Number of the run.")],
-    file: Annotated[Path, typer.Argument(help="File to write; .csv, .parquet, .mat or .mcap says the format.")],
-    formula: Annotated[
-        list[str] | None, typer.Option(help="Derived signal as a further column, once for each.")
-    ] = None,
+    file: Annotated[Path, typer.Argument(help="File to write, .csv, .parquet, .mat or .mcap.")],
+    formula: Annotated[list[str] | None, typer.Option(help="Derived signal to add as a column; repeatable.")] = None,
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Write all samples of a run to a file, with their notation and the facts of the run; SI units."""
+    """Write all samples of a run in SI units to a file, with their notation and the data of the run."""
     from backend.exports import DataFormat, ExportError, export_run, write_export
     from backend.storage import UnknownRecordError
 
@@ -53,37 +49,37 @@ def export(
 
 
 def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
-    """Write the layout that shows an MCAP export, or the live stream, in Foxglove and Lichtblick."""
+    """Write the layout for MCAP exports and the live stream in Foxglove and Lichtblick."""
     from backend.exports import mcap, write_file_whole
 
     write_file_whole((mcap.foxglove_layout().encode(),), file)
     console.print(f"wrote {file}", highlight=False, markup=False)
 
 
-def take_in(
-    file: Annotated[Path, typer.Argument(help="Export of a run: .csv, .parquet, .mat or .mcap; or its bundle, .zip.")],
+def import_run(
+    file: Annotated[Path, typer.Argument(help="Export of a run, .csv, .parquet, .mat or .mcap, or a bundle, .zip.")],
     data: DataFolder = None,
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Take in a run that was exported, or bundled with all that it came from; whole, or not at all."""
+    """Import an exported run, or a bundle of a run with its lineage, completely or not at all."""
     from backend.exports import ImportRefusedError
-    from backend.services import import_run_file as store
+    from backend.services import import_run_file
 
     settings = load_settings(data=data, station=station)
     with open_configured_database(settings) as database:
         try:
-            taken = store(database, file, current_user(), settings.data)
+            imported = import_run_file(database, file, current_user(), settings.data)
         except (ImportRefusedError, OSError) as error:
             fail(f"{file} is not taken in, and nothing of it: {error}", status=2)
             raise
     if as_json:
-        print_json(vars(taken))
-    elif taken.new:
-        console.print(f"run {taken.was} is taken in as run {taken.run}", highlight=False, markup=False)
+        print_json(vars(imported))
+    elif imported.new:
+        console.print(f"run {imported.was} is taken in as run {imported.run}", highlight=False, markup=False)
     else:
         console.print(
-            f"run {taken.was} is here already, as run {taken.run}: nothing is done", highlight=False, markup=False
+            f"run {imported.was} is here already, as run {imported.run}: nothing is done", highlight=False, markup=False
         )
 
 
@@ -93,7 +89,7 @@ def bundle(
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Write a run with all that it came from to a file that another installation takes in."""
+    """Write a run with its lineage to a file that another installation can import."""
     from backend.exports import ExportError, write_file_whole
     from backend.services import stream_bundle
     from backend.storage import UnknownRecordError
@@ -107,35 +103,32 @@ def bundle(
     console.print(f"wrote {file}", highlight=False, markup=False)
 
 
-# Run library ---------------------------------------------------------------------------------------
-#
-# The commands of ``sinew runs`` about many runs: list and search, tags, saved searches, comparison,
-# lineage.
+# Search, comparison, lineage and tags --------------------------------------------------------------
 
 
-Where = Annotated[str, typer.Option("--where", help='A search, such as "kind=tracking overshoot_q_percent < 5".')]
-AllStations = Annotated[bool, typer.Option("--all-stations", help="Of all stations on the database.")]
+Where = Annotated[str, typer.Option("--where", help='Search, such as "kind=tracking overshoot_q_percent < 5".')]
+AllStations = Annotated[bool, typer.Option("--all-stations", help="Include all stations on the database.")]
 RunNumbers = Annotated[list[int], typer.Argument(help="Numbers of runs.")]
-_HASH_DIGITS = 12
+_SHOWN_HASH_DIGITS = 12
 
 
 def list_runs(
     where: Where = "",
     search: Annotated[str, typer.Option(help="Words in number, kind, title, person, note, tags or end state.")] = "",
-    saved: Annotated[str, typer.Option("--saved", metavar="NAME", help="A saved search.")] = "",
-    limit: Annotated[int, typer.Option(min=1, max=10_000, help="Most runs to list.")] = 50,
+    saved: Annotated[str, typer.Option("--saved", metavar="NAME", help="Name of a saved search.")] = "",
+    limit: Annotated[int, typer.Option(min=1, max=10_000, help="Maximum number of runs to list.")] = 50,
     all_stations: AllStations = False,
     data: DataFolder = None,
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """List runs, newest first: all, or those that fit a search (docs/reference/search.md)."""
+    """List runs, newest first: all, or those that match a search (docs/reference/search.md)."""
     from backend.services import RunLibrary, RunQuery
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
-        kept = RunLibrary(database).where_of(saved) if saved else ""
-        asked = RunQuery(search=search, where=(kept, where), everywhere=all_stations, limit=limit)
-        found = _stored_runs(database).found(asked)
+        saved_where = RunLibrary(database).where_of(saved) if saved else ""
+        query = RunQuery(search=search, where=(saved_where, where), everywhere=all_stations, limit=limit)
+        found = _open_stored_runs(database).found(query)
     if as_json:
         print_json([run.model_dump(mode="json") for run in found.runs])
         return
@@ -148,7 +141,7 @@ def list_runs(
             run.who,
             run.station,
             " ".join(run.tags),
-            _end(run),
+            _describe_end(run),
         )
         for run in found.runs
     ]
@@ -161,13 +154,13 @@ def list_runs(
 def compare(
     runs: RunNumbers,
     reference: Annotated[
-        int | None, typer.Option("--reference", help="Run that differences are to. [the first]")
+        int | None, typer.Option("--reference", help="Run to which differences are computed. [the first]")
     ] = None,
     data: DataFolder = None,
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare the metrics of runs, with the differences to one of them."""
+    """Compare the metrics of runs, with differences to a reference run."""
     from backend.schemas import ComparisonAsked
     from backend.services import RunLibrary
 
@@ -188,7 +181,7 @@ def compare(
     rows = [
         (
             item.label,
-            *(_compared(value, item.unit) for value in item.values),
+            *(_format_comparison(value, item.unit) for value in item.values),
             get_display_unit(item.unit, angle_unit()).unit,
         )
         for item in found.metrics
@@ -197,15 +190,15 @@ def compare(
 
 
 def history(
-    kind: Annotated[str, typer.Argument(help="Kind of runs, or name of an experiment.")],
-    metric: Annotated[str, typer.Argument(help="Name of a metric. [the first there is]")] = "",
+    kind: Annotated[str, typer.Argument(help="Kind of run, or name of an experiment.")],
+    metric: Annotated[str, typer.Argument(help="Name of a metric. [the first one]")] = "",
     where: Where = "",
     all_stations: AllStations = False,
     data: DataFolder = None,
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print a metric of a kind of runs over their dates."""
+    """Print a metric of all runs of a kind over their dates."""
     from backend.services import RunLibrary
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
@@ -222,8 +215,8 @@ def history(
     ]
     print_table(("run", "started (UTC)", f"{found.metric.label} [{reading.unit}]"), rows)
     if found.without or found.left_out:
-        said = f"{found.without} runs have no value of it, {found.left_out} older points are left out"
-        console.print(said, highlight=False, markup=False)
+        text = f"{found.without} runs have no value of it, {found.left_out} older points are left out"
+        console.print(text, highlight=False, markup=False)
 
 
 def lineage(
@@ -233,7 +226,7 @@ def lineage(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show what a run came from, back to raw data and parameters, with the sha256 of each and what is out of date."""
+    """Show the lineage of a run back to raw data and parameters, with SHA-256 digests and what is out of date."""
     import sys
 
     from backend.services import History
@@ -249,7 +242,7 @@ def lineage(
         (
             node.title,
             format_angles(node.detail, angle_unit()),
-            node.sha256[:_HASH_DIGITS] if node.sha256 else format_angles(node.no_sha256, angle_unit()),
+            node.sha256[:_SHOWN_HASH_DIGITS] if node.sha256 else format_angles(node.no_sha256, angle_unit()),
             ", ".join(titles[origin] for origin in node.origins),
             format_angles(node.out_of_date, angle_unit()),
         )
@@ -260,14 +253,14 @@ def lineage(
 
 def tag(
     runs: RunNumbers,
-    add: Annotated[list[str] | None, typer.Option("--add", metavar="TAG", help="Tag to put on; repeatable.")] = None,
+    add: Annotated[list[str] | None, typer.Option("--add", metavar="TAG", help="Tag to add; repeatable.")] = None,
     remove: Annotated[
-        list[str] | None, typer.Option("--remove", metavar="TAG", help="Tag to take off; repeatable.")
+        list[str] | None, typer.Option("--remove", metavar="TAG", help="Tag to remove; repeatable.")
     ] = None,
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Put tags on runs, and take others off; all of it or nothing."""
+    """Add tags to runs and remove others, all or none."""
     from backend.services import RunLibrary
 
     if not add and not remove:
@@ -277,12 +270,12 @@ def tag(
 
 
 def rename_tag(
-    before: Annotated[str, typer.Argument(help="The tag as it is.")],
-    after: Annotated[str, typer.Argument(help="What it is to be called.")],
+    before: Annotated[str, typer.Argument(help="Present name of the tag.")],
+    after: Annotated[str, typer.Argument(help="New name of the tag.")],
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Call a tag otherwise on all runs of the station."""
+    """Rename a tag on all runs of the station."""
     from backend.services import RunLibrary
 
     with open_configured_database(load_settings(data=data, station=station)) as database:
@@ -292,11 +285,11 @@ def rename_tag(
 
 def save_search(
     name: Annotated[str, typer.Argument(help="Name of the search.")],
-    where: Annotated[str, typer.Argument(help="The search; nothing takes it off the list.")] = "",
+    where: Annotated[str, typer.Argument(help="Search to save; empty deletes the saved search.")] = "",
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Save a search under a name, for `sinew runs list --saved` and the Runs page."""
+    """Save a search for `sinew runs list --saved` and the Runs page."""
     from backend.services import RunLibrary
 
     with open_configured_database(load_settings(data=data, station=station)) as database:
@@ -319,13 +312,13 @@ def searches(data: DataFolder = None, station: StationName = None, as_json: AsJs
     print_table(("search", "where", "by"), [(one.name, one.where, one.who) for one in found.searches])
 
 
-def _stored_runs(database: "Database") -> "StoredRuns":
+def _open_stored_runs(database: "Database") -> "StoredRuns":
     from backend.services import StoredRuns
 
     return StoredRuns(database, lambda: None, lambda _run: False)
 
 
-def _end(run: "RunView") -> str:
+def _describe_end(run: "RunView") -> str:
     from backend.schemas import EvaluationView
 
     if run.evaluation is not EvaluationView.MISSING:
@@ -333,7 +326,7 @@ def _end(run: "RunView") -> str:
     return f"{run.end_state}, not evaluated: {run.evaluation_problem or 'it was never done'}"
 
 
-def _compared(value: "ComparedValue", unit: str) -> str:
+def _format_comparison(value: "ComparedValue", unit: str) -> str:
     if value.value is None:
         return f"not measured: {format_angles(value.reason, angle_unit())}"
     text = f"{convert_to_display(value.value, unit, angle_unit()):.4g}"
@@ -343,9 +336,7 @@ def _compared(value: "ComparedValue", unit: str) -> str:
     return f"{text} ({convert_to_display(value.difference, unit, angle_unit()):+.4g}{percent})"
 
 
-# Runs ----------------------------------------------------------------------------------------------
-#
-# ``sinew runs``.
+# Commands ------------------------------------------------------------------------------------------
 
 
 app = typer.Typer(
@@ -353,7 +344,7 @@ app = typer.Typer(
 )
 app.command()(export)
 app.command()(layout)
-app.command("import")(take_in)
+app.command("import")(import_run)
 app.command()(bundle)
 app.command("list")(list_runs)
 app.command()(compare)
@@ -383,7 +374,7 @@ def show(run: RunNumber, data: DataFolder = None, station: StationName = None, a
 
 @app.command()
 def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = None) -> None:
-    """Compute the result of a run again, from what is stored of it, and store it beside earlier ones."""
+    """Recompute the result of a run from its stored data and store it next to earlier results."""
     from backend.analysis import reevaluate_run
 
     with open_configured_database(load_settings(data=data, station=station)) as database:
@@ -400,7 +391,7 @@ def report(
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Write the report of a run with its data."""
+    """Write the report of a run and its data."""
     from backend.reports import write_report_files
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:

@@ -1,4 +1,4 @@
-"""``sinew serve``, ``link``, ``db``, ``token``, ``doctor``, ``foxglove``, ``touch`` and ``wall``."""
+"""Commands ``sinew serve``, ``link``, ``db``, ``token``, ``doctor``, ``foxglove``, ``touch`` and ``wall``."""
 
 import asyncio
 import os
@@ -39,21 +39,19 @@ if TYPE_CHECKING:
     from backend.settings import Settings
 
 
-# Doctor --------------------------------------------------------------------------------------------
-#
-# ``sinew doctor``.
+# sinew doctor --------------------------------------------------------------------------------------
 
 
 TICKS = 1000
-LEAST_FREE_BYTES = 2 * 1024**3
-"""A day at the bench: 80 MB an hour of recording."""
+MIN_FREE_BYTES = 2 * 1024**3
+"""Disk space for a day of recordings, at 80 MB per hour."""
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox")
 
 
 @dataclass(frozen=True)
 class DoctorFinding:
-    """One thing that was looked at; ``remedy`` is empty where all is well."""
+    """Result of one check; ``remedy`` is empty if there is nothing to improve."""
 
     what: str
     found: str
@@ -61,9 +59,17 @@ class DoctorFinding:
 
 
 def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Tell what this machine can do for a 1 kHz loop, with a remedy for what it cannot."""
+    """Check this machine for a 1 kHz control loop, with a remedy for each weakness."""
     settings = load_settings(data=data)
-    findings = [*_real_time(), _beat(), _cores(), _card(), _browser(), _pages(), _disk(settings.data)]
+    findings = [
+        *_check_real_time(),
+        _check_pacing(),
+        _check_cores(),
+        _check_card(),
+        _find_browser(),
+        _check_pages(),
+        _check_disk(settings.data),
+    ]
     if as_json:
         print_json([asdict(finding) for finding in findings])
         return
@@ -74,28 +80,29 @@ def doctor(data: DataFolder = None, as_json: AsJson = False) -> None:
     )
 
 
-def _real_time() -> Iterator[DoctorFinding]:
+def _check_real_time() -> Iterator[DoctorFinding]:
     from backend.realtime import request_real_time
 
     granted = request_real_time()
     refusals = "; ".join(granted.refusals)
     priority = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"
     yield DoctorFinding(
-        "scheduling", priority, "" if granted.priority else _naming("FIFO", granted.refusals) or refusals
+        "scheduling", priority, "" if granted.priority else _find_refusal("FIFO", granted.refusals) or refusals
     )
     locked = "locked" if granted.memory_locked else "not locked"
     yield DoctorFinding(
-        "memory", locked, "" if granted.memory_locked else _naming("memory", granted.refusals) or refusals
+        "memory", locked, "" if granted.memory_locked else _find_refusal("memory", granted.refusals) or refusals
     )
     yield DoctorFinding("timer slack", f"{granted.timer_slack_ns} ns")
 
 
-def _naming(word: str, refusals: tuple[str, ...]) -> str:
+def _find_refusal(word: str, refusals: tuple[str, ...]) -> str:
+    """Return the first refusal that contains a word, or an empty text."""
     return next((refusal for refusal in refusals if word in refusal), "")
 
 
-def _beat() -> DoctorFinding:
-    """Keep 1 ms for a second, as the loop does but without its work."""
+def _check_pacing() -> DoctorFinding:
+    """Pace 1 ms ticks for a second, as the control loop does, but without computing anything."""
     from backend.realtime import Pacer
     from plant import T_s
 
@@ -108,14 +115,14 @@ def _beat() -> DoctorFinding:
     return DoctorFinding("1 ms beat", f"{found}{missed}; clock {resolution_ns:.0f} ns", remedy)
 
 
-def _cores() -> DoctorFinding:
+def _check_cores() -> DoctorFinding:
     cores = len(os.sched_getaffinity(0))
     return DoctorFinding(
         "processor cores", str(cores), "" if cores >= 2 else "the loop and the dashboard want a core each"
     )
 
 
-def _card() -> DoctorFinding:
+def _check_card() -> DoctorFinding:
     from plant import PlantChoice, PlantError, PlantKind, require_available
 
     try:
@@ -128,19 +135,19 @@ def _card() -> DoctorFinding:
         return DoctorFinding("DAQ card", f"none: {found}", f"the simulator needs none; for a rig {remedy}")
 
 
-def _browser() -> DoctorFinding:
+def _find_browser() -> DoctorFinding:
     found = next((name for name in _BROWSERS if shutil.which(name)), None)
     return DoctorFinding(
         "browser", found or "none on this machine", "" if found else "open the dashboard from another one"
     )
 
 
-def _pages() -> DoctorFinding:
+def _check_pages() -> DoctorFinding:
     built = (Path(__file__).parents[1] / "static" / "index.html").is_file()
     return DoctorFinding("dashboard pages", "built" if built else "not built", "" if built else "make frontend")
 
 
-def _disk(data: Path) -> DoctorFinding:
+def _check_disk(data: Path) -> DoctorFinding:
     folder = data.resolve()
     while not folder.exists():
         folder = folder.parent
@@ -149,17 +156,15 @@ def _disk(data: Path) -> DoctorFinding:
         return DoctorFinding(
             "data folder", f"{data} cannot be written", "choose another with --data, or change its owner"
         )
-    remedy = "" if free >= LEAST_FREE_BYTES else "free some space: a recording takes 80 MB an hour"
+    remedy = "" if free >= MIN_FREE_BYTES else "free some space: a recording takes 80 MB an hour"
     return DoctorFinding("data folder", f"{data}: {free / 1024**3:.1f} GB free", remedy)
 
 
-# Foxglove ------------------------------------------------------------------------------------------
-#
-# ``sinew foxglove``.
+# sinew foxglove ------------------------------------------------------------------------------------
 
 
 PORT = 8765
-"""Where Foxglove looks first."""
+"""Default port of Foxglove."""
 
 
 def foxglove(
@@ -180,44 +185,42 @@ def foxglove(
         fail("this needs the extra foxglove: pip install 'sinew[foxglove]'")
     from backend.workers import BACKGROUND_NICENESS
 
-    os.setpriority(os.PRIO_PROCESS, 0, BACKGROUND_NICENESS)  # the loop and the page come first
+    os.setpriority(os.PRIO_PROCESS, 0, BACKGROUND_NICENESS)  # below the control loop and the service
     settings = load_settings(data=data)
     if read_service_address(settings.data) is None:
         fail(f"no service works on the folder {settings.data}: start it with `sinew serve`, or choose --data")
-    without_token = secrets.token_urlsafe(24)
-    """The key where the service asks for none: a page of anybody may open a connection to a port of this machine."""
+    local_token = secrets.token_urlsafe(24)
+    """Token if the service requires none: any web page may open a connection to a port of this machine."""
 
-    def look() -> "LiveSource | None":
+    def find_source() -> "LiveSource | None":
         address = read_service_address(settings.data)
         if address is None:
             return None
         return LiveSource(address, load_tokens(settings.data).viewer if settings.require_token else "")
 
-    def say(words: str) -> None:
-        print(words, flush=True)
+    def print_line(text: str) -> None:
+        print(text, flush=True)
 
     try:
-        asyncio.run(serve_foxglove(look, lambda source: source.token or without_token, port, say))
+        asyncio.run(serve_foxglove(find_source, lambda source: source.token or local_token, port, print_line))
     except OSError as error:
         fail(f"port {port} of this machine cannot be listened on: {error.strerror}; choose another with --port")
     except OtherVersionError as error:
         fail(str(error))
 
 
-# Recordings ----------------------------------------------------------------------------------------
-#
-# ``sinew db recordings``.
+# sinew db recordings -------------------------------------------------------------------------------
 
 
 def recordings(
     delete: Annotated[
         list[int] | None,
-        typer.Option("--delete", help="Delete the samples of this run of the list; once for each run."),
+        typer.Option("--delete", help="Run of the list whose samples to delete; repeatable."),
     ] = None,
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say how much recordings take, and list the runs whose samples may go. Deletes only runs named one by one."""
+    """Show the size of the recordings and list the runs whose samples may be deleted; delete those of --delete."""
     from backend.recording import NotRemovableError, RetentionRule, delete_recordings, summarise_retention
 
     settings = load_settings(data=data)
@@ -256,13 +259,11 @@ def recordings(
         console.print(f"to delete these samples: sinew db recordings {named}", highlight=False, markup=False)
 
 
-# Database ------------------------------------------------------------------------------------------
-#
-# ``sinew db``.
+# sinew db ------------------------------------------------------------------------------------------
 
 
 database_app = typer.Typer(
-    help="The database: bring it up to date, copy it, check it.", no_args_is_help=True, rich_markup_mode=None
+    help="The database: migrate, back up, restore, check.", no_args_is_help=True, rich_markup_mode=None
 )
 
 database_app.command()(recordings)
@@ -270,7 +271,7 @@ database_app.command()(recordings)
 
 @database_app.command()
 def upgrade(data: DataFolder = None) -> None:
-    """Migrate to the newest schema; an SQLite database is copied to DATA/backups first."""
+    """Migrate to the newest schema; an SQLite database is first copied to DATA/backups."""
     from backend.storage import read_revision
 
     with open_configured_database(load_settings(data=data)) as database:
@@ -279,46 +280,43 @@ def upgrade(data: DataFolder = None) -> None:
 
 @database_app.command()
 def backup(
-    file: Annotated[Path | None, typer.Argument(help="Copy to write; a new file. [DATA/backups/TIME.db]")] = None,
+    file: Annotated[Path | None, typer.Argument(help="New file to write. [DATA/backups/TIME.db]")] = None,
     data: DataFolder = None,
 ) -> None:
-    """Copy the database while it may be in use; the log says so."""
-    from backend.cli.experiments import current_user
-    from backend.storage import backup_database as copy
-    from backend.storage import events, next_backup_path
+    """Copy the database, even while a service uses it, and log the copy."""
+    from backend.storage import backup_database, events, next_backup_path
 
     settings = load_settings(data=data)
-    wanted = file or next_backup_path(settings.data)
+    target = file or next_backup_path(settings.data)
     with open_configured_database(settings) as database:
-        copy(database.engine, wanted)
+        backup_database(database.engine, target)
         with database.session() as session:
-            events.add(session, events.EventKind.BACKUP, f"database copied to {wanted.name}", who=current_user())
-    console.print(f"wrote {wanted}", highlight=False, markup=False)
+            events.add(session, events.EventKind.BACKUP, f"database copied to {target.name}", who=current_user())
+    console.print(f"wrote {target}", highlight=False, markup=False)
 
 
 @database_app.command()
 def restore(
-    file: Annotated[Path, typer.Argument(help="Backup to bring back.")],
+    file: Annotated[Path, typer.Argument(help="Backup to restore.")],
     data: DataFolder = None,
 ) -> None:
-    """Bring a backup back; refused while a service works on the folder. What was there before is kept beside it."""
+    """Restore a backup, unless a service uses the folder. The replaced database stays next to it."""
     from backend.data_folder import lock_for_service
-    from backend.storage import FILE_NAME, BackupError
-    from backend.storage import restore_database as bring_back
+    from backend.storage import FILE_NAME, BackupError, restore_database
 
     settings = load_settings(data=data)
     if settings.database_url is not None:
         raise BackupError("a database given by SINEW_DATABASE_URL is restored with its own tools")
     with lock_for_service(settings.data):
         target = (settings.data / FILE_NAME).resolve()
-        if target.exists() and (by := _claimed_by(settings)):
-            raise BackupError(f"{by} works on {target}, from another folder: end it first; nothing was changed")
-        bring_back(file, target)
+        if target.exists() and (holder := _describe_claim_holder(settings)):
+            raise BackupError(f"{holder} works on {target}, from another folder: end it first; nothing was changed")
+        restore_database(file, target)
     console.print(f"restored {file}", highlight=False, markup=False)
 
 
-def _claimed_by(settings: "Settings") -> str:
-    """Say which service works on the database; "" where none does, or where the file cannot be read."""
+def _describe_claim_holder(settings: "Settings") -> str:
+    """Return a text with the service that has claimed the database, empty if none has or the file is unreadable."""
     from backend.storage import StorageError, connect_database, describe_claim, sqlite_url
 
     engine = connect_database(sqlite_url(settings.data))
@@ -332,10 +330,10 @@ def _claimed_by(settings: "Settings") -> str:
 
 @database_app.command("name-station")
 def name_station(
-    station: Annotated[str, typer.Argument(help="Name of the station that gets what is of none.")],
+    station: Annotated[str, typer.Argument(help="Name of the station.")],
     data: DataFolder = None,
 ) -> None:
-    """Give all that a database without stations holds to one; refused while a service works on it."""
+    """Assign all records without a station to one, unless a service uses the database."""
     from backend.data_folder import lock_for_service
     from backend.errors import check_station_name
     from backend.storage import HeldClaim, HeldStation, assign_unowned_rows
@@ -344,30 +342,30 @@ def name_station(
         fail("say what the station is to be called", status=2)
     settings = load_settings(data=data, station="")
     with lock_for_service(settings.data), open_configured_database(settings, owns_folder=True) as database:
-        held = HeldStation(database.engine, "")
+        station_lock = HeldStation(database.engine, "")
         claim = HeldClaim(database.engine, "")
         try:
             with database.session() as session:
-                given = assign_unowned_rows(session, station)
+                run_count = assign_unowned_rows(session, station)
         finally:
             claim.let_go()
-            held.let_go()
-    with open_configured_database(settings):  # what runs are searched by is renewed
-        console.print(f"{given} runs are of station {station} now; start its service with --station {station}")
+            station_lock.let_go()
+    with open_configured_database(settings):  # opening it rebuilds the search index
+        console.print(f"{run_count} runs are of station {station} now; start its service with --station {station}")
 
 
 @database_app.command()
 def check(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Check that the database is whole and that its recordings hold what was recorded; exit 1 when not.
+    """Check the integrity of the database and of all recorded samples; exit 1 on errors.
 
-    Every sample is read: it takes some seconds for an hour of recordings.
+    The check reads every sample, which takes some seconds per hour of recordings.
     """
     from backend.recording import RecordingsCheck, check_recordings
-    from backend.storage import find_database_errors as problems_of
+    from backend.storage import find_database_errors
 
     with open_configured_database(load_settings(data=data), read_only=True) as database:
-        problems = problems_of(database.engine)
-        # what a damaged file still gives of its samples says nothing
+        problems = find_database_errors(database.engine)
+        # samples read from a damaged file would prove nothing
         checked = RecordingsCheck(0, (), ()) if problems else check_recordings(database)
     problems += checked.problems
     if as_json:
@@ -387,13 +385,11 @@ def check(data: DataFolder = None, as_json: AsJson = False) -> None:
         console.print(f"the database is whole; recordings that hold what was recorded: {checked.recordings}")
 
 
-# Serve ---------------------------------------------------------------------------------------------
-#
-# ``sinew serve`` and ``sinew link``.
+# sinew serve and link ------------------------------------------------------------------------------
 
 
-SAID_AFTER_S = 3.0
-STILL_STARTING = "Sinew is starting. The first start after an installation compiles: that takes up to a minute."
+NOTICE_DELAY_S = 3.0
+STARTING_NOTICE = "Sinew is starting. The first start after an installation compiles: that takes up to a minute."
 
 
 def serve(
@@ -407,21 +403,21 @@ def serve(
     port: Annotated[int | None, typer.Option(help="Port to listen on, 0 for any free one. [8000]")] = None,
     public_url: Annotated[
         str | None,
-        typer.Option(help="Address that browsers open at a reverse proxy, such as https://rig.lab/sinew/."),
+        typer.Option(help="Address of the page behind a reverse proxy, such as https://rig.lab/sinew/."),
     ] = None,
     trusted_proxy: Annotated[
         list[str] | None,
-        typer.Option(help="Address or network of that proxy, once for each. [127.0.0.0/8 and ::1]"),
+        typer.Option(help="Address or network of that proxy; repeatable. [127.0.0.0/8 and ::1]"),
     ] = None,
     data: DataFolder = None,
     station: StationName = None,
     show_link: Annotated[
         bool | None,
-        typer.Option("--show-link/--hide-link", help="Print the sign-in link. [on a terminal only: logs are kept]"),
+        typer.Option("--show-link/--hide-link", help="Print the sign-in link. [only on a terminal, as logs are kept]"),
     ] = None,
     log_level: Annotated[
         str | None,
-        typer.Option(help="Least level of the log: debug, info, warning or error. [warning]"),
+        typer.Option(help="Lowest level to log: debug, info, warning or error. [warning]"),
     ] = None,
 ) -> None:
     """Run the dashboard and the control loop until interrupted."""
@@ -448,30 +444,30 @@ def serve(
     require_available(settings.plant_choice)
     shows_link = sys.stdout.isatty() if settings.show_link is None else settings.show_link
 
-    slow = threading.Timer(SAID_AFTER_S, print, (STILL_STARTING,), {"flush": True})
-    slow.daemon = True
+    notice = threading.Timer(NOTICE_DELAY_S, print, (STARTING_NOTICE,), {"flush": True})
+    notice.daemon = True
 
-    def tell(address: str, tokens: "Tokens | None") -> None:
-        slow.cancel()
+    def announce(address: str, tokens: "Tokens | None") -> None:
+        notice.cancel()
         addresses = [address, *([settings.public_url] if settings.public_url else [])]
         if tokens is not None and not shows_link:
-            answers = " and ".join(_bases(addresses))
-            print(f"Sinew answers at {answers}. The sign-in link: sinew link --data {settings.data}", flush=True)
+            joined = " and ".join(_strip_slashes(addresses))
+            print(f"Sinew answers at {joined}. The sign-in link: sinew link --data {settings.data}", flush=True)
         else:
             _print_links(addresses, tokens)
         if served := describe_served_addresses(settings.host):
             print(served, flush=True)
 
     restore_garbage_collection()
-    slow.start()
+    notice.start()
     try:
-        run_service(settings, tell)
+        run_service(settings, announce)
     finally:
-        slow.cancel()
+        notice.cancel()
 
 
 def link(data: DataFolder = None) -> None:
-    """Print the sign-in links of the service that works on the data folder; exit 1 when there is none."""
+    """Print the sign-in links of the service that uses the data folder; exit 1 if there is none."""
     from backend.auth import load_tokens
     from backend.data_folder import describe_missing_address, read_service_addresses
 
@@ -483,8 +479,8 @@ def link(data: DataFolder = None) -> None:
 
 
 def _print_links(addresses: Sequence[str], tokens: "Tokens | None") -> None:
-    """Print the links to sign in at the last of the addresses, the public one where there is one."""
-    *others, base = _bases(addresses)
+    """Print sign-in links for the last address, which is the public one if there is one, and for the others."""
+    *others, base = _strip_slashes(addresses)
     if tokens is None:
         print(f"Sinew answers at {base} without sign-in", flush=True)
         return
@@ -494,20 +490,18 @@ def _print_links(addresses: Sequence[str], tokens: "Tokens | None") -> None:
         print(f"At this machine:        {other}/?token={tokens.operator}", flush=True)
 
 
-def _bases(addresses: Sequence[str]) -> list[str]:
+def _strip_slashes(addresses: Sequence[str]) -> list[str]:
     return [address.rstrip("/") for address in addresses]
 
 
-# Token ---------------------------------------------------------------------------------------------
-#
-# ``sinew token``.
+# sinew token ---------------------------------------------------------------------------------------
 
 
-token_app = typer.Typer(help="The tokens that open the dashboard.", no_args_is_help=True, rich_markup_mode=None)
+token_app = typer.Typer(help="The tokens to sign in with.", no_args_is_help=True, rich_markup_mode=None)
 
 
 class TokenOwner(StrEnum):
-    """Whose token is meant."""
+    """Role, or both roles, whose token to replace."""
 
     OPERATOR = "operator"
     VIEWER = "viewer"
@@ -516,15 +510,15 @@ class TokenOwner(StrEnum):
 
 @token_app.callback()
 def _group() -> None:
-    """Keep ``rotate`` a word of its own."""
+    """Make typer keep ``rotate`` as a subcommand although it is the only one."""
 
 
 @token_app.command()
 def rotate(
-    role: Annotated[TokenOwner, typer.Option(help="Whose token to replace.")] = TokenOwner.BOTH,
+    role: Annotated[TokenOwner, typer.Option(help="Role whose token to replace.")] = TokenOwner.BOTH,
     data: DataFolder = None,
 ) -> None:
-    """Replace tokens. A running service notices within a second; all sessions of the old ones end then."""
+    """Replace tokens. A running service notices within a second and ends all sessions of the old tokens."""
     from backend.auth import TOKEN_FILES, replace_tokens
     from backend.schemas import Role
 
@@ -538,72 +532,72 @@ def rotate(
         print(f"{one}: /?token={file.read_text().strip()}  (kept in {file})")
 
 
-# Touch ---------------------------------------------------------------------------------------------
-#
-# ``sinew touch``: what the running service's estimate of the outside force has learned, and to
-# learn it.
+# sinew touch ---------------------------------------------------------------------------------------
 
 
 touch_app = typer.Typer(
-    help="The outside force at the running service: what it reads with nothing outside.",
+    help="Bias of the external force estimated by the running service: show, calibrate, clear.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-_LOOK_S = 0.5
+_POLL_S = 0.5
 
 
 @touch_app.command()
 def show(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Print what was learned and from what force on the joint gives way."""
+    """Print the calibrated bias and the force of the contact reaction."""
     from backend.schemas import State
 
-    _tell(_service(data).request("GET", "/state", None, State).touch, as_json=as_json)
+    _print_touch(_find_service(data).request("GET", "/state", None, State).touch, as_json=as_json)
 
 
 @touch_app.command()
 def learn(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Learn at the stiffness that is held now, in run, with nobody at the joint."""
-    _tell(_order_touch(_service(data), {"learn": True}), as_json=as_json)
+    """Calibrate the bias at the current stiffness, in mode run, with nobody touching the joint."""
+    _print_touch(_send_touch(_find_service(data), {"learn": True}), as_json=as_json)
 
 
 @touch_app.command()
 def sweep(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Learn over all of the stiffness, point by point, in run, with nobody at the joint; Ctrl+C stops it."""
-    service = _service(data)
-    touch = _order_touch(service, {"sweep": "begin"})
-    told = 0
+    """Calibrate the bias over the stiffness range, point by point, in mode run; Ctrl+C stops it.
+
+    Nobody may touch the joint.
+    """
+    service = _find_service(data)
+    touch = _send_touch(service, {"sweep": "begin"})
+    printed_point = 0
     try:
-        while (at := touch.sweep) is not None and at.under_way:
-            if at.point != told and not as_json:
-                console.print(f"{at.point} of {at.points}: {at.S_ref:.4g} N·m/rad")
-            told = at.point
-            time.sleep(_LOOK_S)
-            touch = _order_touch(service, {})  # a script that commands nothing for long holds control no longer
+        while (progress := touch.sweep) is not None and progress.under_way:
+            if progress.point != printed_point and not as_json:
+                console.print(f"{progress.point} of {progress.points}: {progress.S_ref:.4g} N·m/rad")
+            printed_point = progress.point
+            time.sleep(_POLL_S)
+            touch = _send_touch(service, {})  # a command, because a script without commands loses the control lease
     except KeyboardInterrupt:
-        _order_touch(service, {"sweep": "stop"})
+        _send_touch(service, {"sweep": "stop"})
         raise
-    _tell(touch, as_json=as_json)
-    if at is not None and at.why:
-        fail(f"learning over S ended at {at.point} of {at.points}: {at.why}")
+    _print_touch(touch, as_json=as_json)
+    if progress is not None and progress.why:
+        fail(f"learning over S ended at {progress.point} of {progress.points}: {progress.why}")
 
 
 @touch_app.command()
 def forget(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Forget what was learned."""
-    _tell(_order_touch(_service(data), {"forget": True}), as_json=as_json)
+    """Clear the calibrated bias."""
+    _print_touch(_send_touch(_find_service(data), {"forget": True}), as_json=as_json)
 
 
-def _service(data: Any) -> RunningService:
+def _find_service(data: Any) -> RunningService:
     return find_running_service(load_settings(data=data))
 
 
-def _order_touch(service: RunningService, order: dict[str, Any]) -> "TouchView":
+def _send_touch(service: RunningService, changes: dict[str, Any]) -> "TouchView":
     from backend.schemas import TouchView
 
-    return service.request("PUT", "/touch", order, TouchView)
+    return service.request("PUT", "/touch", changes, TouchView)
 
 
-def _tell(touch: "TouchView", *, as_json: bool) -> None:
+def _print_touch(touch: "TouchView", *, as_json: bool) -> None:
     if as_json:
         print_json(touch.model_dump(mode="json"))
         return
@@ -617,49 +611,46 @@ def _tell(touch: "TouchView", *, as_json: bool) -> None:
     )
 
 
-# Wall ----------------------------------------------------------------------------------------------
-#
-# ``sinew wall``: a wall in the way of the simulated joint of the running service, put up and taken
-# away in flight.
+# sinew wall ----------------------------------------------------------------------------------------
 
 
 wall_app = typer.Typer(
-    help="A wall in the simulated joint's way, at the running service.", no_args_is_help=True, rich_markup_mode=None
+    help="A simulated wall that blocks the joint of the running service.", no_args_is_help=True, rich_markup_mode=None
 )
 
 
 @wall_app.command(context_settings={"ignore_unknown_options": True})  # -0.4 is an angle
 def up(
-    q_wall: Annotated[str, typer.Argument(help="Where it stands, in rad; 15deg is an angle.")],
-    below: Annotated[bool, typer.Option("--below", help="It stands below that angle, not above it.")] = False,
-    stiffness: Annotated[float, typer.Option(help="In N/m, at the joint pulley.")] = 20000.0,
-    damping: Annotated[float, typer.Option(help="In s/m: its force grows by 1 + damping times the speed.")] = 1.0,
+    q_wall: Annotated[str, typer.Argument(help="Angle of the wall in rad, or as 15deg.")],
+    below: Annotated[bool, typer.Option("--below", help="Block motion below that angle, not above it.")] = False,
+    stiffness: Annotated[float, typer.Option(help="Stiffness in N/m, at the joint pulley.")] = 20000.0,
+    damping: Annotated[float, typer.Option(help="In s/m: the force grows by 1 + damping times the speed.")] = 1.0,
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Put a wall up, or in the place of the one that stands."""
+    """Add a wall, or replace the present one."""
     side = "below" if below else "above"
     try:
         at = parse_quantity(q_wall, "rad")
     except ValueError:
         fail(f"angle of the wall: {q_wall!r} is no number; give one in rad, or in degrees as 15deg", status=2)
     wall = {"q_wall": at, "side": side, "k_wall": stiffness, "c_wall": damping}
-    _order_wall(wall, data, as_json=as_json)
+    _send_wall(wall, data, as_json=as_json)
 
 
 @wall_app.command()
 def down(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Take the wall away."""
-    _order_wall(None, data, as_json=as_json)
+    """Remove the wall."""
+    _send_wall(None, data, as_json=as_json)
 
 
-def _order_wall(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None:
+def _send_wall(wall: dict[str, Any] | None, data: Any, *, as_json: bool) -> None:
     from backend.schemas import WallOrder
 
-    stands = find_running_service(load_settings(data=data)).request("PUT", "/wall", {"wall": wall}, WallOrder).wall
+    present = find_running_service(load_settings(data=data)).request("PUT", "/wall", {"wall": wall}, WallOrder).wall
     if as_json:
-        print_json({"wall": stands and stands.model_dump(mode="json")})
-    elif stands is None:
+        print_json({"wall": present and present.model_dump(mode="json")})
+    elif present is None:
         console.print("no wall stands in the joint's way")
     else:
-        console.print(f"a wall stands {stands.side} {format_quantity(stands.q_wall, 'rad', angle_unit())}")
+        console.print(f"a wall stands {present.side} {format_quantity(present.q_wall, 'rad', angle_unit())}")

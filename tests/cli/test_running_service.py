@@ -72,9 +72,9 @@ def test_a_slow_start_says_so_and_a_quick_one_nothing(
         ready("http://127.0.0.1:8000", None)
 
     monkeypatch.setattr(main, "serve", start)
-    monkeypatch.setattr(serve, "SAID_AFTER_S", 0.05)
+    monkeypatch.setattr(serve, "NOTICE_DELAY_S", 0.05)
     told = []
     for _ in range(2):
         serve.serve(plant="simulator", data=tmp_path)
-        told.append(serve.STILL_STARTING in capsys.readouterr().out)
+        told.append(serve.STARTING_NOTICE in capsys.readouterr().out)
     assert told == [True, False]

@@ -19,7 +19,7 @@ PORT_IN_WORDS = "valid integer"
 def said_by(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
     """The one line with which a command ends that cannot do its work."""
     monkeypatch.setattr(sys, "argv", ["sinew", *words])
-    monkeypatch.setattr("backend.cli.server.SAID_AFTER_S", 3600.0)  # however slow the machine is
+    monkeypatch.setattr("backend.cli.server.NOTICE_DELAY_S", 3600.0)  # however slow the machine is
     with pytest.raises(SystemExit) as ended:
         main()
     printed = capsys.readouterr()
