@@ -1,4 +1,4 @@
-"""From the ring to stored one-second chunks, and back."""
+"""Storage of samples from the ring buffer in one-second chunks, and their reading."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Packs samples into chunks, and computes the digest of a recording."""
+"""Packing of samples into chunks, and the digest of a recording."""
 
 import hashlib
 import json
@@ -13,17 +13,16 @@ from plant import SinewError
 
 # Codec ---------------------------------------------------------------------------------------------
 #
-# Pack samples: float32 columns, bytes of equal weight side by side, zlib at its fastest; and their
-# min/max summary.
+# Packed samples: float32 columns with bytes of equal significance grouped, zlib at its fastest level; and their min/max
+# summary.
 #
-# Neighbouring samples share sign, exponent and leading mantissa bytes; side by side these compress
-# to a third.
+# Neighbouring samples share sign, exponent and leading mantissa bytes; grouped, these compress to a third.
 
 
 Table = NDArray[np.float32]
 
 BUCKET_TICKS = 50
-"""Samples that a summary draws together: 20 buckets a second."""
+"""Samples per bucket of a summary: 20 buckets per second."""
 
 _LEVEL = 1
 _LITTLE_ENDIAN = np.dtype("<f4")
@@ -31,7 +30,7 @@ _WIDTH = _LITTLE_ENDIAN.itemsize
 
 
 class CodecError(SinewError, ValueError):
-    """The bytes are no table of so many columns."""
+    """Bytes that are not a table with the expected number of columns."""
 
 
 def pack_table(table: Table) -> bytes:
@@ -48,9 +47,10 @@ def unpack(packed: bytes, columns: int) -> Table:
 
 
 def unpack_alike(packed: Sequence[bytes], columns: int, chosen: Sequence[int]) -> Table:
-    """Return ``chosen`` columns of packed tables that have as many rows as each other: [tables, rows, chosen].
+    """Return ``chosen`` columns of packed tables with equal numbers of rows.
 
-    At once, as a long recording has thousands of summaries. Raises CodecError.
+    Shape [tables, rows, chosen]. Tables are unpacked together because a long recording has thousands of summaries.
+    Raises CodecError.
     """
     inflated = [_inflate(one, columns) for one in packed]
     if len({len(one) for one in inflated}) != 1:
@@ -72,9 +72,9 @@ def _inflate(packed: bytes, columns: int) -> bytes:
 
 
 def summarise_buckets(table: Table) -> Table:
-    """Smallest and largest of each column in each ``BUCKET_TICKS`` rows: [2 * buckets, columns], minima first.
+    """Return minima and maxima per ``BUCKET_TICKS`` rows: [2 * buckets, columns].
 
-    The last bucket may hold fewer rows. A bucket without any number gives nan.
+    Minima come first. The last bucket may have fewer rows. A bucket without any number gives NaN.
     """
     starts = np.arange(0, len(table), BUCKET_TICKS)
     return np.concatenate((np.fmin.reduceat(table, starts), np.fmax.reduceat(table, starts)))
@@ -82,15 +82,14 @@ def summarise_buckets(table: Table) -> Table:
 
 # Digest --------------------------------------------------------------------------------------------
 #
-# A recording as one number: the same for the same samples, however they are packed and wherever
-# they are kept.
+# Digest of a recording: the same for the same samples, however they are packed and wherever they are stored.
 
 
 class SamplesDigest:
-    """Computes the sha256 of samples that come piece by piece, in order.
+    """Computes the sha256 of samples that are added part by part, in order.
 
-    Of their columns and period as a line of JSON, then of each stretch without a gap its first tick, counted from the
-    first of all, as 8 bytes, and its samples row by row as float32 with one kind of nan; little endian.
+    The digest covers columns and period as a line of JSON, then, for each range without a gap, its first tick relative
+    to the first of all as 8 bytes, and its samples row by row as float32 with one kind of NaN; little endian.
     """
 
     def __init__(self, fields: Sequence[str], period_s: float) -> None:
@@ -99,7 +98,7 @@ class SamplesDigest:
         self._expected: int | None = None
 
     def add(self, tick: int, table: Table) -> None:
-        """Go on with consecutive samples [rows, columns], the first of them at ``tick`` from the first of all."""
+        """Add consecutive samples [rows, columns], starting at ``tick`` from the first."""
         if tick != self._expected:
             self._sha256.update(tick.to_bytes(8, "little"))
         stored = np.array(table, np.dtype("<f4"), order="C")
@@ -108,12 +107,15 @@ class SamplesDigest:
         self._expected = tick + len(table)
 
     def hex(self) -> str:
-        """Return the digest of all that came."""
+        """Return the digest of all samples added."""
         return self._sha256.hexdigest()
 
 
 def compute_recording_digest(session: Session, run_id: int) -> str:
-    """Return the ``SamplesDigest`` of a recording, in hex. Raises UnknownRecordError, CodecError."""
+    """Return the ``SamplesDigest`` of a recording, in hex.
+
+    Raises UnknownRecordError, CodecError.
+    """
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
     digest = SamplesDigest(recording.fields, recording.period_s)
     for chunk in recordings.chunks(session, run_id, span.first_tick, span.end_tick):

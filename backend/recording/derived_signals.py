@@ -15,16 +15,15 @@ from backend.storage import Formula, Session, formulas, runs
 
 # Formula -------------------------------------------------------------------------------------------
 #
-# A derived signal: the steps of a formula over signals, evaluated for many samples at once.
+# A derived signal: the steps of a formula over signals, evaluated for many samples together.
 #
-# Steps are an expression tree in postfix order; the page evaluates the same steps
-# (frontend/src/samples/formula.ts), and a test compares the two. What has no finite value is nan,
-# and whatever is made of nan is nan: a gap stays a gap.
+# Steps are an expression tree in postfix order; the page evaluates the same steps (frontend/src/samples/formula.ts),
+# and a test compares both. Results that are not finite become NaN, and NaN propagates: a gap stays a gap.
 
 
 Column = NDArray[np.float64]
 MAX_DIGITS = 15
-"""Most digits that a number is rounded to, before or after its point."""
+"""Largest number of digits for rounding, before or after the decimal point."""
 
 Operation = Literal[
     "number", "signal", "length", "neg", "not", "add", "sub", "mul", "div", "mod", "pow",
@@ -34,9 +33,9 @@ Operation = Literal[
 
 @dataclass(frozen=True)
 class FormulaStep:
-    """One step: ``op`` takes the last ``of`` values and leaves one.
+    """One step: ``op`` replaces the last ``of`` values by one.
 
-    ``number`` leaves ``value``, ``signal`` the column ``name``, ``length`` the length ``name`` of the geometry.
+    ``number`` adds ``value``, ``signal`` the column ``name``, ``length`` the length ``name`` of the geometry.
     """
 
     __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
@@ -49,7 +48,7 @@ class FormulaStep:
 
 @dataclass(frozen=True)
 class Derived:
-    """A signal that follows from others: ``unit`` and ``meaning`` are as its writer says."""
+    """A signal computed from others; ``unit`` and ``meaning`` are set by its author."""
 
     name: str
     unit: str
@@ -58,16 +57,16 @@ class Derived:
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
-        """The columns that it is made of."""
+        """Columns that it uses."""
         return tuple(dict.fromkeys(step.name for step in self.steps if step.op == "signal"))
 
     @cached_property
     def lengths(self) -> frozenset[str]:
-        """The lengths of the geometry that it is made of."""
+        """Lengths of the geometry that it uses."""
         return frozenset(step.name for step in self.steps if step.op == "length")
 
     def values(self, columns: Mapping[str, Column], lengths: Mapping[str, float], count: int) -> Column:
-        """Return its ``count`` values; a column that is not there is nan."""
+        """Return ``count`` values; a missing column is NaN."""
         nothing = np.full(count, np.nan)
         stack: list[Column] = []
         with np.errstate(all="ignore"):
@@ -152,15 +151,14 @@ _OPERATIONS: dict[str, Callable[[Sequence[Column]], Column]] = {
 
 # Following -----------------------------------------------------------------------------------------
 #
-# Signals that nobody stores, but that follow from the columns: combined ones, and those of the
-# station's formulas.
+# Signals that are not stored but computed from columns: combined signals, and formulas of the station.
 
 
 Following = CombinedSignal | Derived
 
 
 def select_derived(session: Session, names: Iterable[str]) -> dict[str, Following]:
-    """Return those of ``names`` that follow from others, by name."""
+    """Return the computed signals among ``names``, by name."""
     asked = list(dict.fromkeys(names))
     found: dict[str, Following] = {
         name: COMBINED_SIGNAL_BY_NAME[name] for name in asked if name in COMBINED_SIGNAL_BY_NAME
@@ -172,7 +170,7 @@ def select_derived(session: Session, names: Iterable[str]) -> dict[str, Followin
 
 
 def describe_signals(session: Session, names: Iterable[str]) -> dict[str, Field | Following]:
-    """Return unit and meaning of those of ``names`` that are known, by name."""
+    """Return the known signals among ``names`` with unit and meaning, by name."""
     asked = list(names)
     return {one.name: one for one in STORED if one.name in asked} | select_derived(session, asked)
 
@@ -184,7 +182,7 @@ def build_derived_signal(formula: Formula) -> Derived:
 
 
 def find_source_columns(wanted: Iterable[Following]) -> list[str]:
-    """Return the columns that these signals follow from, each once."""
+    """Return the columns that these signals use, without duplicates."""
     parts = (one.signals if isinstance(one, Derived) else [term.column for term in one.terms] for one in wanted)
     return list(dict.fromkeys(name for part in parts for name in part))
 
@@ -192,7 +190,7 @@ def find_source_columns(wanted: Iterable[Following]) -> list[str]:
 def compute_signal(
     one: Following, columns: Mapping[str, NDArray[np.float64]], lengths: Mapping[str, float], count: int
 ) -> NDArray[np.float64]:
-    """Return ``count`` values of a signal; nan where one of its columns is not there."""
+    """Return ``count`` values of a signal; NaN if one of its columns is missing."""
     if isinstance(one, Derived):
         return one.values(columns, lengths, count)
     nothing = np.full(count, np.nan)
@@ -200,7 +198,10 @@ def compute_signal(
 
 
 def compute_sum(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: Mapping[str, float]) -> NDArray[np.float64]:
-    """Return the sum of columns, each by its term; ``lengths`` are those of the geometry [m], by name."""
+    """Return the sum of columns, each weighted by its term.
+
+    ``lengths`` are those of the geometry [m], by name.
+    """
     total: NDArray[np.float64] = np.sum(
         [term.sign * (lengths[term.length] if term.length else 1.0) * column for column, term in parts], axis=0
     )
@@ -208,7 +209,10 @@ def compute_sum(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: Mapp
 
 
 def load_geometry_lengths(session: Session, run_id: int, wanted: Sequence[Following]) -> dict[str, float]:
-    """Return the lengths of the geometry [m] that these signals need, by name; nan where the run has none."""
+    """Return the lengths of the geometry [m] that these signals need, by name.
+
+    NaN if the run has none.
+    """
     names = {name for one in wanted for name in _lengths(one)}
     return {name: _length(session, run_id, name) for name in names}
 
@@ -220,5 +224,5 @@ def _lengths(one: Following) -> Iterable[str]:
 def _length(session: Session, run_id: int, name: str) -> float:
     try:
         return runs.get(session, run_id).number("geometry", name)
-    except UnreadableDocumentError:  # an imported run may have come without
+    except UnreadableDocumentError:  # imported runs may lack parameters
         return np.nan

@@ -1,7 +1,7 @@
-"""The flight record: what the ring holds of the seconds around each trip, whether or not a run was recorded.
+"""Flight records: samples of the seconds around each trip, from the ring buffer.
 
-Trips that follow each other within a record's seconds are one record, which names them. Records have a quota; the
-oldest give way to a new one, and an event says so.
+They are stored whether or not a run was recorded. Trips within the duration of a record share it, and it names them.
+Records have a quota; the oldest are deleted for a new one, and an event reports that.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ BEFORE_S = 10.0
 AFTER_S = 5.0
 POLL_S = 0.25
 DIED = "loop_died"
-"""What stands in place of the fault when the loop process died."""
+"""Name that replaces the fault if the loop process died."""
 
 FLIGHT_RECORDER_PART = Part(
     "The flight recorder", "The record of a trip may come late, or lack what the ring no longer holds."
@@ -37,12 +37,15 @@ _LOG = logging.getLogger(__name__)
 
 
 MAX_REPORTED_FOLLOWERS = 5
-"""So many of the trips that share a record are named in its text; the others are counted."""
+"""Number of trips sharing a record that its text names; the others are counted."""
 
 
 @dataclass(eq=False)
 class _Trip:
-    """One that waits for its record: an identity of its own, as the thread that stores it takes it from the list."""
+    """A trip that waits for its record.
+
+    Compared by identity, because the thread that stores it removes it from the list.
+    """
 
     ring: Ring
     fault: str
@@ -54,16 +57,16 @@ class _Trip:
 
     @property
     def is_due(self) -> bool:
-        """Whether all that belongs to it has happened."""
+        """Whether all samples of its record have been taken."""
         return self.is_last or self.ring.count >= self.tick + round(AFTER_S / T_s)
 
     def matches(self, ring: Ring, tick: int) -> bool:
-        """Whether a trip at ``tick`` is within this one's record."""
+        """Return whether a trip at ``tick`` belongs to this one's record."""
         return not self.is_last and ring is self.ring and 0 <= tick - self.tick < round(AFTER_S / T_s)
 
     @property
     def followed_by(self) -> str:
-        """The trips that share its record, the first few by name; empty where there are none."""
+        """Text naming the trips that share the record; empty without any."""
         named, others = self.followers[:MAX_REPORTED_FOLLOWERS], len(self.followers) - MAX_REPORTED_FOLLOWERS
         more = f" and {others} more" if others > 0 else ""
         return f"{', '.join(named)}{more}"
@@ -71,17 +74,17 @@ class _Trip:
 
 @dataclass(frozen=True)
 class Quota:
-    """How many flight records are kept, and how many bytes they may take together."""
+    """Limits of the number and the total size of flight records."""
 
     records: int
     size_bytes: int
 
 
 class FlightRecorder:
-    """Hears of trips and keeps their records. ``problem`` says why one cannot be stored at present.
+    """Stores flight records of trips. ``problem`` says why storing fails at present.
 
-    ``ring`` returns the ring of the loop process that runs at present, or ran last. Of a trip whose fault
-    ``is_expected`` there is no record.
+    ``ring`` returns the ring buffer of the current or last loop process. A trip whose fault ``is_expected`` gets no
+    record.
     """
 
     def __init__(
@@ -97,11 +100,11 @@ class FlightRecorder:
         self._ring = ring
         self._quota = quota
         self._waiting: list[_Trip] = []
-        # Trips are heard in the event loop and stored in a thread.
+        # Trips are reported in the event loop and stored in a thread.
         self._list_lock, self._drain_lock = threading.Lock(), threading.Lock()
 
     def on_event(self, event: Event | LoopExited) -> None:
-        """Take note of a trip; a listener for ``LoopClient.listen``."""
+        """Register a trip; a listener for ``LoopClient.listen``."""
         match event:
             case Stopped(fault=fault, arrived_tick=tick, detail=detail) if not self._is_expected(fault):
                 text = describe_fault(fault, detail)
@@ -133,19 +136,19 @@ class FlightRecorder:
             self._waiting.append(new)
 
     async def run(self) -> None:
-        """Store what is due until cancelled."""
+        """Store due records until cancelled."""
         while True:
             await asyncio.sleep(POLL_S)
             if self._due():
                 await asyncio.to_thread(self.drain)
 
     def close(self) -> None:
-        """Store what still waits, as it is."""
+        """Store all pending records as they are."""
         self._end_of_ring()
         self.drain()
 
     def drain(self) -> None:
-        """Store what is due. Never raises for the database's sake: see ``problem``."""
+        """Store due records. Database errors are not raised but set ``problem``."""
         with self._drain_lock:
             for trip in self._due():
                 try:
@@ -161,10 +164,10 @@ class FlightRecorder:
     def _due(self) -> list[_Trip]:
         ring = self._ring()
         with self._list_lock:
-            # A ring that was replaced, by a reset with a dead watchdog too, holds all that it ever will.
+            # A replaced ring buffer, also after a reset with a dead watchdog, gets no more samples.
             due = [trip for trip in self._waiting if trip.is_due or trip.ring is not ring]
             for trip in due:
-                trip.is_last = True  # what follows from here on has a record of its own
+                trip.is_last = True  # later trips get their own record
             return due
 
     def _end_of_ring(self) -> None:
@@ -178,7 +181,7 @@ class FlightRecorder:
         run_id = get_run_number(rows[: max(0, trip.tick - first_tick)])
         with self._database.session() as session:
             known = flights.known_run(session, run_id)
-            # the journal has kept the trip, with who pressed STOP, unless it could not write
+            # the event log has the trip, with the person who pressed STOP, unless it could not be written
             event = events.find_trip(session, trip.tick, trip.at)
             if event is None:
                 event = events.add(session, EventKind.TRIP, trip.text, tick=trip.tick, at=trip.at)
@@ -198,7 +201,10 @@ class FlightRecorder:
 
 
 def enforce_quota(session: Session, quota: Quota, of: str = "") -> None:
-    """Delete the oldest records beyond the quota and log it: those ``of`` triggers, else those of trips."""
+    """Delete the oldest records beyond the quota and log that.
+
+    ``of`` triggers: their captures; empty: records of trips.
+    """
     gone = flights.delete_oldest(session, quota.records, quota.size_bytes, of)
     if gone:
         named = "captures of triggers" if of else "flight records"
@@ -209,19 +215,19 @@ def enforce_quota(session: Session, quota: Quota, of: str = "") -> None:
 
 
 def get_run_number(rows: NDArray[np.float64]) -> int:
-    """Return the run that the last of rows of the ring belongs to, 0 for none."""
+    """Return the run of the last row of the ring buffer, 0 for none."""
     return int(rows[-1, INDEX["run"]]) if len(rows) else 0
 
 
 def compute_sample_time(ring: Ring, tick: int) -> datetime:
-    """Return when a tick that was heard of just now was taken: the ring may have gone on since."""
+    """Return the time of a recent tick; the ring buffer may have newer ones."""
     return datetime.now(UTC) - timedelta(seconds=max(0, ring.count - tick) * T_s)
 
 
 def read_flight_columns(database: Database, event_id: int) -> Columns:
-    """Return a flight record's samples by name, shape (N,), with ``t`` [s] counted from the trip or trigger.
+    """Return a flight record's samples by name, shape (N,).
 
-    Raises UnknownRecordError.
+    ``t`` [s] counts from the trip or trigger. Raises UnknownRecordError.
     """
     with database.reading() as session:
         flight = flights.get(session, event_id)

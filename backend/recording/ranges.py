@@ -15,16 +15,16 @@ from backend.storage import Database, Session, recordings
 
 # Spectrum ------------------------------------------------------------------------------------------
 #
-# Power spectral density of samples by Welch's method. Pure.
+# Power spectral density of samples by Welch's method.
 
 
 Array = NDArray[np.float64]
 
 LEAST_SAMPLES = 64
-"""Fewest consecutive samples of which a spectrum is computed."""
+"""Fewest consecutive samples for a spectrum."""
 
 USUAL_SEGMENT, LONGEST_SEGMENT = 8192, 32768
-"""Longest segments [samples]: usual, and of stretches so long that ``MANY`` of them lie end to end."""
+"""Largest segment lengths [samples]: normally, and for ranges of at least ``_MANY`` such segments."""
 
 _LEAST_SEGMENTS, _MANY = 2, 8
 _AT_ONCE = 32
@@ -33,10 +33,11 @@ _AT_ONCE = 32
 
 @dataclass(frozen=True)
 class Spectrum:
-    """One-sided ``density`` [unit²/Hz] at 1, 2, ... times ``step_Hz``, without half the sampling rate.
+    """One-sided ``density`` [unit²/Hz] at 1, 2, ... times ``step_Hz``.
 
-    ``segment`` is the length of a segment [samples], ``segments`` their number, ``used`` the samples that lie in at
-    least one. The amplitude of a sine is sqrt(2 density ``noise_bandwidth_Hz``).
+    Without half the sampling rate. ``segment`` is the length of a segment [samples], ``segments`` their number,
+    ``used`` the number of samples in at least one segment. The amplitude of a sine is sqrt(2 density
+    ``noise_bandwidth_Hz``).
     """
 
     step_Hz: float
@@ -48,9 +49,10 @@ class Spectrum:
 
 
 def welch_spectrum(values: Array, period_s: float) -> Spectrum | None:
-    """Return the spectrum of samples of which some may be missing (nan), None without LEAST_SAMPLES consecutive ones.
+    """Return the spectrum of samples, of which some may be missing (NaN).
 
-    Hann windows that overlap by half; the mean of each segment is removed. No segment contains a missing sample.
+    None without LEAST_SAMPLES consecutive ones. Hann windows overlap by half; the mean of each segment is removed. No
+    segment contains a missing sample.
     """
     stretches = list(_unbroken(values))
     longest = max((end - begin for begin, end in stretches), default=0)
@@ -82,7 +84,7 @@ def welch_spectrum(values: Array, period_s: float) -> Spectrum | None:
 
 
 def compute_segment_length(samples: int) -> int:
-    """Return the length of the segments that so many consecutive samples are cut into."""
+    """Return the segment length for a number of consecutive samples."""
 
     def largest(most: int, least: int) -> int:
         return min(most, 1 << (samples // least).bit_length() - 1)
@@ -97,20 +99,19 @@ def _unbroken(values: Array) -> Iterator[tuple[int, int]]:
 
 # Stretch -------------------------------------------------------------------------------------------
 #
-# Reads every sample of a range of a recording in parts, including signals that are computed from
-# columns.
+# Reading of every sample of a range of a recording in parts, including computed signals.
 
 
 SLAB_TICKS = 50_000
-"""Ticks that are read at once: all columns of them take 6 MB."""
+"""Ticks read together: all their columns take 6 MB."""
 
 _EXACT = 1e-6
-"""Share of a period by which a time may miss its tick: 0.3 / 0.001 is a little less than 300."""
+"""Fraction of a period by which a time may miss its tick: 0.3 / 0.001 is slightly less than 300."""
 
 
 @dataclass(frozen=True)
 class TickInterval:
-    """Ticks ``begin`` to ``end`` (exclusive) of a run, counted from its first sample."""
+    """Ticks ``begin`` to ``end`` (exclusive) of a run, relative to its first sample."""
 
     run_id: int
     begin: int
@@ -133,23 +134,26 @@ class TickInterval:
         return (self.end - 1) * self.period_s
 
     def tick_at(self, time_s: float) -> int:
-        """Return the tick at or before a time, counted from the first sample of the run."""
+        """Return the tick at or before a time, relative to the run's first sample."""
         return int(np.floor(time_s / self.period_s + _EXACT))
 
 
 @dataclass(frozen=True)
 class Slab:
-    """Consecutive samples: their ``ticks`` [n] since the first sample of the run, and a column [n] per signal (SI)."""
+    """Consecutive samples: their ``ticks`` [n] and a column [n] per signal (SI).
+
+    Ticks are relative to the first sample of the run.
+    """
 
     ticks: NDArray[np.int64]
     columns: dict[str, NDArray[np.float64]]
 
 
 def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: float | None = None) -> TickInterval:
-    """Return the ticks with from_s <= t <= to_s; without ``to_s`` up to the last sample.
+    """Return the ticks with from_s <= t <= to_s.
 
-    Raises UnknownRecordError when nothing of the run was recorded, and OutOfRangeError for a range that is not within
-    the recording or holds no tick.
+    Without ``to_s`` up to the last sample. Raises UnknownRecordError if the run has no recording, and OutOfRangeError
+    for a range that exceeds the recording or has no tick.
     """
     recording, span = recordings.get(session, run_id), recordings.span(session, run_id)
     period_s = recording.period_s
@@ -180,9 +184,10 @@ def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: fl
 
 
 def read_slabs(database: Database, stretch: TickInterval, names: Sequence[str]) -> Iterator[Slab]:
-    """Yield the samples of a range, ``SLAB_TICKS`` at most at a time; a part without any sample is left out.
+    """Yield the samples of a range in parts of at most ``SLAB_TICKS``.
 
-    Each slab is read in a transaction of its own. Raises UnknownRecordError, UnknownSignalError, CodecError.
+    Parts without samples are omitted. Each slab is read in its own transaction. Raises UnknownRecordError,
+    UnknownSignalError, CodecError.
     """
     for begin in range(stretch.begin, stretch.end, SLAB_TICKS):
         end = min(begin + SLAB_TICKS, stretch.end)
@@ -213,7 +218,7 @@ def _read_columns(session: Session, stretch: TickInterval, names: Sequence[str],
 
 @dataclass(frozen=True)
 class Extreme:
-    """A value and the first tick that has it, counted from the first sample of the run."""
+    """A value and the first tick with it, relative to the run's first sample."""
 
     value: float
     tick: int
@@ -221,10 +226,10 @@ class Extreme:
 
 @dataclass
 class Statistics:
-    """Statistics of one signal, of as many samples as were added.
+    """Statistics of all added samples of one signal.
 
-    ``values`` counts the samples that have a value, ``without_value`` those that have none (nan). ``squares`` is the
-    sum of the squared deviations from ``mean``.
+    ``values`` counts the samples with a value, ``without_value`` those without (NaN). ``squares`` is the sum of the
+    squared deviations from ``mean``.
     """
 
     values: int = 0
@@ -236,7 +241,7 @@ class Statistics:
 
     @property
     def deviation(self) -> float:
-        """Standard deviation about the mean, of the samples themselves: divided by their number."""
+        """Standard deviation of the samples themselves: divided by their number."""
         return float(np.sqrt(self.squares / self.values)) if self.values else float("nan")
 
     def add(self, ticks: NDArray[np.int64], column: NDArray[np.float64]) -> None:
@@ -254,7 +259,10 @@ class Statistics:
         self._merge(added.size, float(added.mean()), float(np.sum((added - added.mean()) ** 2)))
 
     def _merge(self, count: int, mean: float, squares: float) -> None:
-        """Merge mean and squares of a second set (Chan, Golub and LeVeque 1979): without loss for large offsets."""
+        """Merge mean and squares of a second set (Chan, Golub and LeVeque 1979).
+
+        Accurate for large offsets too.
+        """
         total, apart = self.values + count, mean - self.mean
         self.squares += squares + apart * apart * self.values * count / total
         self.mean += apart * count / total

@@ -1,4 +1,4 @@
-"""Reads recordings: samples, envelopes for drawing, combined signals, jumps."""
+"""Reading of recordings: samples, envelopes for drawing, computed signals, jumps."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,15 +23,15 @@ from plant import ErrorCode, SinewError, T_s
 
 # Combined ------------------------------------------------------------------------------------------
 #
-# Envelopes of signals that are not stored: they follow from the columns, sample by sample.
+# Envelopes of signals that are not stored but computed from the columns, sample by sample.
 
 
 AT_HAND_SAMPLES = 1_000_000
-"""So many samples at most are read one by one beside the live stream without making it stutter; more are read in a
-process of its own, which takes longer to begin."""
+"""Largest number of samples that are read one by one in the service without interrupting the live stream; more are read
+in a worker process, which takes longer to start."""
 
 _AT_ONCE = 64
-"""Chunks that are unpacked together: fewer take longer, more take more memory."""
+"""Chunks unpacked together: fewer take longer, more take more memory."""
 
 
 def combined_envelope(
@@ -41,11 +41,11 @@ def combined_envelope(
     ticks: tuple[int, int],
     buckets: NDArray[np.int64],
 ) -> tuple[Table, Table]:
-    """Return smallest and largest value per bucket, [buckets, wanted] each, over the ticks from .. up to ..
+    """Return the smallest and largest value per bucket, [buckets, wanted] each.
 
-    ``buckets`` holds the first tick of each, and where the last one ends. nan where the recording lacks a column or
-    the run's parameters a length. The extremes of a sum are not those of its terms: every sample is read, of an hour in
-    about a second.
+    ``ticks`` is the range (end exclusive); ``buckets`` holds the first tick of each bucket, and the end of the last.
+    NaN if the recording lacks a column or the run's parameters a length. The extremes of a sum are not those of its
+    terms, so every sample is read, of an hour in about a second.
     """
     count = len(buckets) - 1
     low, high = (np.full((count, len(wanted)), np.nan, np.float32) for _ in range(2))
@@ -66,14 +66,17 @@ def combined_envelope(
 
 
 def _alike(chunks: Iterable[Chunk]) -> Iterator[list[Chunk]]:
-    """Yield chunks that follow each other and are of one length together, some at once."""
+    """Yield groups of consecutive chunks with equal lengths."""
     for _, alike in groupby(chunks, key=lambda chunk: chunk.count):
         while some := list(islice(alike, _AT_ONCE)):
             yield some
 
 
 def in_precision(values: NDArray[np.float64]) -> Table:
-    """Return computed values as columns are stored; nan for what is beyond that."""
+    """Return computed values in the precision of stored columns.
+
+    NaN for values that overflow.
+    """
     with np.errstate(over="ignore"):
         single = values.astype(np.float32)
     single[np.isinf(single)] = np.nan
@@ -82,23 +85,24 @@ def in_precision(values: NDArray[np.float64]) -> Table:
 
 # Reader --------------------------------------------------------------------------------------------
 #
-# Read recordings back: raw samples, or the envelope of smallest and largest values for drawing.
+# Recordings as raw samples, or as an envelope of smallest and largest values for drawing.
 
 
 Column = NDArray[np.float32]
 
 
 class UnknownSignalError(SinewError, ValueError):
-    """The recording has no such signal; the message lists those it has."""
+    """The recording has no such signal; the message lists the existing ones."""
 
     category = ErrorCode.BAD_VALUE
 
 
 @dataclass(frozen=True)
 class RawSamples:
-    """Raw samples: ``t`` [n] in seconds since the first sample of the run, and a column [n] per signal (SI).
+    """Raw samples: time ``t`` [n] [s] and a column [n] per signal (SI).
 
-    Where samples are missing ``t`` jumps. ``first_tick`` is the tick of t = 0 on the time axis of the loop.
+    ``t`` counts from the first sample of the run and jumps at missing samples. ``first_tick`` is the tick of t = 0 on
+    the time axis of the loop.
     """
 
     first_tick: int
@@ -108,10 +112,10 @@ class RawSamples:
 
 @dataclass(frozen=True)
 class SampleEnvelope:
-    """Smallest and largest value per bucket of ``width_s``, which begin at ``t`` [n] since the run's first sample.
+    """Smallest and largest value per bucket of ``width_s``.
 
-    Buckets stand at fixed places whatever the slice, so that a moving window does not wiggle; one without any number
-    (samples missing, or nan) is nan.
+    Buckets begin at ``t`` [n] since the run's first sample, at fixed positions independent of the range, so a moving
+    window does not flicker; a bucket without any number (samples missing, or NaN) is NaN.
     """
 
     first_tick: int
@@ -125,10 +129,10 @@ class SampleEnvelope:
 def read_samples(
     session: Session, run_id: int, names: Sequence[str] = (), from_s: float = 0.0, to_s: float = np.inf
 ) -> RawSamples:
-    """Return the samples with from_s <= t < to_s; no names means all signals that were recorded.
+    """Return the samples with from_s <= t < to_s.
 
-    Those of formulas are computed; one that only later versions record is nan. Raises UnknownRecordError when
-    nothing of the run was recorded, and UnknownSignalError.
+    No names mean all recorded signals. Formulas are computed; a signal that only later versions record is NaN. Raises
+    UnknownRecordError if the run has no recording, and UnknownSignalError.
     """
     return next(read_stretches(session, run_id, names, [(from_s, to_s)]))
 
@@ -136,7 +140,7 @@ def read_samples(
 def read_stretches(
     session: Session, run_id: int, names: Sequence[str], stretches: Iterable[tuple[float, float]]
 ) -> Iterator[RawSamples]:
-    """Yield the samples of one stretch [from_s, to_s) after the other; what they share is asked for once.
+    """Yield the samples of several ranges [from_s, to_s) with shared queries.
 
     Raises like ``read_samples``.
     """
@@ -146,7 +150,7 @@ def read_stretches(
     parts = [name for name in find_source_columns(made.values()) if name in recording.fields]
     stored = [name for name in names if name not in made]
     read = [*dict.fromkeys([*stored, *parts])]
-    # no names mean all columns, and those of signals that follow from none of them mean none
+    # no names mean all columns, but computed signals without columns need none
     chosen = [] if made and not read else _columns(recording, read)
     for from_s, to_s in stretches:
         from_tick, to_tick = _ticks(recording, span, from_s, to_s)
@@ -168,11 +172,11 @@ def read_envelope(
     from_s: float = 0.0,
     to_s: float = np.inf,
 ) -> SampleEnvelope:
-    """Return at most about ``points`` buckets over from_s <= t < to_s; short slices have one bucket per sample.
+    """Return about ``points`` buckets over from_s <= t < to_s.
 
-    Buckets longer than the stored summaries' are made of these, without reading the samples. Signals that follow from
-    the columns (``select_derived``) are taken too. Raises like ``read_samples``, and ValueError for fewer than one
-    point.
+    Short ranges have one bucket per sample. Buckets longer than those of the stored summaries are computed from these,
+    without reading the samples. Computed signals (``select_derived``) are supported too. Raises like ``read_samples``,
+    and ValueError for fewer than one point.
     """
     if points < 1:
         raise ValueError(f"points = {points} is out of range: it must be at least 1")
@@ -180,7 +184,7 @@ def read_envelope(
     made = select_derived(session, names)
     combined = list(made.values())
     stored = [name for name in names if name not in made]
-    # no names mean all columns, and those of combined signals alone mean none
+    # no names mean all columns, but computed signals alone need none
     chosen = [] if combined and not stored else _columns(recording, stored)
     indices = [index for _, index in chosen]
     from_tick, to_tick = _ticks(recording, span, from_s, to_s)
@@ -224,15 +228,18 @@ def _columns(recording: Recording, names: Sequence[str]) -> list[tuple[str, int]
 
 
 def _select_columns(chosen: list[tuple[str, int]], names: Sequence[str], table: Table) -> dict[str, Column]:
-    """Columns by name in the order asked for; nan for what the recording, of an earlier version, lacks."""
+    """Return columns by name in the requested order; NaN for missing columns.
+
+    A recording of an earlier version lacks some.
+    """
     recorded = {name: table[:, i] for i, (name, _) in enumerate(chosen)}
     return {name: recorded.get(name, np.full(len(table), np.nan, np.float32)) for name in names or recorded}
 
 
 def _ticks(recording: Recording, span: Span, from_s: float, to_s: float) -> tuple[int, int]:
-    """Ticks [from, to) of the slice, within the recording."""
+    """Return the ticks [from, to) of the range, within the recording."""
     last_s = (span.end_tick - span.first_tick) * recording.period_s
-    # Half a period of tolerance: 0.3 s is tick 300, although 0.3 / 0.001 falls just below.
+    # Half a period of tolerance: 0.3 s is tick 300, although 0.3 / 0.001 is slightly less.
     ticks = [int(np.ceil(np.clip(s, 0.0, last_s) / recording.period_s - 0.5)) for s in (from_s, to_s)]
     return span.first_tick + ticks[0], span.first_tick + max(ticks)
 
@@ -260,7 +267,7 @@ def _read_summaries(
         low, high = np.split(unpack_alike(packed, len(recording.fields), indices), 2, axis=1)
         begins = (np.array(first_ticks)[:, None] + np.arange(low.shape[1]) * BUCKET_TICKS).ravel()
         inside = (begins < to_tick) & (begins + BUCKET_TICKS > from_tick)
-        # A stored bucket that the slice cuts counts where the slice begins.
+        # A stored bucket that the range cuts counts at the start of the range.
         ticks.append(np.maximum(begins, from_tick)[inside])
         lows.append(low.reshape(begins.size, -1)[inside])
         highs.append(high.reshape(begins.size, -1)[inside])
@@ -277,7 +284,7 @@ def _reduce_buckets(extreme: np.ufunc, table: Table, buckets: NDArray[np.int64],
 
 # Columns -------------------------------------------------------------------------------------------
 #
-# All signals of a run as arrays to compute with.
+# All signals of a run as arrays for computation.
 
 
 Columns = dict[str, NDArray[np.float64]]
@@ -285,7 +292,10 @@ Columns = dict[str, NDArray[np.float64]]
 
 
 def read_recorded_columns(database: Database, run_id: int) -> tuple[Columns, int]:
-    """Return the samples of a run and how many are missing; empty columns for a run of which nothing was recorded."""
+    """Return the samples of a run and the number of missing ones.
+
+    Empty columns for a run without recording.
+    """
     try:
         with database.reading() as session:
             samples = read_samples(session, run_id)
@@ -296,9 +306,9 @@ def read_recorded_columns(database: Database, run_id: int) -> tuple[Columns, int
 
 
 def read_drawn_columns(database: Database, run_id: int, points: int = 2000) -> Columns:
-    """Return what a drawing of a whole run needs, however long: each bucket's smallest and largest value in turn.
+    """Return each bucket's smallest and largest value in turn, to draw a whole run.
 
-    Shape (M,) with M at most about 2 ``points``; empty columns for a run of which nothing was recorded.
+    Shape (M,) with M at most about 2 ``points``; empty columns for a run without recording.
     """
     try:
         with database.reading() as session:
@@ -312,7 +322,7 @@ def read_drawn_columns(database: Database, run_id: int, points: int = 2000) -> C
 
 
 def count_missing_ticks(columns: Columns) -> int:
-    """Return how many ticks are lacking between the first sample and the last."""
+    """Return the number of ticks missing between the first and the last sample."""
     t = columns["t"]
     return round((t[-1] - t[0]) / T_s) + 1 - t.size if t.size else 0
 
@@ -323,31 +333,29 @@ def _empty() -> Columns:
 
 # Jumps ---------------------------------------------------------------------------------------------
 #
-# Where a recorded signal jumps: a change from one sample to the next before and after which it
-# stands still.
+# Jumps of a recorded signal: changes between two samples with a constant signal before and after.
 #
-# So the begin of a ramp is none, and nor is any part of a sine. Only stretches whose summaries move
-# are read.
+# The start of a ramp is no jump, nor is any part of a sine. Only ranges whose summaries change are read.
 
 
 _MOST_BUCKETS = 1200
-"""Of which all samples are read at once: a minute."""
+"""Buckets of which all samples are read together: a minute."""
 
 _MOST_SUMMARIES = 12_000
-"""Read at once: ten minutes. Whoever asks for the first jumps does not wait for those of the eighth hour."""
+"""Summaries read together: ten minutes, so that the first jumps do not wait for those of the eighth hour."""
 
 
 def jumps(session: Session, run_id: int, name: str) -> Iterator[float]:
-    """Yield the times [s] of the first samples after each jump, from the run's first sample.
+    """Yield the times [s] of the first samples after each jump.
 
-    Raises UnknownRecordError, UnknownSignalError.
+    From the run's first sample. Raises UnknownRecordError, UnknownSignalError.
     """
     period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
     whole_s = (span.end_tick - span.first_tick) * period_s
     piece_s, bucket_s = _MOST_SUMMARIES * BUCKET_TICKS * period_s, BUCKET_TICKS * period_s
     for begin_s in np.arange(0.0, whole_s, piece_s):
         end_s = begin_s + piece_s
-        # what is stored of a bucket may reach into the next one, and is compared with the one before
+        # a stored bucket may reach into the next range, and is compared with the previous one
         around = max(0.0, begin_s - 2.0 * bucket_s), end_s + bucket_s
         stretches = _find_changes(session, run_id, name, around, period_s)
         earlier = begin_s - 0.5 * period_s
@@ -361,7 +369,7 @@ def jumps(session: Session, run_id: int, name: str) -> Iterator[float]:
 def _find_changes(
     session: Session, run_id: int, name: str, around: tuple[float, float], period_s: float
 ) -> list[tuple[float, float]]:
-    """Return the stretches [from_s, to_s) of which the summaries say that the signal may change."""
+    """Return the ranges [from_s, to_s) in which the summaries show a change."""
     points = max(1, math.ceil((around[1] - around[0]) / (BUCKET_TICKS * period_s)))
     envelope = read_envelope(session, run_id, points, [name], *around)
     low, high = envelope.minimum[name], envelope.maximum[name]
@@ -373,13 +381,19 @@ def _find_changes(
 
 
 def find_jump(session: Session, run_id: int, name: str, number: int) -> tuple[float | None, int]:
-    """Return when a signal jumps for the ``number``-th time [s], None where it does not; and how many were found."""
+    """Return the time [s] of the ``number``-th jump, or None, and the jumps found.
+
+    The second value is their number.
+    """
     found = list(islice(jumps(session, run_id, name), number))
     return (found[-1] if len(found) == number else None), len(found)
 
 
 def _stretches(buckets: NDArray[np.int64], reach: int) -> Iterator[tuple[int, int]]:
-    """Join buckets that follow each other, and ``reach`` behind them, to stretches [begin, end) of bounded length."""
+    """Join adjacent buckets, and ``reach`` after them, to ranges [begin, end).
+
+    The length of a range is bounded.
+    """
     begin = end = -1
     for bucket in buckets.tolist():
         if bucket > end or bucket - begin >= _MOST_BUCKETS:

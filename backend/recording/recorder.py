@@ -1,4 +1,7 @@
-"""Records every sample of a run from the ring to the database, with the walls that were present."""
+"""Recording of every sample of a run from the ring buffer to the database.
+
+Obstacles that were present are stored with the run.
+"""
 
 import logging
 import threading
@@ -33,17 +36,17 @@ from plant import ErrorCode, InvariantError, Obstacle, SinewError, T_s
 
 # Walls ---------------------------------------------------------------------------------------------
 #
-# Which walls stood in the joint's way in the samples that are stored, from what the loop tells of
-# them.
+# Obstacles present in the stored samples, from events of the loop.
 
 
 _MOST_WAITING = 10_000
 
 
 class Walls:
-    """Changes that were told, until the samples in which they happened are stored. Belongs to the recorder.
+    """Pending changes of the obstacle, until their samples are stored.
 
-    Both come by roads of their own: a change may be told before its sample is read, or a little after.
+    Belongs to the recorder. Events and samples arrive separately: an event may arrive before its sample is read, or
+    slightly later.
     """
 
     def __init__(self) -> None:
@@ -53,21 +56,21 @@ class Walls:
         self._begins = False
 
     def add(self, change: WallChanged) -> None:
-        """Take note of a change."""
+        """Add a change."""
         self._waiting.append(change)
-        if len(self._waiting) > _MOST_WAITING:  # of those before a run only the last counts
+        if len(self._waiting) > _MOST_WAITING:  # before a run only the last change counts
             self._current = self._waiting.pop(0).wall
 
     def forget(self) -> None:
-        """Begin anew with a loop in whose plant's way nothing stands."""
+        """Reset for a new loop, whose plant has no obstacle."""
         self._waiting, self._current = [], None
 
     def begin(self, tick: int) -> None:
-        """Take note that the samples from ``tick`` on belong to another run."""
+        """Start a run with the sample at ``tick``."""
         self._first_tick, self._begins = tick, True
 
     def until(self, tick: int) -> list[KeptWall]:
-        """Return what is to be kept of the run, whose samples up to ``tick`` are being stored."""
+        """Return the obstacles of the run for its samples up to ``tick``."""
         due = [change for change in self._waiting if change.tick <= tick]
         walls = []
         if self._begins:
@@ -78,7 +81,7 @@ class Walls:
         return walls + [wall_record(max(change.tick - self._first_tick, 0) * T_s, change.wall) for change in due]
 
     def discard_until(self, tick: int) -> None:
-        """Take note that all up to ``tick`` is stored."""
+        """Discard changes up to ``tick``, whose samples are stored."""
         due = [change for change in self._waiting if change.tick <= tick]
         self._current = due[-1].wall if due else self._current
         self._waiting = self._waiting[len(due) :]
@@ -87,23 +90,21 @@ class Walls:
 
 # Recorder ------------------------------------------------------------------------------------------
 #
-# Move every sample of a run from the ring to the database; nothing is kept here that a crash could
-# lose.
+# Recording of every sample of a run from the ring buffer to the database, without state that a crash could lose.
 #
-# A position in the ring advances only after its samples were committed. When the database cannot
-# take them, the loop goes on, the ring keeps the last minute, and what is overwritten meanwhile is
-# counted as missed.
+# The position in the ring buffer advances only after its samples were committed. If the database fails, the loop
+# continues, the ring buffer holds the last minute, and samples overwritten meanwhile are counted as missed.
 #
-# Samples that cannot be of one run end its recording, with an entry in the log and a gap: what is stored of
-# it so far is sure, and the next run is recorded.
+# Inconsistent samples end the recording of a run, with an entry in the event log and a gap: its stored part is safe,
+# and the next run is recorded.
 #
-# How a run ended is what the loop says of it, or that the loop is gone; its samples only tell
-# where. It is written here and nowhere else, once the last of them is stored.
+# The end of a run follows from an event of the loop, or from the loop's exit; samples only show where. It is written
+# only here, once the last sample is stored.
 
 
 CHUNK_TICKS = 1000
 CHUNKS_AT_ONCE = 20
-"""So many at most are stored together, where that many wait: a transaction costs more than a chunk."""
+"""Largest number of chunks stored together: a transaction costs more than a chunk."""
 DRAIN_PERIOD_S = 0.25
 
 RECORDER_PART = Part(
@@ -124,9 +125,10 @@ class RecordingError(SinewError):
 
 
 class Recorder:
-    """Records the runs that a ring's samples name, either in a thread of its own or whenever ``drain`` is called.
+    """Records the runs of a ring buffer's samples.
 
-    ``problem`` says why nothing can be stored at present; it is empty while all is well.
+    Runs in its own thread, or whenever ``drain`` is called. ``problem`` says why storing fails at present; empty if it
+    does not.
     """
 
     def __init__(self, database: Database, ring: Ring) -> None:
@@ -136,13 +138,12 @@ class Recorder:
         self._position = ring.count
         self._run = 0
         self._next_tick = 0
-        # What is being written. It may be written already when it is found here again: of a thread that died between
-        # the commit and the step after it.
+        # Data being written. After the death of a thread between commit and the next step it may be written already.
         self._beginning = self._storing = -1
         self._refused_run = 0
-        # Runs whose recording has ended before them, and how many of their samples came after that.
+        # Runs whose recording ended early, and how many of their samples followed.
         self._skipped: dict[int, int] = {}
-        # Runs whose samples are all stored and whose end has not been told; ends that were told and are not written.
+        # Runs with all samples stored but without an end event; end events that are not written yet.
         self._open: set[int] = set()
         self._run_ends: dict[int, RunEnded] = {}
         self._notes: deque[_Note] = deque()
@@ -156,12 +157,15 @@ class Recorder:
         return self._run
 
     def on_event(self, event: Event | LoopExited) -> None:
-        """Note events that samples do not contain; a listener for ``LoopClient.listen``."""
+        """Queue events that samples do not contain; a listener for ``LoopClient.listen``."""
         if isinstance(event, LoopExited | WallChanged) or (isinstance(event, RunEnded) and event.run):
             self._notes.append(event)
 
     def follow(self, ring: Ring) -> None:
-        """Record from another ring, that of a new loop process, once the present one has been emptied."""
+        """Record from the ring buffer of a new loop process after the current one.
+
+        The current one is drained first.
+        """
         self._notes.append(ring)
 
     def run_recording(self) -> None:
@@ -170,11 +174,14 @@ class Recorder:
             self.drain()
 
     def end(self) -> None:
-        """Let ``run_recording`` return."""
+        """End ``run_recording``."""
         self._closing.set()
 
     def close(self) -> None:
-        """Store what is left; a run that is still open ends as stopped. Raises RecordingError when that fails."""
+        """Store all remaining samples; a run that is still open ends as stopped.
+
+        Raises RecordingError if that fails.
+        """
         self._closing.set()
         self.drain()
         self._attempt(lambda: self._finish(EndState.STOPPED, "the recorder was closed while the run went on"))
@@ -182,11 +189,17 @@ class Recorder:
             raise RecordingError(self.problem)
 
     def drain(self) -> None:
-        """Store all whole seconds and all ended runs. Never raises for the database's sake: see ``problem``."""
+        """Store all whole seconds and all ended runs.
+
+        Database errors are not raised but set ``problem``.
+        """
         self._attempt(self._drain)
 
     def drain_what_is_worth_it(self) -> None:
-        """Drain where enough waits for one transaction, or an end was told; for who steps as fast as it goes."""
+        """Drain if enough samples for one transaction or an end event are pending.
+
+        For loops without real time.
+        """
         waiting = self._ring.count - self._position
         if self._notes or self._run_ends or waiting >= CHUNKS_AT_ONCE * CHUNK_TICKS:
             self.drain()
@@ -214,7 +227,8 @@ class Recorder:
         while self._notes:
             self._handle_note(self._notes[0])
             self._notes.popleft()
-        while self._store_next(partial=self._run in self._run_ends):  # a run is in the ring whole when its end is told
+        # a run is completely in the ring buffer when its end is reported
+        while self._store_next(partial=self._run in self._run_ends):
             pass
         self._write_ends()
 
@@ -239,13 +253,14 @@ class Recorder:
             self._end(run, end_state, detail)
 
     def _write_ends(self) -> None:
-        """Write the ends that were told: of these runs all samples there are have been stored."""
+        """Write the reported ends of runs whose samples are all stored."""
         for run, end in list(self._run_ends.items()):
             self._end(run, *describe_end(end))
             del self._run_ends[run]
 
     def _end(self, run: int, end_state: EndState, detail: str) -> None:
-        with suppress(UnknownRecordError), self._database.session() as session:  # samples of such a run were refused
+        # samples of an unknown run were rejected
+        with suppress(UnknownRecordError), self._database.session() as session:
             if skipped := self._skipped.get(run):
                 recordings.add_gap(session, run, skipped, f"{skipped} samples are left out")
             runs.end(session, run, end_state, detail)
@@ -255,10 +270,13 @@ class Recorder:
         self._skipped.pop(run, None)
 
     def _store_next(self, *, partial: bool) -> bool:
-        """Store the next chunks, a short one only where a run or the ring (``partial``) ends; False: there are none."""
+        """Store the next chunks; return False if there are none.
+
+        ``partial``: also a short chunk; otherwise only at the end of a run or of the ring buffer.
+        """
         try:
             self._position, rows, missed = self._ring.read(self._position, CHUNKS_AT_ONCE * CHUNK_TICKS)
-        except InvariantError as error:  # what it has not read meanwhile is a gap in the ticks
+        except InvariantError as error:  # the skipped samples become a gap in the ticks
             _LOG.critical("The recorder goes on at the newest sample: %s", error)
             self._position = self._ring.count
             return False
@@ -289,7 +307,10 @@ class Recorder:
         return True
 
     def _end_recording(self, reason: str, samples: int) -> None:
-        """End the recording of the run for a reason, with so many samples left out; its further samples are counted."""
+        """End the recording of the run for a reason; its further samples are counted.
+
+        ``samples`` are omitted so far.
+        """
         _LOG.critical("The samples are not consistent: %s", reason)
         if not self._run:
             return
@@ -330,7 +351,7 @@ class Recorder:
         self._walls.discard_until(self._next_tick - 1)
 
     def _leave_run(self, tick: int) -> None:
-        """Go on from a run of which there are no more samples, the next tick being another's."""
+        """Finish a run without further samples; ``tick`` is the next one."""
         if tick != self._next_tick:
             with self._database.session() as session:
                 self._note_gap(session, tick)
@@ -345,7 +366,7 @@ class Recorder:
 
 
 def _split_chunks(tick: int, table: Table) -> list[Chunk]:
-    """Pack a table that begins at ``tick``; all chunks but the last are full."""
+    """Pack a table that begins at ``tick``; all chunks except the last are full."""
     parts = [table[at : at + CHUNK_TICKS] for at in range(0, len(table), CHUNK_TICKS)]
     return [
         Chunk(tick + CHUNK_TICKS * index, len(part), pack_table(summarise_buckets(part)), pack_table(part))
@@ -354,24 +375,27 @@ def _split_chunks(tick: int, table: Table) -> list[Chunk]:
 
 
 def describe_end(end: RunEnded) -> tuple[EndState, str]:
-    """Return how a run that the loop has ended is kept, and in which words."""
+    """Return the end state of a run and its description."""
     if end.completed:
         return EndState.COMPLETED, ""
     if not isinstance(end.why, Fault):
         return EndState.STOPPED, "the program was ended before its end"
-    if end.why is Fault.SERVICE_ENDED:  # its name is for the screen; who ended it stands in the detail
+    if end.why is Fault.SERVICE_ENDED:  # the detail says who ended it
         return runs.derive_end_state(end.why), end.detail or "service ended"
     return runs.derive_end_state(end.why), f"{end.why}: {end.detail}" if end.detail else end.why.value
 
 
 def _stretch(rows: Rows) -> int:
-    """Count the leading rows of one run without a gap."""
+    """Return the number of leading rows of one run without a gap."""
     breaks = np.flatnonzero((np.diff(rows[:, _RUN]) != 0) | (np.diff(rows[:, _TICK]) != 1))
     return int(breaks[0]) + 1 if len(breaks) else len(rows)
 
 
 def _count_strange(rows: Rows) -> int:
-    """Count the leading rows whose run or tick is no whole number from 0 on."""
+    """Return the number of leading rows with an invalid run or tick.
+
+    Valid are integers from 0 on.
+    """
     named = rows[:, [_RUN, _TICK]]
     sound = np.flatnonzero(((named >= 0.0) & (np.floor(named) == named) & np.isfinite(named)).all(axis=1))
     return int(sound[0]) if len(sound) else len(rows)

@@ -1,6 +1,7 @@
-"""Old recordings: what may go when they take more than they should, and deleting it once a person has said so.
+"""Retention of recordings: which may be deleted, and their deletion on request.
 
-Nothing is ever deleted by itself. Only samples go; the run stays, with its settings and its note, and says so.
+Nothing is deleted automatically. Only samples are deleted; the run keeps its settings and its note, and shows the
+deletion.
 """
 
 from collections.abc import Sequence
@@ -12,18 +13,21 @@ from backend.units import format_count
 from plant import ErrorCode, SinewError
 
 _CHUNKS_AT_ONCE = 200
-"""Deleted in one transaction, so that the recorder never waits long for the database."""
+"""Chunks deleted in one transaction, so that the recorder never waits long for the database."""
 
 
 class NotRemovableError(SinewError, ValueError):
-    """A run was named whose samples may not go; nothing was deleted."""
+    """Request to delete samples that may not be deleted; nothing was deleted."""
 
     category = ErrorCode.NOT_NOW
 
 
 @dataclass(frozen=True)
 class RetentionRule:
-    """Recordings may take ``max_bytes``; beyond that, those older than ``keep_days`` may go."""
+    """Limit ``max_bytes`` of recordings.
+
+    Beyond it, those older than ``keep_days`` may go.
+    """
 
     max_bytes: int
     keep_days: int
@@ -31,7 +35,7 @@ class RetentionRule:
 
 @dataclass(frozen=True)
 class Overview:
-    """What recordings take, of that what runs in use take, and the runs whose samples may go, oldest first."""
+    """Sizes of recordings and of those in use, and the deletable runs, oldest first."""
 
     rule: RetentionRule
     total_bytes: int
@@ -40,7 +44,7 @@ class Overview:
 
     @property
     def describe(self) -> str:
-        """One sentence where the limit is passed, else nothing."""
+        """One sentence if the limit is exceeded, else an empty string."""
         if self.total_bytes <= self.rule.max_bytes:
             return ""
         takes = f"recordings take {_gigabytes(self.total_bytes)}, limit {_gigabytes(self.rule.max_bytes)}"
@@ -59,7 +63,10 @@ class Overview:
 
 
 def summarise_retention(database: Database, rule: RetentionRule) -> Overview:
-    """Return what recordings take, and which may go: the oldest that nothing came from, until the rest fits."""
+    """Return the sizes of recordings and the deletable runs.
+
+    These are the oldest without dependent results, until the rest is within the limit.
+    """
     with database.reading() as session:
         runs = recordings.load_held(session)
     total = sum(run.size_bytes for run in runs)
@@ -73,7 +80,10 @@ def summarise_retention(database: Database, rule: RetentionRule) -> Overview:
 
 
 def delete_recordings(database: Database, rule: RetentionRule, run_ids: Sequence[int], who: str) -> Overview:
-    """Delete the samples of exactly these runs. Raises NotRemovableError unless every one of them may go now."""
+    """Delete the samples of exactly these runs.
+
+    Raises NotRemovableError unless every one of them is deletable.
+    """
     may_go = {run.run_id: run for run in summarise_retention(database, rule).may_go}
     others = sorted(set(run_ids) - set(may_go))
     if others or not run_ids:

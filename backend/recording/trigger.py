@@ -1,4 +1,4 @@
-"""Trigger capture: samples before and after a condition on a signal, kept as a flight record."""
+"""Trigger capture: samples around a condition on a signal, as a flight record."""
 
 import asyncio
 import logging
@@ -23,12 +23,11 @@ from plant import T_s
 
 # Condition -----------------------------------------------------------------------------------------
 #
-# The condition that a signal meets: a level, an edge through a level, or a window. Pure; nan meets
-# nothing.
+# Condition on a signal: a level, an edge through a level, or a window. NaN never meets it.
 
 
 class ConditionKind(StrEnum):
-    """What the signal does when the condition is met."""
+    """Kind of a condition."""
 
     ABOVE = "above"
     BELOW = "below"
@@ -44,10 +43,10 @@ EDGES = (ConditionKind.RISING, ConditionKind.FALLING)
 
 @dataclass(frozen=True)
 class Condition:
-    """A signal against ``level``; a window reaches from ``level`` to ``upper``.
+    """Condition of a signal against ``level``; a window extends to ``upper``.
 
-    The signal is one of the sample, a combined one, or ``derived``: a formula as it was when the condition was made. An
-    edge is a sample beyond the level after one that is not: it takes two neighbouring samples that are numbers.
+    The signal is a column of the sample, a combined one, or ``derived``: a formula as of the condition's creation. An
+    edge is a sample beyond the level after one that is not: it requires two neighbouring samples that are not NaN.
     """
 
     signal: str
@@ -62,7 +61,10 @@ class Condition:
         return UNIT_BY_SIGNAL[self.signal] if self.derived is None else self.derived.unit
 
     def values(self, rows: NDArray[np.float64], lengths: dict[str, float]) -> NDArray[np.float64]:
-        """Return the signal of rows of the ring [n, WIDTH]; ``lengths`` are those of the geometry [m], by name."""
+        """Return the signal of rows of the ring buffer [n, WIDTH].
+
+        ``lengths`` are those of the geometry [m], by name.
+        """
         following = COMBINED_SIGNAL_BY_NAME.get(self.signal) if self.derived is None else self.derived
         if following is None:
             return rows[:, INDEX[self.signal]]
@@ -70,7 +72,10 @@ class Condition:
         return compute_signal(following, columns, lengths, len(rows))
 
     def met(self, values: NDArray[np.float64], previous: float) -> NDArray[np.bool_]:
-        """Tell for each of ``values`` whether it meets the condition; ``previous`` is the sample before the first."""
+        """Return for each of ``values`` whether it meets the condition.
+
+        ``previous`` is the sample before the first.
+        """
         before = np.concatenate(([previous], values[:-1]))
         match self.kind:
             case ConditionKind.ABOVE:
@@ -87,7 +92,7 @@ class Condition:
                 return (values < self.level) | (values > self._upper)
 
     def first(self, values: NDArray[np.float64], previous: float) -> int | None:
-        """Return the index of the first of ``values`` that meets the condition, None where none does."""
+        """Return the index of the first value that meets the condition, or None."""
         at = np.flatnonzero(self.met(values, previous))
         return int(at[0]) if len(at) else None
 
@@ -96,7 +101,7 @@ class Condition:
         return np.inf if self.upper is None else self.upper
 
     def describe(self) -> str:
-        """Return the condition in words, in SI."""
+        """Return a description of the condition in SI units."""
         shown = "" if self.unit == "1" else f" {self.unit}"
         if self.kind in WINDOWS:
             return f"{self.signal} {self.kind} {self.level:.6g} to {self._upper:.6g}{shown}"
@@ -106,16 +111,16 @@ class Condition:
 
 # Trigger -------------------------------------------------------------------------------------------
 #
-# The trigger: samples before and after a condition on a signal, kept as a flight record.
+# Trigger: samples around a condition on a signal, stored as a flight record.
 #
-# It reads the ring behind the loop and looks at every sample that the loop makes. Samples that were
-# overwritten before they could be read are nan in the capture, and its text counts them.
+# It evaluates every sample from the ring buffer. Samples overwritten before they were read are NaN in the capture, and
+# its text counts them.
 
 
 POLL_S = 0.05
 AT_ONCE = 8192
 SETTING = "trigger"
-"""What is armed, for the next start of the service to tell; null for nothing."""
+"""Setting with the armed condition, which the next start of the service reports; null for none."""
 
 TRIGGER_PART = Part("The trigger", "A capture may come late, or lack what the ring no longer holds.")
 
@@ -124,9 +129,10 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Armed:
-    """What is waited for: ``before`` samples up to the one that meets the condition, ``after`` from it on.
+    """Armed condition with its numbers of samples and captures.
 
-    ``captures`` is how many are made before it disarms itself; ``who`` armed it, at ``at``.
+    ``before``: samples up to the trigger, ``after``: samples from it on. ``captures``: number before it disarms.
+    ``who`` armed it, at ``at``.
     """
 
     condition: Condition
@@ -137,7 +143,7 @@ class Armed:
     at: datetime
 
     def document(self) -> Document:
-        """Return what is kept of it with a capture."""
+        """Return the document that is stored with a capture."""
         return asdict(self.condition) | {
             "says": self.condition.describe(),
             "before": self.before,
@@ -148,7 +154,10 @@ class Armed:
 
 @dataclass(eq=False)
 class _Capture:
-    """One capture: ``lead`` are the samples before the trigger's, ``blocks`` the ``have`` samples from it on."""
+    """One capture: samples before the trigger in ``lead``, from it on in ``blocks``.
+
+    ``have`` is the number of samples in ``blocks``.
+    """
 
     armed: Armed
     ring: Ring
@@ -164,11 +173,11 @@ class _Capture:
 
     @property
     def first_tick(self) -> int:
-        """Tick of its first sample: a loop that had just started has fewer than are asked for."""
+        """Tick of its first sample: a loop that had just started has fewer than requested."""
         return max(0, self.tick - self.armed.before)
 
     def read_lead(self) -> None:
-        """Read the samples before, once; what the ring does not hold any more is nan."""
+        """Read the samples before the trigger, once; overwritten ones are NaN."""
         if self.lead is None:
             wanted = self.tick - self.first_tick
             _, rows, overwritten = self.ring.read(self.first_tick, wanted)
@@ -179,7 +188,7 @@ class _Capture:
 
     @property
     def wanted(self) -> int:
-        """How many samples are still to come."""
+        """Number of samples still missing."""
         return self.armed.after - self.have
 
     def take(self, rows: NDArray[np.float64]) -> None:
@@ -187,14 +196,14 @@ class _Capture:
         self.have += len(rows)
 
     def lack(self, count: int) -> None:
-        """Add nan in place of samples that cannot be read any more."""
+        """Add NaN for overwritten samples."""
         self.blocks.append(np.full((count, len(STORED_NAMES)), np.nan, np.float32))
         self.have += count
         self.lost += count
 
     @property
     def text(self) -> str:
-        """What triggered it, and what of the samples is missing."""
+        """Text with the condition and the missing samples."""
         before = self.tick - self.first_tick
         missing = []
         if before < self.armed.before:
@@ -211,28 +220,28 @@ class _Capture:
 
 @dataclass
 class TriggerStatus:
-    """What the trigger does: ``captured`` captures so far; the present one takes ``left`` samples more, 0 for none."""
+    """State of the trigger: captures so far, and samples ``left`` of the current one."""
 
     armed: Armed
     captured: int = 0
     left: int = 0
     ended: str = ""
-    """Why it waits for nothing any more; empty while it does."""
+    """Why it was disarmed; empty while armed."""
 
 
 @dataclass(frozen=True)
 class Triggered:
-    """The condition was met at a tick; ``text`` names it."""
+    """The condition was met at a tick; ``text`` describes it."""
 
     tick: int
     text: str
 
 
 class Trigger:
-    """Waits for one condition at a time. ``problem`` says why a capture cannot be stored at present.
+    """Evaluates one condition at a time.
 
-    ``ring`` returns the ring of the loop process that runs at present, or ran last; ``lengths`` those of the joint's
-    geometry [m]. ``status`` is None where nothing was armed since the service started.
+    ``problem`` says why storing fails at present. ``ring`` returns the ring buffer of the current or last loop process;
+    ``lengths`` those of the joint's geometry [m]. ``status`` is None if nothing was armed since the service started.
     """
 
     def __init__(
@@ -256,11 +265,11 @@ class Trigger:
 
     @property
     def is_armed(self) -> bool:
-        """Whether a condition is waited for, or a capture is under way."""
+        """Whether a condition is armed, or a capture is in progress."""
         return self.status is not None and not self.status.ended
 
     def arm(self, armed: Armed) -> None:
-        """Wait for a condition from the next sample on."""
+        """Arm a condition from the next sample on."""
         self._ring = self._present()
         self._position = self._ring.count
         _, rows, _ = self._ring.read(max(self._position - 1, 0), 1)
@@ -269,7 +278,7 @@ class Trigger:
         self._events.publish(StateChanged())
 
     def disarm(self, why: str) -> None:
-        """Wait for nothing; what a capture under way has until now is kept."""
+        """Disarm; samples of a capture in progress are stored."""
         if self._capture is not None:
             self._finish(self._capture, why)
         if self.status is not None and self.is_armed:
@@ -277,14 +286,14 @@ class Trigger:
             self._events.publish(StateChanged())
 
     def save_armed(self, who: str) -> None:
-        """Store the armed condition, which the next start reports. Raises StorageError."""
+        """Store the armed condition for the report at the next start. Raises StorageError."""
         armed = self.status.armed if self.status is not None and self.is_armed else None
         document = None if armed is None else armed.document() | {"who": armed.who}
         with self._database.session() as session:
             settings.save(session, SETTING, document, who)
 
     async def run(self) -> None:
-        """Look at what is new, and store what is complete, until cancelled."""
+        """Evaluate new samples and store complete captures until cancelled."""
         while True:
             await asyncio.sleep(POLL_S)
             self.step()
@@ -295,13 +304,13 @@ class Trigger:
                 self._events.publish(StateChanged())
 
     def close(self) -> None:
-        """End with the service: what a capture has until now is kept."""
+        """End with the service; samples of a capture in progress are stored."""
         self.step()
         self.disarm("the service ended")
         self.drain()
 
     def step(self) -> None:
-        """Look at all samples that are new."""
+        """Evaluate all new samples."""
         if not self.is_armed:
             return
         present = self._present()
@@ -374,7 +383,7 @@ class Trigger:
         return float(condition.values(rows[-1:], self._lengths())[0]) if len(rows) else np.nan
 
     def drain(self) -> None:
-        """Store what is complete. Never raises for the database's sake: see ``problem``."""
+        """Store complete captures. Database errors are not raised but set ``problem``."""
         with self._storing:
             while self._waiting:
                 try:
@@ -420,7 +429,7 @@ class Trigger:
 
 
 def load_armed_trigger(database: Database) -> Document | None:
-    """Return what was armed when the service last ended, None for nothing; from now on nothing is."""
+    """Return the condition armed when the service last ended, or None, and clear it."""
     with database.session() as session:
         stored = settings.newest(session, SETTING)
         if stored is None or stored.value is None:

@@ -1,4 +1,4 @@
-"""Whether the recordings of a database are what was recorded: their digests computed again, their summaries too."""
+"""Verification of a database's recordings by their digests and summaries."""
 
 import hashlib
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from backend.storage import Chunk, Database, Session, recordings
 
 @dataclass(frozen=True)
 class RecordingsCheck:
-    """How many recordings were looked at, what is wrong with them, and what could not be compared."""
+    """Number of verified recordings, problems found, and parts without a digest."""
 
     recordings: int
     problems: tuple[str, ...]
@@ -19,9 +19,9 @@ class RecordingsCheck:
 
 
 def check_recordings(database: Database) -> RecordingsCheck:
-    """Compute the digest of every chunk of samples again and compare it with the one that was kept as it came.
+    """Compare the digest of every chunk of samples with the stored one.
 
-    Of samples from before digests were kept only their smallest and largest values can be compared.
+    Chunks from before digests were stored only allow a comparison of their summaries.
     """
     problems: list[str] = []
     not_compared: list[str] = []
