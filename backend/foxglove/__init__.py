@@ -1,4 +1,4 @@
-"""The live stream as a Foxglove WebSocket server, for who asks for it: a process of its own that only listens."""
+"""Relay of the live stream to Foxglove, in its own read-only process."""
 
 import lazy_loader
 

@@ -1,4 +1,7 @@
-"""Foxglove bridge: relays the live stream of a service to Foxglove's server, behind a key."""
+"""Foxglove bridge: relays the live stream of a service to Foxglove's server.
+
+Clients need a token.
+"""
 
 import asyncio
 import json
@@ -31,38 +34,40 @@ from plant import ErrorCode, SinewError, T_s
 
 # Tickets -------------------------------------------------------------------------------------------
 #
-# What the vendor's server is given in place of a message: a number, which only this process can
-# turn into the message.
+# Substitutes for messages: the vendor's server is given numbers that only this process can replace by the messages.
 #
-# That server listens on a port that asks nobody for a token. Whoever finds it hears numbers.
+# That server listens on a port without authentication; an unauthorised client of it receives numbers only.
 
 
 _TICKET = struct.Struct("<Q")
 _HEAD = struct.Struct("<BIQ")
-"""Of a frame with a message: what it is, the subscription, the time [ns]."""
+"""Header of a message frame: opcode, subscription, time [ns]."""
 
 MESSAGE = 1
 """First byte of a frame with a message (Foxglove WebSocket protocol, Message Data)."""
 
 SLOT_COUNT = 8192
-"""So many messages are kept: more than any queue on the way holds."""
+"""Number of stored messages: more than any queue on the way holds."""
 
 
 class MessageSlots:
-    """The newest messages by their numbers."""
+    """Buffer of the newest messages by number."""
 
     def __init__(self, count: int = SLOT_COUNT) -> None:
         self._slots: list[tuple[int, bytes]] = [(-1, b"")] * count
         self._next = 0
 
     def ticket_for(self, message: bytes) -> bytes:
-        """Keep a message; return what goes in its place."""
+        """Store a message; return its substitute."""
         number, self._next = self._next, self._next + 1
         self._slots[number % len(self._slots)] = (number, message)
         return _TICKET.pack(number)
 
     def redeem(self, frame: bytes) -> bytes | None:
-        """Return a frame of the vendor's server with the message in it; None where that was overwritten."""
+        """Return a frame of the vendor's server with its message inserted.
+
+        None if the message was overwritten.
+        """
         if frame[:1] != bytes([MESSAGE]):
             return frame
         if len(frame) != _HEAD.size + _TICKET.size:
@@ -74,16 +79,14 @@ class MessageSlots:
 
 # Door ----------------------------------------------------------------------------------------------
 #
-# The port that Foxglove connects to: lets in who shows the key in the address, and hears
-# subscriptions only.
+# Port for Foxglove clients: checks the token in the address, and accepts only subscriptions.
 #
-# ``ws://127.0.0.1:8765/?token=KEY``: a program that shows data can be told an address, and nothing
-# else.
+# ``ws://127.0.0.1:8765/?token=KEY``: viewers only accept an address, without headers.
 
 
 VENDORS = Subprotocol("foxglove.sdk.v1")
 SPOKEN = (VENDORS, Subprotocol("foxglove.websocket.v1"))
-"""What clients call this protocol; the second is the older word, which the vendor's server does not take."""
+"""Names of the protocol; the second is the older one, which the vendor's server does not accept."""
 
 HOST = "127.0.0.1"
 FORWARDED_OPERATIONS = ("subscribe", "unsubscribe")
@@ -94,7 +97,10 @@ FAREWELL_S = 1.0
 
 
 class Gateway:
-    """Relays between who was let in and the vendor's server on ``port``; nobody is, before there is a key."""
+    """Relays between authorised clients and the vendor's server on ``port``.
+
+    Without a key no client is authorised.
+    """
 
     def __init__(self, port: int, tickets: MessageSlots) -> None:
         self._port, self._tickets = port, tickets
@@ -103,7 +109,10 @@ class Gateway:
 
     @asynccontextmanager
     async def open(self, port: int) -> AsyncIterator[int]:
-        """Listen on a port of this machine for the block, which gets its number; 0 is any free one. Raises OSError."""
+        """Listen on a port of this machine for the block; yield its number.
+
+        ``port`` 0 selects a free one. Raises OSError.
+        """
         async with serve(
             self._relay,
             HOST,
@@ -117,7 +126,7 @@ class Gateway:
             yield _get_port(server)
 
     async def let_in(self, key: str) -> None:
-        """Let in who shows ``key``, and nobody with the one of before: who came in with that is sent away."""
+        """Accept ``key`` from now on; clients with the previous key are disconnected."""
         if key != self._key:
             self._key = key
             why = "the token was replaced: take the new address"
@@ -139,8 +148,8 @@ class Gateway:
         return None
 
     async def _relay(self, client: ServerConnection) -> None:
-        assert client.request is not None  # it was looked at
-        if refused := self._find_rejection(client.request):  # since: by another key, or others who were faster
+        assert client.request is not None  # checked before
+        if refused := self._find_rejection(client.request):  # meanwhile, by a new key or other clients
             await _send_away(client, POLICY_VIOLATION, refused[1])
             return
         self._inside.add(client)
@@ -163,7 +172,7 @@ class Gateway:
 
 
 async def _forward_requests(client: ServerConnection, server: ClientConnection) -> None:
-    """Pass on what is asked to be shown; anything else is for servers that can be commanded."""
+    """Forward subscriptions; other requests are for servers that accept commands."""
     async for message in client:
         try:
             asked = json.loads(message) if isinstance(message, str) else {}
@@ -175,7 +184,7 @@ async def _forward_requests(client: ServerConnection, server: ClientConnection) 
 
 
 async def _send_away(client: ServerConnection, code: int, why: str) -> None:
-    """Close a connection, also to one who does not answer, or does not even read."""
+    """Close a connection, also if the client does not respond or read."""
     try:
         async with asyncio.timeout(FAREWELL_S):
             await client.close(code, why)
@@ -184,7 +193,7 @@ async def _send_away(client: ServerConnection, code: int, why: str) -> None:
 
 
 async def _run_until_first(*works: Coroutine[Any, Any, None]) -> None:
-    """Run until the first has ended; then end the others."""
+    """Run until the first coroutine ends; then cancel the others."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -198,7 +207,10 @@ async def _run_until_first(*works: Coroutine[Any, Any, None]) -> None:
 
 
 def _select_subprotocol(_connection: ServerConnection, offered: Sequence[Subprotocol]) -> Subprotocol | None:
-    """Return the word for the protocol that a client knows; it ends the connection itself where there is none."""
+    """Return the name of the protocol that a client supports.
+
+    Without a common one the client ends the connection.
+    """
     return next((word for word in SPOKEN if word in offered), None)
 
 
@@ -208,11 +220,10 @@ def _get_port(server: Server) -> int:
 
 # Publisher -----------------------------------------------------------------------------------------
 #
-# Samples and events of the live stream as Foxglove's channels ``/sample`` and ``/log``, on the
-# vendor's server.
+# Samples and events of the live stream as Foxglove's channels ``/sample`` and ``/log``, on the vendor's server.
 #
-# ``/sample`` has every sample as an MCAP export has it, ``t`` since the loop started; the time of a
-# message is that of its sample, by the clock of this machine.
+# ``/sample`` has every sample in the form of an MCAP export, with ``t`` since the loop started; the time of a message
+# is that of its sample, by the clock of this machine.
 
 
 LOG_TOPIC = "/log"
@@ -222,29 +233,32 @@ NOTATION = (
     "Equations: docs/reference/notation.md."
 )
 BACKLOG = 4096
-"""Messages that wait for a client before the oldest is dropped: four seconds."""
+"""Messages queued per client before the oldest is dropped: four seconds."""
 
 _PERIOD_NS = round(T_s * 1e9)
 _ASTRAY_NS = 50_000_000
-"""The clock of this machine was set, or the loop stood still: times are counted anew."""
+"""Deviation after which times are recomputed: the machine's clock was set, or the loop was paused."""
 
 _AWAY = "service"
 _LEVELS = {MarkKind.FAULT: messages.LogLevel.Error, MarkKind.TRIP: messages.LogLevel.Error}
 
 
 class OtherVersionError(SinewError):
-    """The service streams other signals than this version knows."""
+    """The service streams other signals than this version."""
 
     category = ErrorCode.UNAVAILABLE
 
 
 class Publisher:
-    """Publishes what it hears of the live stream. ``clock_ns`` is the time of day; ``tickets`` keep the messages."""
+    """Publishes the messages of the live stream.
+
+    ``clock_ns`` is the time of day; ``tickets`` buffer the messages.
+    """
 
     def __init__(self, name: str, tickets: MessageSlots, clock_ns: Callable[[], int] = time.time_ns) -> None:
         logging.getLogger("foxglove").setLevel(logging.ERROR)
         self._tickets, self._clock_ns = tickets, clock_ns
-        context = self._context = foxglove.Context()  # which knows its channels only while somebody holds it
+        context = self._context = foxglove.Context()  # must stay referenced, or its channels are lost
         self._samples = foxglove.Channel(
             TOPIC,
             schema=foxglove.Schema(
@@ -256,7 +270,7 @@ class Publisher:
         self._log = foxglove.Channel(
             LOG_TOPIC, schema=messages.Log.get_schema(), message_encoding="protobuf", context=context
         )
-        # No capability: nothing can be sent to the actuator this way.
+        # No capability: clients cannot send anything to the actuator.
         self._server = foxglove.start_server(
             name=name, host="127.0.0.1", port=0, context=context, message_backlog_size=BACKLOG
         )
@@ -279,7 +293,7 @@ class Publisher:
             case "event":
                 mark = EventMessage.model_validate(content)
                 self._log_message(mark.text, _LEVELS.get(mark.kind, messages.LogLevel.Info), mark.kind, mark.tick)
-            case _:  # an answer to a ping: none is sent
+            case _:  # pongs, but no ping is sent
                 pass
 
     def publish_disconnected(self, why: str) -> None:
@@ -287,7 +301,7 @@ class Publisher:
         self._server.publish_status(why, StatusLevel.Error, _AWAY)
 
     def close(self) -> None:
-        """End the server, and the connections to it."""
+        """Stop the server and close its connections."""
         self._server.stop()
 
     def _begin(self, layout: LayoutMessage) -> None:
@@ -302,7 +316,7 @@ class Publisher:
     def _note(self, state: StateMessage) -> None:
         began_ns = self._clock_ns() - state.tick * _PERIOD_NS
         if self._began_ns is None:
-            self._version = state.tick  # what comes of before is for a page that has just been opened
+            self._version = state.tick  # older events are meant for newly opened pages
         if self._began_ns is None or abs(began_ns - self._began_ns) > _ASTRAY_NS:
             self._began_ns = began_ns
         now = set(state.problems)
@@ -334,19 +348,18 @@ class Publisher:
 
 # Relay ---------------------------------------------------------------------------------------------
 #
-# Runs the server: hears the live stream of the service on a data folder, and comes back to it when
-# it was away.
+# Runs the server: receives the live stream of the service on a data folder, and reconnects after interruptions.
 
 
 AGAIN_S = 1.0
 LIVE = "/api/live"
 SILENT_S = 10.0
-"""The state comes twice a second: a service that says nothing for so long does not answer."""
+"""Timeout of the stream [s]; the service sends its state twice a second."""
 
 
 @dataclass(frozen=True)
 class LiveSource:
-    """``address`` is where a service answers; ``token`` the viewer's, empty where it asks for none."""
+    """Address of a service and the viewer's token, empty without authentication."""
 
     address: str
     token: str
@@ -360,9 +373,8 @@ async def serve_foxglove(
 ) -> None:
     """Serve until cancelled.
 
-    ``find_source`` finds the service, ``key_of`` the key for its address, ``report`` prints to the user.
-
-    Raises OSError where ``port`` is taken, OtherVersionError.
+    ``find_source`` finds the service, ``key_of`` the key for its address, ``report`` prints to the user. Raises OSError
+    if ``port`` is in use, OtherVersionError.
     """
     slots, reported, shown = MessageSlots(), "", ""
     publisher = Publisher("Sinew", slots)
@@ -380,7 +392,7 @@ async def serve_foxglove(
                         report(f"Foxglove or Lichtblick, Open connection: ws://{HOST}:{open_on}/?token={key}")
                         shown = key
                     has_received, why = await _listen(source, publisher)
-                if has_received or why != reported:  # once, however long it lasts
+                if has_received or why != reported:  # only once per interruption
                     publisher.publish_disconnected(f"{why}: nothing new is shown until it answers")
                     report(f"{why}; it is tried again each second")
                     reported = why
@@ -390,7 +402,10 @@ async def serve_foxglove(
 
 
 async def _listen(source: LiveSource, publisher: Publisher) -> tuple[bool, str]:
-    """Publish what the service streams until it ends; return whether there was anything, and why it ended."""
+    """Publish the stream of the service until it ends.
+
+    Returns whether any message was received, and why it ended.
+    """
     has_received = False
     where = urlsplit(source.address)
     headers = {"Authorization": f"Bearer {source.token}"} if source.token else {}

@@ -1,4 +1,4 @@
-"""The drawn actuator: layout, parts, meshes, pose from a sample, and its nodes in viser."""
+"""Drawn actuator: dimensions, meshes, pose from a sample, and viser nodes."""
 
 import asyncio
 import math
@@ -21,12 +21,10 @@ from plant import Obstacle, PlantParameters, Spring
 
 # Layout --------------------------------------------------------------------------------------------
 #
-# Where the parts of the drawn actuator sit. Metres; x to the right, z up, the joint axis along y at
-# the origin.
+# Positions of the parts of the drawn actuator in metres; x to the right, z up, the joint axis along y at the origin.
 #
-# The pulley and the reels have their true radii. Each motor rides on a carriage that its tendon
-# pulls against the compression spring: then the spring shortens by x = r_m θ ∓ r_j q, the
-# elongation of equation 1, and stands where it can be seen at any joint position.
+# Pulley and reels have their true radii. Each motor is on a carriage that its tendon pulls against the compression
+# spring: the spring shortens by x = r_m θ ∓ r_j q, the elongation of equation 1, and is visible at any joint position.
 
 
 PLATE_Y = 0.030
@@ -46,7 +44,7 @@ SPRING_WIRE = 0.0021
 SPRING_COILS = 7.0
 
 CARRIAGE_DROP = 0.024
-"""From the lower spring seat to the axis of the reel."""
+"""Distance from the lower spring seat to the axis of the reel."""
 
 PULLEY_WIDTH = 0.016
 LINK_LENGTH = 0.185
@@ -56,19 +54,20 @@ WALL_THICKNESS = 0.014
 
 TENDON_RADIUS = 0.0019
 FAN_TORQUE = 2.0
-"""The fan of compliance reaches where this torque [N·m] would hold the joint: ± torque / S."""
+"""Torque that defines the fan of compliance [N·m]: ± torque / S."""
 
 
 # Pose ----------------------------------------------------------------------------------------------
 #
-# From a sample to how the actuator looks: lengths, angles and colours, without any drawing.
+# Pose of the actuator from a sample: lengths, angles and colours, without drawing.
 
 
 SOLID_FORCE_N = 50.0
 PRESSED_N = 0.05
-"""Force [N] from which on the joint is drawn as pressing on a wall."""
+"""Least wall force at which the joint is drawn as pressing on the wall [N]."""
 
-# Dark blue to amber, even in lightness, distinguishable with every kind of colour vision; red is kept for faults.
+# Dark blue to amber with uniform lightness, distinguishable with every kind of colour vision; red is reserved for
+# faults.
 _FORCE_COLOURS = ((0.0, (52, 78, 130)), (0.35, (72, 130, 168)), (0.65, (150, 178, 140)), (1.0, (245, 176, 40)))
 SLACK_COLOUR = (140, 146, 156)
 _COLOUR_STEPS = 40
@@ -76,7 +75,10 @@ _COLOUR_STEPS = 40
 
 @dataclass(frozen=True)
 class Side:
-    """One tendon with its spring and reel. ``sag`` is the length of slack tendon [m], 0 while it pulls."""
+    """One tendon with its spring and reel.
+
+    ``sag`` is the length of slack tendon [m], 0 while it is taut.
+    """
 
     theta: float
     force_N: float
@@ -86,17 +88,16 @@ class Side:
 
     @property
     def slack(self) -> bool:
-        """Whether the tendon hangs loose."""
+        """Whether the tendon is slack."""
         return self.sag > 0.0
 
 
 @dataclass(frozen=True)
 class Pose:
-    """How the actuator looks at one instant; angles in rad, lengths in m, ``fan`` is ± the angle that 2 N·m yields.
+    """Pose of the actuator; angles in rad, lengths in m.
 
-    ``fan`` is 0 while a tendon is slack: S is not known then.
-    ``F_ext_hat`` [N] is nan where it is not known, as in recordings of earlier versions; ``pressed``: it presses on a
-    wall.
+    ``fan`` is ± the angle that 2 N·m deflects, 0 while a tendon is slack because S is then unknown. ``F_ext_hat`` [N]
+    is NaN if unknown, as in recordings of earlier versions; ``pressed``: the joint presses on a wall.
     """
 
     q: float
@@ -110,9 +111,9 @@ class Pose:
 
 
 def pose(sample: dict[str, float], r_m: float, r_j: float, spring_A: Spring, spring_B: Spring) -> Pose:
-    """Return the pose for ``sample`` (signals by name). Elongations follow equation 1, the force the load cell.
+    """Return the pose for ``sample`` (signals by name).
 
-    Without a reference the ghost stands where the joint is.
+    Elongations follow equation 1, forces the load cells. Without a reference the ghost is at the joint position.
     """
     x_A = r_m * sample["theta_A"] - r_j * sample["q"]
     x_B = r_m * sample["theta_B"] + r_j * sample["q"]
@@ -131,12 +132,12 @@ def pose(sample: dict[str, float], r_m: float, r_j: float, spring_A: Spring, spr
 
 
 def can_be_drawn(sample: dict[str, float]) -> bool:
-    """Return whether all is known that a pose needs; a broken sensor reads nan."""
+    """Return whether all angles are finite; a broken sensor reads NaN."""
     return all(math.isfinite(sample[name]) for name in ("q", "theta_A", "theta_B"))
 
 
 def force_colour(force_N: float) -> tuple[int, int, int]:
-    """Return the colour of a tendon that pulls with ``force_N``, in steps fine enough to look continuous."""
+    """Return the colour of a tendon with force ``force_N``, finely quantised."""
     level = round(_COLOUR_STEPS * min(max(force_N / SOLID_FORCE_N, 0.0), 1.0)) / _COLOUR_STEPS
     for (low, begin), (high, end) in pairwise(_FORCE_COLOURS):
         if level <= high:
@@ -161,17 +162,17 @@ def _side(theta: float, x: float, force_N: float, spring: Spring) -> Side:
 
 # Shapes --------------------------------------------------------------------------------------------
 #
-# Triangle meshes of the parts, as plain arrays: turned bodies, tubes along a path, flat plates.
+# Triangle meshes of the parts as arrays: bodies of revolution, tubes along a path, flat plates.
 #
-# Faces that meet at an edge share no vertices, so that the renderer shades edges sharp and turned
-# surfaces smooth. All are drawn from both sides, so the sense of a face does not matter.
+# Faces that meet at an edge share no vertices, so the renderer shades edges sharp and curved surfaces smooth. All are
+# drawn from both sides, so the orientation of a face does not matter.
 
 
 Point = tuple[float, float]
 
 
 class Mesh(NamedTuple):
-    """``vertices`` (n, 3) in metres, ``faces`` (m, 3) indices into them."""
+    """``vertices`` (n, 3) in metres, ``faces`` (m, 3) as indices into them."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
@@ -191,7 +192,7 @@ def join_meshes(*meshes: Mesh) -> Mesh:
 
 
 def revolve(profile: Sequence[Point], sections: int = 48) -> Mesh:
-    """Return a body turned about the y axis; ``profile`` lists (radius, y)."""
+    """Return a body of revolution about the y axis; ``profile`` lists (radius, y)."""
     angles = np.linspace(0.0, 2.0 * np.pi, sections, endpoint=False)
     cos, sin = np.cos(angles), np.sin(angles)
     rings = np.arange(sections)
@@ -239,7 +240,7 @@ def tube(path: NDArray[np.float64], radius: float, sides: int = 8) -> Mesh:
 
 
 def helix(length: float, radius: float, wire: float, coils: float, sides: int = 8) -> Mesh:
-    """Return a compression spring that hangs from z = 0 to z = -length, with closed coils at both ends."""
+    """Return a compression spring from z = 0 to z = -length, with closed end coils."""
     turns = np.linspace(0.0, coils, round(coils * 24) + 1)
     drop = np.interp(turns, [0.0, 1.0, coils - 1.0, coils], [wire, 3.0 * wire, length - 3.0 * wire, length - wire])
     angle = 2.0 * np.pi * turns
@@ -274,7 +275,10 @@ def round_rectangle(width: float, z_from: float, z_to: float, corner: float, ste
 
 
 def sector(radius_in: float, radius_out: float, half_angle: float, y: float, steps: int = 24) -> Mesh:
-    """Return a flat ring sector about the y axis, centred on +z, from -half_angle to +half_angle [rad]."""
+    """Return a flat ring sector about the y axis, centred on +z.
+
+    From -half_angle to +half_angle [rad].
+    """
     angles = np.linspace(-half_angle, half_angle, steps + 1)
     inner = np.stack([radius_in * np.sin(angles), np.full(steps + 1, y), radius_in * np.cos(angles)], 1)
     outer = np.stack([radius_out * np.sin(angles), np.full(steps + 1, y), radius_out * np.cos(angles)], 1)
@@ -287,7 +291,7 @@ def sector(radius_in: float, radius_out: float, half_angle: float, y: float, ste
 
 # Parts ---------------------------------------------------------------------------------------------
 #
-# What the actuator is made of: each part's meshes and colours, in metres.
+# Parts of the actuator: meshes and colours, in metres.
 
 
 PLATE = (196, 202, 211)
@@ -299,7 +303,7 @@ BRASS = (190, 164, 108)
 SIDE_COLOURS = {"A": (0, 158, 115), "B": (204, 121, 167)}
 """Hues of F_A and F_B in the charts."""
 WALL, PRESSED = (110, 116, 126), (213, 94, 0)
-"""A wall by itself, and one that is pressed on: in the hue of a push."""
+"""Colours of a wall, and of one that is pressed on: the hue of a push."""
 REFERENCE = (0, 114, 178)
 """Hue of q in the charts; its reference is the ghost."""
 
@@ -308,7 +312,7 @@ TOUCH = (140, 148, 158)
 
 
 class Add(Protocol):
-    """Puts a mesh on the stage."""
+    """Function that adds a mesh to the scene."""
 
     def __call__(
         self,
@@ -322,7 +326,7 @@ class Add(Protocol):
 
 
 def make_fixed(add: Add, r_j: float) -> None:
-    """Add what does not move: base plate, bearing, spring brackets, slide rails."""
+    """Add the fixed parts: base plate, bearing, spring brackets, slide rails."""
     y = PLATE_Y
     outline = round_rectangle(PLATE_WIDTH, PLATE_BOTTOM, PLATE_TOP, 0.018)
     add("/base", plate(outline, y, y + 0.008), PLATE)
@@ -368,12 +372,15 @@ def make_joint(add: Add, parent: str, r_j: float) -> None:
 
 
 def make_ghost(add: Add, parent: str) -> None:
-    """Add the see-through link that stands at the reference."""
+    """Add the transparent link at the reference."""
     add(f"{parent}/link", _bar(LINK_WIDTH + 0.006, LINK_FRONT + 0.008, 0.004), REFERENCE, 0.30)
 
 
 def make_wall(add: Add, parent: str, side: float) -> Any:
-    """Add a wall whose face stands where the link's flank is at the parent's angle; ``side`` 1 above it, -1 below."""
+    """Add a wall whose face touches the link's flank at the parent's angle.
+
+    ``side`` 1 is above the joint, -1 below.
+    """
     x = -side * (LINK_WIDTH / 2.0 + WALL_THICKNESS / 2.0)
     outline = round_rectangle(WALL_THICKNESS, 0.55 * LINK_LENGTH, 1.08 * LINK_LENGTH, 0.002)
     return add(parent, plate(outline, LINK_FRONT - 0.006, 0.012).translate(x=x), WALL)
@@ -394,7 +401,7 @@ def make_carriage(add: Add, parent: str, name: str, reel_offset: float) -> None:
 
 
 def make_reel(add: Add, parent: str, r_m: float) -> None:
-    """Add a reel that turns with its motor; the mark shows by how much."""
+    """Add a reel that turns with its motor, with a mark that shows the rotation."""
     body = revolve(
         [
             (0.0, -0.008),
@@ -417,12 +424,15 @@ def make_coil(length: float) -> Mesh:
 
 
 def make_unit_tendon() -> Mesh:
-    """Return a straight tendon that hangs from the origin, 1 m long, to be scaled to its length."""
+    """Return a straight tendon of 1 m that hangs from the origin, to be scaled."""
     return tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), TENDON_RADIUS)
 
 
 def make_loose_tendon(sign: float, sag: float) -> Mesh:
-    """Return a tendon longer by ``sag`` [m] than from pulley to bracket: half a sine of that arc length, outwards."""
+    """Return a slack tendon, longer by ``sag`` [m] than the distance to the bracket.
+
+    Half a sine of that arc length, curved outwards.
+    """
     width = 2.0 / math.pi * math.sqrt(-BRACKET_Z * min(sag, 0.05))
     s = np.linspace(0.0, 1.0, 25)
     path = np.stack([sign * width * np.sin(np.pi * s), np.zeros_like(s), BRACKET_Z * s], 1)
@@ -441,20 +451,20 @@ def _bar(width: float, y_front: float, thickness: float) -> Mesh:
 
 # Stage ---------------------------------------------------------------------------------------------
 #
-# The actuator as viser nodes: built once, then only what changed is moved.
+# The actuator as viser nodes: built once, then only changes are sent.
 
 
 SCALE = 10.0
-"""Scene units per metre: the renderer's clipping planes are made for bodies of about this size."""
+"""Scene units per metre: the renderer's clipping planes suit bodies of about this size."""
 
 _LENGTHS = np.geomspace(0.024, SPRING_FREE, 9)
-"""Spring lengths for which a coil is kept ready; between them the nearest is stretched by at most 9 %."""
+"""Spring lengths with a prepared coil; in between the nearest is stretched by at most 9 %."""
 
 _ANGLE_STEP = 5e-4
 _LENGTH_STEP = 1e-4
 _FORCE_STEP = 0.1
 _TOUCH_N = 0.5
-"""Least outside force that is drawn [N]: several times what the estimate moves by at rest."""
+"""Least external force that is drawn [N]: several times the estimate's noise at rest."""
 _TEXT_PERIOD_FRAMES = 6
 
 
@@ -473,13 +483,13 @@ class _SideNodes:
 
 
 class _Drawn:
-    """Remembers what is drawn, so that only a visible change is sent."""
+    """Stores the drawn values, so that only visible changes are sent."""
 
     def __init__(self) -> None:
         self._values: dict[str, float] = {}
 
     def has_changed(self, name: str, value: float, step: float) -> bool:
-        """Return whether ``value`` differs from the drawn one by ``step`` or more, and take it as drawn then."""
+        """Return whether ``value`` differs from the drawn one by ``step``, and store it."""
         if name in self._values and abs(self._values[name] - value) < step:
             return False
         self._values[name] = value
@@ -487,7 +497,7 @@ class _Drawn:
 
 
 class SceneNodes:
-    """Draws on a viser server. ``show`` takes the newest pose; it may be called from one thread only."""
+    """Nodes on a viser server. ``show`` must be called from one thread only."""
 
     def __init__(self, server: viser.ViserServer, r_j: float, r_m: float) -> None:
         self._server = server
@@ -519,7 +529,7 @@ class SceneNodes:
         self._B = self._side("B", +1.0)
 
     def show(self, pose: Pose) -> None:
-        """Move what differs visibly from what is drawn."""
+        """Send the visible differences between the pose and the drawn one."""
         self._frame += 1
         with self._server.atomic():
             if self._drawn.has_changed("q", pose.q, _ANGLE_STEP):
@@ -542,7 +552,7 @@ class SceneNodes:
                 self._stiffness.text = f"S {FAN_TORQUE / pose.fan:.1f} N·m/rad" if pose.fan else "S slack"
 
     def show_wall(self, wall: Obstacle | None) -> None:
-        """Let a wall stand where it stands, None: nowhere."""
+        """Show a wall at its position, None for no wall."""
         if wall == self._wall:
             return
         self._wall = wall
@@ -557,7 +567,7 @@ class SceneNodes:
         scene = self._scene
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
-        # Shadows and the reflections of a surrounding take seconds a picture on a machine without a graphics card.
+        # Shadows and environment reflections take seconds per frame on a machine without a graphics card.
         scene.configure_environment_map(None)
         scene.configure_default_lights(enabled=True, cast_shadow=False)
         scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(150, 155, 165), intensity=3.0)
@@ -633,7 +643,7 @@ class SceneNodes:
 
 
 def draw_force(arrow: Any, force_N: float, height: float, least_N: float) -> None:
-    """Point at the joint from where a force comes, at ``height`` [m]; nothing below ``least_N``."""
+    """Draw a force as an arrow at ``height`` [m]; hide it below ``least_N``."""
     tip, tail = _units(0.0, LINK_FRONT, height), _units(0.004 * force_N, LINK_FRONT, height)
     arrow.points = np.array([[tail, tip]], dtype=np.float32)
     arrow.visible = abs(force_N) >= least_N
@@ -648,7 +658,10 @@ def _scale_vertices(mesh: Mesh) -> NDArray[np.float32]:
 
 
 def _turn(angle: float) -> tuple[float, float, float, float]:
-    """Quaternion (w, x, y, z) of ``angle`` [rad], counter-clockwise seen from the front, that is about -y."""
+    """Return the quaternion (w, x, y, z) of ``angle`` [rad] about -y.
+
+    Counter-clockwise seen from the front.
+    """
     return math.cos(angle / 2.0), 0.0, -math.sin(angle / 2.0), 0.0
 
 
@@ -658,21 +671,21 @@ def _units(x: float, y: float, z: float) -> tuple[float, float, float]:
 
 # Mirror --------------------------------------------------------------------------------------------
 #
-# Keeps the 3D view at the newest sample, 30 times a second, in a thread of its own.
+# Updates the 3D view with the newest sample, 30 times a second, in its own thread.
 
 
 RATE_HZ = 30.0
 UP_WITHIN_S = 5.0
-"""Whoever wants to look waits so long for a scene that is being put up [s], and is sent away then."""
+"""Time that a viewer waits for a scene that is starting [s]; it is disconnected then."""
 
 _POLL_S = 0.05
 SCENE_PART = Part("A 3D view", "It stood still meanwhile.")
 
 
 class SceneMirror:
-    """A scene without a port, and ``run``, the work of a thread that moves its nodes while somebody looks.
+    """Scene without a port, and the thread ``run`` that updates it for viewers.
 
-    ``newest`` returns the newest sample, one value per field, None before the first; ``wall`` what stands in the way.
+    ``newest`` returns the newest sample, one value per field, None before the first; ``wall`` the current obstacle.
     """
 
     def __init__(
@@ -689,20 +702,20 @@ class SceneMirror:
         self._ending = threading.Event()
 
     def use(self, parameters: PlantParameters) -> None:
-        """Take tendon forces from these springs from now on."""
+        """Use the springs of these parameters from now on."""
         self._springs = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
 
     @property
     def server(self) -> PortlessServer:
-        """The present scene's. Raises SceneEndedError where none has been put up."""
+        """Server of the current scene. Raises SceneEndedError if there is none."""
         if self._scene is None:
             raise SceneEndedError("there is no 3D view")
         return self._scene[0]
 
     async def show(self, send: Send) -> None:
-        """Hand the scene to ``send`` until cancelled, from when it is up; see ``PortlessServer.show``.
+        """Stream the scene to ``send`` until cancelled; see ``PortlessServer.show``.
 
-        Raises SceneEndedError where it does not come up within UP_WITHIN_S.
+        Raises SceneEndedError if it does not start within UP_WITHIN_S.
         """
         with suppress(TimeoutError):
             async with asyncio.timeout(UP_WITHIN_S):
@@ -724,14 +737,15 @@ class SceneMirror:
             stage.show(pose(sample, self._geometry.r_m, self._geometry.r_j, *self._springs))
 
     def end(self) -> None:
-        """Let ``run`` return."""
+        """End ``run``."""
         self._ending.set()
         self._up.set()
 
     def run(self) -> None:
-        """Put up the scene, keep it at the newest sample until ``end``. Raises SceneEndedError when viser's own dies.
+        """Start the scene and update it until ``end``.
 
-        Called again after that, it puts up another scene; those who looked at the first were sent away and come back.
+        Raises SceneEndedError if viser's thread dies. Called again after that, it starts another scene; viewers of the
+        first one were disconnected and reconnect.
         """
         if self._scene is None or not self._scene[0].is_alive:
             self._scene = self._start_server()

@@ -1,4 +1,4 @@
-"""The 3D view on the dashboard's own port, behind the same sign-in."""
+"""The 3D view on the dashboard's own port, behind the same authentication."""
 
 import asyncio
 import logging
@@ -19,7 +19,7 @@ from plant import SinewError
 
 # Page ----------------------------------------------------------------------------------------------
 #
-# viser's client page, made fit for a frame of the dashboard.
+# viser's client page, adapted to a frame of the dashboard.
 
 
 POLICY = (
@@ -28,9 +28,9 @@ POLICY = (
 )
 """Content-Security-Policy of the scene's page: one self-contained file with inline scripts."""
 
-# Inside a frame the client would reconnect only while the frame has the focus. Its control panel and notices are the
-# dashboard's business, and the dashboard's background is to show through, so the client follows its light or dark: it
-# reads that from its address, once, like the view of the camera that the dashboard asks for.
+# In a frame the client would reconnect only while the frame has the focus. Control panel and notices are the
+# dashboard's, and the dashboard's background is visible through the scene, so the client follows its colour scheme: it
+# reads that once from its address, like the camera view that the dashboard requests.
 _HEAD = """<head>
 <script>
   document.hasFocus = () => true
@@ -46,11 +46,11 @@ _HEAD = """<head>
   html, body, #root div { background-color: transparent !important }
 </style>"""
 
-# The dashboard says what the view waits for, so the page writes down how far it has come, and says when it changes
-# (frontend/src/components/SceneFrame.tsx). The websocket of the client lives in a worker; its messages are read too.
-# A connection alone is no stage, as the service may have no place: the scene is there with its first message. It is
-# shown in the frame after one in which a mesh of it was drawn: the client draws some frames without any before.
-# A worker's late word on a connection that is closed counts for nothing.
+# The dashboard shows the loading progress of the view, so the page publishes its stage and each change of it
+# (frontend/src/components/SceneFrame.tsx). The websocket of the client is in a worker; its messages are read too. A
+# connection alone is no stage, as the service may have no free slot: the scene exists with its first message. It is
+# shown in the frame after one in which one of its meshes was drawn: the client draws some frames without meshes before.
+# Late messages of a worker on a closed connection are ignored.
 _STAGES = """
 <script>{
   const root = document.documentElement
@@ -103,26 +103,26 @@ def page() -> str:
 
 # Proxy ---------------------------------------------------------------------------------------------
 #
-# The 3D view on the dashboard's own port: viser's page and its websocket, behind the same sign-in.
+# The 3D view on the dashboard's own port: viser's page and its websocket, behind the same authentication.
 #
-# The road leads one way. What viser draws goes to the browser; what a browser says is counted and
-# thrown away unread, as the scene has nothing that could be commanded and viser needs no word from
-# it (its page tells where its camera stands).
+# Data flows to the browser only. Messages of a browser are counted and discarded unread, as the scene accepts no
+# commands and viser needs no input (its page publishes the camera position).
 
 
 MOST_VIEWERS = 32
-"""How many may look at one scene: each costs about a hundredth of a core."""
+"""Most viewers of one scene: each costs about a hundredth of a core."""
 
 OPENING_S = 0.1
-"""The whole scene, a megabyte, is put together for one after the other, with a pause [s]: STOP comes in between."""
+"""Pause between initial transmissions of the scene, a megabyte each [s], so that STOP is handled in between."""
 
 MOST_BYTES = 4096
 MOST_PER_S = 100.0
 MOST_AT_ONCE = 300.0
-"""Limits of what a browser may say. viser's page says where its camera is, in 300 bytes, at most 50 times a second."""
+"""Limits of messages from a browser. viser's page sends its camera position, in 300 bytes, at most 50 times a
+second."""
 
 PATIENCE_S = 20.0
-"""A browser that takes nothing for so long is sent away [s]."""
+"""Time after which a browser that receives nothing is disconnected [s]."""
 
 VERSION = re.compile(r"viser-v[0-9.]{1,20}")
 
@@ -131,7 +131,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class SentAwayError(SinewError):
-    """A browser said what viser's page never says."""
+    """A browser sent a message that viser's page never sends."""
 
     def __init__(self, code: int, reason: str) -> None:
         super().__init__(reason)
@@ -140,7 +140,10 @@ class SentAwayError(SinewError):
 
 
 class InboundLimiter:
-    """Reads the messages of one browser, discards them, and raises SentAwayError when it is none of viser's page."""
+    """Counts and discards the messages of one browser.
+
+    Raises SentAwayError for a message that viser's page never sends.
+    """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -163,7 +166,10 @@ class InboundLimiter:
 def create_scene_router(
     authorise: Callable[[HTTPConnection], object], scene: SceneMirror, path: str = "/scene"
 ) -> APIRouter:
-    """Return the routes under ``path`` to ``scene``. ``authorise`` raises for who is not signed in."""
+    """Return the routes of ``scene`` under ``path``.
+
+    ``authorise`` raises for unauthenticated requests.
+    """
     routes = APIRouter(include_in_schema=False)
     html = page()
     gallery = _Gallery(scene, path)
@@ -171,7 +177,7 @@ def create_scene_router(
     @routes.get(path)
     def redirect(request: Request) -> RedirectResponse:
         query = f"?{request.url.query}" if request.url.query else ""
-        return RedirectResponse(f".{path}/{query}", status_code=307)  # from here: a proxy may have a path before it
+        return RedirectResponse(f".{path}/{query}", status_code=307)  # relative, since a proxy may add a path prefix
 
     @routes.get(f"{path}/")
     def client(request: Request) -> HTMLResponse:
@@ -188,7 +194,7 @@ def create_scene_router(
 
 
 class _Gallery:
-    """Those who look at one scene, or wait to be let in."""
+    """Viewers of one scene, including those that wait."""
 
     def __init__(self, scene: SceneMirror, path: str) -> None:
         self._scene = scene
@@ -197,7 +203,7 @@ class _Gallery:
         self._start_lock = asyncio.Lock()
 
     async def serve(self, websocket: WebSocket) -> None:
-        """Show the scene until either side has enough."""
+        """Stream the scene until either side ends the connection."""
         offered = websocket.scope.get("subprotocols", [])
         if PROTOCOL not in offered:
             await _refuse_version(websocket, offered)
@@ -213,11 +219,14 @@ class _Gallery:
             self._inside -= 1
         if end is not None:
             _LOG.warning("%s: the service closed the connection of a browser: %s", self._path, end.reason)
-            with suppress(WebSocketDisconnected, WebSocketDisconnect):  # it may have gone by itself meanwhile
+            with suppress(WebSocketDisconnected, WebSocketDisconnect):  # it may have disconnected meanwhile
                 await websocket.close(end.code, end.reason)
 
     async def _show(self, websocket: WebSocket) -> SentAwayError | None:
-        """Show the scene; return why the browser is to be sent away, None when it has gone by itself."""
+        """Stream the scene; return the reason to disconnect the browser.
+
+        None if the browser has disconnected.
+        """
         tasks = [asyncio.create_task(_receive(websocket)), asyncio.create_task(self._send(websocket))]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -238,7 +247,10 @@ class _Gallery:
 
 
 async def _refuse_version(websocket: WebSocket, offered: list[str]) -> None:
-    """Tell viser's page that it is of another version, which it then shows; anything else is not let in."""
+    """Reject a viser page of another version, which shows it.
+
+    Other clients are closed.
+    """
     pages = [name for name in offered if VERSION.fullmatch(name)]
     if pages:
         await websocket.accept(subprotocol=pages[0])

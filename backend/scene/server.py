@@ -1,10 +1,10 @@
-"""viser without a network: it draws for whoever is handed to it, and hears nobody.
+"""viser server without a network: it draws for local viewers and receives nothing.
 
-viser's own server listens on a TCP port without sign-in or origin check, serves files there, and takes messages from
-whoever connects; one of them makes it fork and ask a public tunnel for an address. None of that can be switched off. So
-it is given no network: where it would begin to listen it finds a ``_InProcessTransport``, which opens nothing and keeps
-viser's handler of connections; where that handler expects a websocket it gets a ``_Viewer``, which takes what viser
-sends and never says a word. Why not otherwise: docs/decisions/0015-viser-without-a-port.md.
+viser's own server listens on a TCP port without authentication or origin check, serves files there, and accepts
+messages from any client; one of them makes it fork and request an address from a public tunnel. None of that can be
+disabled. It is therefore given no network: in place of a listening socket it gets an ``_InProcessTransport``, which
+opens nothing and stores viser's connection handler; in place of a websocket that handler gets a ``_Viewer``, which
+accepts viser's messages and never sends one. Alternatives: docs/decisions/0015-viser-without-a-port.md.
 """
 
 import asyncio
@@ -31,13 +31,13 @@ _one_at_a_time = threading.RLock()
 
 
 class SceneEndedError(SinewError):
-    """viser does not run any more."""
+    """viser is not running."""
 
 
 class PortlessServer(viser.ViserServer):
-    """A ``ViserServer`` that opens no socket and has no handler for messages of browsers.
+    """A ``ViserServer`` without a socket and without handlers for browser messages.
 
-    Raises RuntimeError where this version of viser listens in another way: better no 3D view than an open door.
+    Raises RuntimeError if this version of viser listens in another way: no 3D view is better than an open port.
     """
 
     def __init__(self) -> None:
@@ -52,12 +52,12 @@ class PortlessServer(viser.ViserServer):
         if not transport.is_open:
             self.stop()
             raise RuntimeError(f"viser {viser.__version__} listens by itself: install the version of pyproject.toml")
-        # What is left in it are the requests to publish the scene and the files that a browser wants to upload.
+        # The remaining handlers are the requests to publish the scene and the browser's file uploads.
         self._websock_server._incoming_handlers.clear()
 
     @property
     def viewers(self) -> int:
-        """How many look at the scene."""
+        """Number of viewers of the scene."""
         return len(self._transport.viewers)
 
     @property
@@ -66,27 +66,27 @@ class PortlessServer(viser.ViserServer):
         return self._transport.is_open
 
     async def show(self, send: Send) -> None:
-        """Hand the scene and all its changes to ``send``, in the caller's event loop, until cancelled.
+        """Stream the scene and its changes to ``send`` until cancelled.
 
-        The next message waits until the last is sent; what changed meanwhile is sent once. Raises SceneEndedError, and
-        what ``send`` raises.
+        Runs in the caller's event loop. The next message waits until the last is sent; changes meanwhile are merged.
+        Raises SceneEndedError, and errors of ``send``.
         """
         await self._transport.show(send)
 
     def request_share_url(self, verbose: bool = True) -> str | None:
-        """Publish nothing: viser's own would fork for it."""
+        """Do nothing: viser's own method would fork to publish the scene."""
         return None
 
     def disconnect_share_url(self) -> None:
-        """Take nothing back: nothing was published."""
+        """Do nothing: the scene is never published."""
 
     def stop(self) -> None:
-        """Send all viewers away and end viser's thread."""
+        """Disconnect all viewers and end viser's thread."""
         with _suppress_output():
             super().stop()
 
     def clear_up(self) -> None:
-        """End what viser's thread has left without an end when it died: its viewers are sent away."""
+        """Clean up after the death of viser's thread: disconnect its viewers."""
         self.stop()
         loop = self._event_loop
         if loop.is_running() or loop.is_closed():
@@ -111,7 +111,7 @@ def _suppress_output() -> Iterator[None]:
 
 
 class _InProcessTransport:
-    """What a viser server finds in place of ``websockets.asyncio.server.serve``; at home in viser's event loop."""
+    """Replacement of ``websockets.asyncio.server.serve``, used in viser's event loop."""
 
     def __init__(self) -> None:
         self.viewers: set[asyncio.Task[None]] = set()
@@ -156,7 +156,10 @@ class _InProcessTransport:
 
 
 class _Viewer:
-    """What viser takes for the websocket of a browser: it sends in the service's event loop and is never heard."""
+    """Replacement of a browser's websocket for viser; it never receives a message.
+
+    It sends in the service's event loop.
+    """
 
     subprotocol = PROTOCOL
 
