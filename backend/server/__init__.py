@@ -1,4 +1,4 @@
-"""The web server: connections and their limits, hosts, cookies, and the end of the service."""
+"""The web server: connections and their limits, hosts, cookies, and shutdown."""
 
 import lazy_loader
 

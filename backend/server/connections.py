@@ -1,4 +1,4 @@
-"""Connections of the web server: acceptance, places, turns of requests, budgets of reading."""
+"""Connections of the web server: acceptance, slots, scheduling, read budgets."""
 
 import asyncio
 import errno
@@ -38,32 +38,32 @@ from backend.server.security import (
 
 # Places --------------------------------------------------------------------------------------------
 #
-# Who is let in when there are more connections than places.
+# Limits of concurrent connections.
 #
-# Each connection takes a place. Whoever has not shown yet who they are is a guest: guests have few
-# places, and when those are taken the oldest guest gives way to the newest. Whoever is signed in
-# has a place of their own and is not sent away; viewers together, and one person alone, get a part
-# of these places only, so that some are always left for an operator.
+# Each connection takes a slot. Anonymous connections share a small pool; when it is full, the oldest is closed in
+# favour of the newest. Authenticated connections have their own slots and are never evicted; viewers as a group, and
+# any single user, may use only a part of these slots, so that an operator can always connect.
 
 
 RESERVE = 40
-"""Descriptors kept for the database, the loop process, the pools, and connections on their way in or out."""
+"""File descriptors reserved for the database, the loop process, pools, and connections being opened or closed."""
 
 MOST_PLACES = 2048
 MAX_ANONYMOUS = 64
 SOCKET_COSTS = 3
-"""Places that a websocket takes: the 3D view needs three descriptors for each page."""
+"""Slots of a websocket: the 3D view needs three descriptors per page."""
 
 BROWSER_PLACES = 96
-"""Most places of one browser session: a session is meant to be a person with a handful of tabs."""
+"""Most slots of one browser session: a session is one person with a few tabs."""
 
 _log = logging.getLogger(__name__)
 
 
 class ConnectionSlot:
-    """One connection. ``end`` closes it at once; ``is_answered`` tells whether it waits for its answer, not for words.
+    """One connection. ``end`` closes it at once.
 
-    Both change hands as the connection goes from the accepted socket to its protocol, which takes ``first_words`` over.
+    ``is_answered``: it waits for its response rather than for data. Both are replaced as the connection moves from the
+    accepted socket to its protocol, which also takes ``first_words``, the data received so far.
     """
 
     def __init__(self, address: str, end: Callable[[], None]) -> None:
@@ -77,21 +77,21 @@ class ConnectionSlot:
 
 @dataclass(frozen=True)
 class ConnectionBudget:
-    """How many places there are for guests and for those who are signed in."""
+    """Number of slots for anonymous and for authenticated connections."""
 
     anonymous: int
     known: int
 
     @classmethod
     def within(cls, limit: int, in_use: int) -> "ConnectionBudget":
-        """Divide what a limit of descriptors leaves beside those in use and the reserve."""
+        """Divide the descriptors left by those in use and the reserve."""
         free = max(12, min(MOST_PLACES, limit - in_use - RESERVE))
         anonymous = min(MAX_ANONYMOUS, free // 3)
         return cls(anonymous, free - anonymous)
 
 
 class ConnectionLimiter:
-    """Keeps account of all places. Belongs to the event loop."""
+    """Accounts for all slots. Belongs to the event loop."""
 
     def __init__(self, budget: ConnectionBudget) -> None:
         self.budget = budget
@@ -105,20 +105,20 @@ class ConnectionLimiter:
 
     @property
     def known(self) -> int:
-        """How many places those who are signed in take."""
+        """Number of slots of authenticated connections."""
         return sum(place.costs for place in self._known)
 
     def enter(self, place: ConnectionSlot) -> None:
-        """Let a guest in; another one gives way when all places for guests are taken."""
+        """Add an anonymous connection; if the pool is full, another one is closed."""
         if self.anonymous >= self.budget.anonymous:
             self.evict_anonymous()
         self._anonymous.setdefault(place.network, {})[place] = None
 
     def evict_anonymous(self) -> bool:
-        """Close an anonymous connection: the oldest of the largest network, idle ones first. False when there is none.
+        """Close an anonymous connection, idle ones first. Return False if there is none.
 
-        A network with more than half of the places gives way first. Else somebody who has not asked for anything does,
-        of the network with the most of these: many who ask from one address are not pushed out by an idle crowd.
+        It is the oldest of a network with more than half of the slots. Without such a network an idle connection is
+        closed, of the network with most of these: many active clients behind one address are not evicted by idle ones.
         """
         going = self._select_evicted()
         if going is None:
@@ -138,7 +138,7 @@ class ConnectionLimiter:
         return silent[0] if silent else next(iter(largest))
 
     def leave(self, place: ConnectionSlot) -> None:
-        """Take back a place, whoever held it."""
+        """Free a slot, whoever held it."""
         self._known.discard(place)
         crowd = self._anonymous.get(place.network, {})
         if place in crowd:
@@ -147,13 +147,14 @@ class ConnectionLimiter:
                 del self._anonymous[place.network]
 
     def authenticate(self, place: ConnectionSlot, person: User, *, is_socket: bool = False) -> bool:
-        """Give a slot to an authenticated connection. False when the user's share is full.
+        """Give slots to an authenticated connection. Return False if the share is full.
 
-        They stay a guest then: their requests are answered all the same. A websocket, which stays, is to be refused.
+        It then stays anonymous: its requests are answered nevertheless. A websocket, which is long-lived, must be
+        rejected.
         """
         costs = SOCKET_COSTS if is_socket else 1
         if place not in self._known and place not in self._anonymous.get(place.network, {}):
-            return False  # gone meanwhile: whoever left does not come back to give a place back
+            return False  # closed meanwhile: it must not take a slot again
         if place.costs >= costs:
             return True
         if self._sum_costs() + costs > self.budget.known or not self._has_part(person, costs):
@@ -181,7 +182,10 @@ class ConnectionLimiter:
 
 
 def _network(address: str) -> str:
-    """Return what is counted as one address: of IPv6 the first 64 bits, which one machine has all to itself."""
+    """Return the unit that counts as one address.
+
+    Of IPv6 that is the first 64 bits, all of which one machine may own.
+    """
     try:
         parsed = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
@@ -193,34 +197,33 @@ def _network(address: str) -> str:
 
 # Listener ------------------------------------------------------------------------------------------
 #
-# Takes connections off the listening socket, and hands over those that say something.
+# Accepts connections from the listening socket, and passes on those that send data.
 #
-# A connection that says nothing costs a descriptor and nothing else. asyncio's own way of accepting
-# takes a whole backlog at a time and, without descriptors left, tries again a thousand times a
-# second, with a traceback in the log for each.
+# A connection that sends nothing costs a descriptor only. asyncio's own accept takes a whole backlog at a time and,
+# without free descriptors, retries a thousand times a second with a traceback in the log each time.
 
 
 BACKLOG = 512
-"""Connections that the kernel keeps until they are taken: a flood of them is through in some tens of milliseconds."""
+"""Connections that the kernel queues: a flood of them is accepted within some tens of milliseconds."""
 
 SILENCE_S = 10.0
-"""So long a connection may say nothing."""
+"""Time in which a connection must send data [s]."""
 
 ACCEPT_TURN_S = 0.005
-"""So long [s] connections are taken before others have their turn."""
+"""Time for accepting connections before other work gets its turn [s]."""
 
 FIRST_BYTES = 16 * 1024
 
 PAUSE_S = 0.05
-"""Pause [s] after the kernel has refused to give a connection."""
+"""Pause after the kernel failed to accept a connection [s]."""
 
 _OUT_OF_RESOURCES = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
 
 
 class ConnectionAcceptor:
-    """Accepts on one listening socket until closed. ``protocol`` makes the protocol of a connection.
+    """Accepts on one listening socket until closed. ``protocol`` makes protocols.
 
-    ``highest`` is the largest descriptor for a new connection: those above are for the rest of the service.
+    ``highest`` is the largest descriptor of a new connection: those above are for the rest of the service.
     """
 
     def __init__(
@@ -241,7 +244,7 @@ class ConnectionAcceptor:
         self._accept_from_now_on()
 
     def close(self) -> None:
-        """Accept nothing more. The listening socket stays open."""
+        """Stop accepting. The listening socket stays open."""
         self._loop.remove_reader(self._listening)
         if self._retry is not None:
             self._retry.cancel()
@@ -269,7 +272,7 @@ class ConnectionAcceptor:
             _Newcomer(self, connection, str(address[0]))
 
     def _accept_later(self, error: OSError) -> None:
-        """Leave the connections in the kernel for a moment."""
+        """Leave the connections in the kernel's queue for a moment."""
         _log.error("The service cannot accept connections at present: %s", error)
         if error.errno in _OUT_OF_RESOURCES:
             self.places.evict_anonymous()
@@ -278,7 +281,7 @@ class ConnectionAcceptor:
 
 
 class _Newcomer:
-    """A connection until its first words are handed over, or its end."""
+    """A connection until its first data are passed on, or until its end."""
 
     def __init__(self, listener: ConnectionAcceptor, connection: socket.socket, address: str) -> None:
         self._listener = listener
@@ -289,12 +292,12 @@ class _Newcomer:
         connection.setblocking(False)
         with suppress(
             OSError
-        ):  # gone already; an answer in two parts would else wait 40 ms for the first one's receipt
+        ):  # closed already; without this option a response in two parts would wait 40 ms for an acknowledgement
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._place = ConnectionSlot(address, self._end)
         listener.places.enter(self._place)
         self._patience = self._loop.call_later(SILENCE_S, self._end)
-        # Under a crowd it has waited in the kernel, and its words with it: each turn of the event loop counts then.
+        # Under load its data have waited in the kernel with it, so each turn of the event loop counts.
         self._listen()
         if self._handover is None and not self._sent_away:
             self._loop.add_reader(connection, self._listen)
@@ -312,11 +315,11 @@ class _Newcomer:
         self._patience.cancel()
         self._loop.remove_reader(self._connection)
         self._place.first_words = words
-        self._place.is_answered = lambda: True  # gives way last: its words are not read yet
+        self._place.is_answered = lambda: True  # evicted last: its data have not been read yet
         self._handover = self._loop.create_task(self._hand_over())
 
     async def _hand_over(self) -> None:
-        """Give the connection to a protocol, which takes over ``place.end``."""
+        """Pass the connection to a protocol, which takes over ``place.end``."""
         try:
             factory = partial(self._listener.protocol, self._place)
             transport, _ = await self._loop.connect_accepted_socket(factory, self._connection)
@@ -342,45 +345,44 @@ class _Newcomer:
 
 # Reading -------------------------------------------------------------------------------------------
 #
-# What connections send is parsed in small pieces, in turn, and within a budget for each websocket.
+# Received data are parsed in small pieces, in turn, and within a budget for each websocket.
 #
-# asyncio hands over up to 256 kB at once: 40,000 empty frames, which take a second to parse, and
-# STOP of somebody else waits behind them. Here a piece of one connection is followed by one of the
-# next, each round of the event loop spends a few milliseconds on all of them, and a websocket that
-# sends more than a page does is read more slowly, then closed.
+# asyncio delivers up to 256 kB at once: 40,000 empty frames, which take a second to parse while another client's STOP
+# waits. Here pieces of all connections alternate, each round of the event loop spends a few milliseconds on all of
+# them, and a websocket that sends more than a page does is read more slowly, then closed.
 
 
 PIECE = 512
 """Bytes of a websocket that are parsed at once: at most 256 frames, in 2 ms."""
 
 READ_TURN_S = 0.002
-"""So long [s] all connections together are parsed in a round of the event loop."""
+"""Time for parsing all connections in a round of the event loop [s]."""
 
 MOST_UNREAD = 64 * 1024
-"""Bytes that wait to be parsed; a connection with more is not read until some are."""
+"""Bytes waiting to be parsed beyond which a connection is not read."""
 
 FRAMES_PER_S, FRAMES_AT_ONCE = 100.0, 400.0
-"""Frames of a websocket, in the long run and at once: a page sends one in a second, the 3D view some in a drag."""
+"""Sustained rate and burst of a websocket's frames: a page sends one a second, the 3D view some in a drag."""
 
 BYTES_PER_S, BYTES_AT_ONCE = 64.0 * 1024, 2.0 * 1024 * 1024
-"""Bytes of a websocket, in the long run and at once."""
+"""Sustained rate and burst of a websocket's bytes."""
 
 PATIENCE_S = 5.0
-"""A websocket that wants more than its budget for so long [s] is closed."""
+"""Time beyond its budget after which a websocket is closed [s]."""
 
 
 class Connection(Protocol):
-    """What sends."""
+    """A connection with data to parse."""
 
     def parse_piece(self) -> float | None:
-        """Parse the next piece; return after how long [s] the next one is parsed, None when there is none."""
+        """Parse the next piece; return the delay before the next one [s], None for none."""
 
     def end(self) -> None:
         """Close at once."""
 
 
 class ReadScheduler:
-    """Lets connections have their pieces parsed in turn. Belongs to the event loop."""
+    """Parses the pieces of connections in turn. Belongs to the event loop."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -389,7 +391,7 @@ class ReadScheduler:
         self._is_due = False
 
     def add(self, connection: Connection) -> None:
-        """Have a connection's bytes parsed when it is its turn: at once where nobody waits."""
+        """Schedule a connection for parsing, at once if none waits."""
         if id(connection) in self._lined_up:
             return
         self._lined_up.add(id(connection))
@@ -411,7 +413,7 @@ class ReadScheduler:
                 self._waiting.append(connection)
             if self._loop.time() > until:
                 break
-        # Also where nobody waits: what comes in this round waits for the next, or each of a crowd would be the first.
+        # Also if none waits: data of this round wait for the next, or each connection of a crowd would be the first.
         self._loop.call_soon(self._turn_or_rest)
 
     def _turn_or_rest(self) -> None:
@@ -437,14 +439,17 @@ def _parse_head(connection: Connection) -> float | None:
 
 
 class Budget:
-    """What a websocket may send: filled by time, emptied by frames and bytes."""
+    """Budget of a websocket: filled by time, emptied by frames and bytes."""
 
     def __init__(self, now: float) -> None:
         self._at, self._frames, self._bytes = now, FRAMES_AT_ONCE, BYTES_AT_ONCE
         self._short_since: float | None = None
 
     def spend(self, now: float, frames: int, size: int) -> float:
-        """Take off what was parsed; return for how long nothing more is to be parsed [s], 0 within the budget."""
+        """Subtract what was parsed; return the pause before more is parsed [s].
+
+        0 within the budget.
+        """
         passed, self._at = now - self._at, now
         self._frames = min(FRAMES_AT_ONCE, self._frames + FRAMES_PER_S * passed) - frames
         self._bytes = min(BYTES_AT_ONCE, self._bytes + BYTES_PER_S * passed) - size
@@ -456,25 +461,28 @@ class Budget:
         return pause_s
 
     def is_overdrawn(self, now: float) -> bool:
-        """Tell whether the connection has wanted more than its budget for too long."""
+        """Return whether the connection has exceeded its budget for too long."""
         return self._short_since is not None and now - self._short_since > PATIENCE_S
 
 
 SOCKETS_PER_S, SOCKETS_AT_ONCE = 4.0, 24
-"""Websockets that a session may open in the long run, and at once: a dozen pages with a 3D view each, loaded again."""
+"""Sustained rate and burst of websockets per session: a dozen pages with a 3D view each, reloaded."""
 
 LONGEST_WAIT_S = 10.0
 MOST_SESSIONS = 1000
 
 
 class Arrivals:
-    """Lets each session open websockets at a rate: one more waits for its turn, many more are refused."""
+    """Limits the rate of new websockets per session: some wait, many are rejected."""
 
     def __init__(self) -> None:
         self._due: dict[str, float] = {}
 
     def wait_s(self, session: str, now: float) -> float | None:
-        """Count one more and return how long it has to wait [s]; None, and not counted, where that is too long."""
+        """Count one more and return its delay [s].
+
+        None, without counting it, if that would be too long.
+        """
         if len(self._due) > MOST_SESSIONS:
             self._due = {known: due for known, due in self._due.items() if due > now}
         due = max(self._due.get(session, 0.0), now) + 1.0 / SOCKETS_PER_S
@@ -487,54 +495,52 @@ class Arrivals:
 
 # Protocols -----------------------------------------------------------------------------------------
 #
-# uvicorn's two protocols with a place for each connection and an end to every wait.
-#
-# A request's head, its body, the pause until the next request, and an answer that nobody reads:
-# each has its time.
+# uvicorn's two protocols with a slot for each connection and a timeout for every wait: a request's head, its body, the
+# pause until the next request, and a response that is not read.
 
 
 HEAD_S = 10.0
-"""So long the head of a request may take, from its first byte or the connection's beginning."""
+"""Time for the head of a request [s], from its first byte or the start of the connection."""
 
 BODY_S = 10.0
-"""So long a body of ``MAX_BODY_BYTES`` may take; where larger ones are taken, as much longer as they may be larger."""
+"""Time for a body of ``MAX_BODY_BYTES`` [s]; proportionally more where larger ones are accepted."""
 
 REST_S = 10.0
-"""So long the rest of a body is taken that the answer did not wait for, so that the answer is read."""
+"""Time for reading the rest of a body after the response [s], so that the client reads the response."""
 
 ANONYMOUS_PAUSE_S, AUTHENTICATED_PAUSE_S = 5.0, 60.0
-"""So long a connection is kept between two requests: of a guest, of somebody who is signed in."""
+"""Time that an anonymous or an authenticated connection is kept between two requests [s]."""
 
 STALL_S = 30.0
-"""So long an answer may wait without a single byte being taken."""
+"""Time without progress of a response after which its connection is closed [s]."""
 
 PLACE = "place"
-"""Key of the connection's place in the ``state`` of a request's scope."""
+"""Key of the connection's slot in the ``state`` of a request's scope."""
 
 ALL_PLACES = "places"
-"""Key of the account of all places, there too."""
+"""Key of the ``ConnectionLimiter`` in the same ``state``."""
 
 READING = "reading"
-"""Key of what has the bytes of all connections parsed in turn, there too."""
+"""Key of the ``ReadScheduler`` in the same ``state``."""
 
 TOO_MUCH = 1008
-"""Code with which a websocket is closed that sends more than its budget: a policy was violated."""
+"""Close code of a websocket that exceeds its budget: policy violation."""
 
 POLL_S = 0.005
-"""Time [s] after which a connection is looked at again whose application has not taken yet what was parsed."""
+"""Polling interval of a connection whose application has not consumed the parsed data [s]."""
 
 
 def body_s(path: str) -> float:
-    """Return how long the body of a request to an address may take [s]: all have to come equally fast."""
-    asked = SHEETS if path.endswith(SHEETS) else path  # a proxy may have left its prefix before it
+    """Return the time for the body of a request [s], proportional to its limit."""
+    asked = SHEETS if path.endswith(SHEETS) else path  # a proxy may have left its prefix
     return BODY_S * body_limit(asked) / MAX_BODY_BYTES
 
 
 class _LimitedProtocol(asyncio.Protocol):
-    """Gives the place back at the end, and ends a connection that takes nothing of what it asked for.
+    """Frees the slot at the end; closes a connection that does not read its response.
 
-    What it receives waits in ``_unread`` until it is its turn to be parsed, ``PIECE`` bytes at a time. Comes before
-    uvicorn's protocol in the order of classes.
+    Received data wait in ``_unread`` to be parsed, ``PIECE`` bytes at a time. Must precede uvicorn's protocol in the
+    order of base classes.
     """
 
     PIECE = LONGEST_HEAD
@@ -548,28 +554,28 @@ class _LimitedProtocol(asyncio.Protocol):
 
     @property
     def place(self) -> ConnectionSlot:
-        """Where this connection stands."""
+        """Slot of this connection."""
         place: ConnectionSlot = self.app_state[PLACE]
         return place
 
     @property
     def places(self) -> ConnectionLimiter:
-        """The account of all places."""
+        """Limiter of all slots."""
         places: ConnectionLimiter = self.app_state[ALL_PLACES]
         return places
 
     def end(self) -> None:
-        """Close at once; what was not sent is lost."""
+        """Close at once; unsent data are lost."""
         self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Give the place back."""
+        """Free the slot."""
         self.places.leave(self.place)
         self._unset_stall()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Keep what has come, until it is this connection's turn to have it parsed."""
+        """Store received data until it is this connection's turn to be parsed."""
         self._unread += data
         if len(self._unread) > MOST_UNREAD and not self.transport.is_closing():
             self._is_full = True
@@ -578,7 +584,7 @@ class _LimitedProtocol(asyncio.Protocol):
         reading.add(self)
 
     def parse_piece(self) -> float | None:
-        """Parse the next piece; return after how long [s] the next one is parsed, None when there is none."""
+        """Parse the next piece; return the delay before the next one [s], None for none."""
         if self.transport.is_closing():
             self._unread.clear()
             return None
@@ -591,24 +597,27 @@ class _LimitedProtocol(asyncio.Protocol):
             self._is_full = False
             if not self.transport.is_closing() and not self._is_waiting_for_app():
                 self.transport.resume_reading()
-        # A pause is kept where nothing more has come yet, too: what comes next is parsed after it.
+        # A pause also applies if no more data have arrived yet: what comes next is parsed after it.
         return pause_s if self._unread or pause_s > 0.0 else None
 
     def parse(self, piece: bytes) -> float:
-        """Hand a piece to uvicorn; return after how long [s] the next one may be parsed."""
+        """Pass a piece to uvicorn; return the delay before the next one [s]."""
         raise NotImplementedError
 
     def _is_waiting_for_app(self) -> bool:
-        """Tell whether the application has not taken yet what was parsed: uvicorn reads no further then."""
+        """Return whether the application has not consumed the parsed data yet.
+
+        uvicorn does not read then.
+        """
         raise NotImplementedError
 
     def pause_writing(self) -> None:
-        """Begin to watch whether anything is taken."""
+        """Start to monitor the progress of the response."""
         super().pause_writing()
         self._watch_writing()
 
     def resume_writing(self) -> None:
-        """All but a little was taken."""
+        """Stop monitoring: almost all data were sent."""
         super().resume_writing()
         self._unset_stall()
 
@@ -629,7 +638,7 @@ class _LimitedProtocol(asyncio.Protocol):
 
 
 class _Wait(Enum):
-    """What a connection is waited for."""
+    """What a connection waits for."""
 
     HEAD = auto()
     BODY = auto()
@@ -638,7 +647,7 @@ class _Wait(Enum):
 
 
 class HttpProtocol(_LimitedProtocol, H11Protocol):
-    """HTTP/1.1 on a connection that has a place."""
+    """HTTP/1.1 on a connection with a slot."""
 
     def __init__(
         self,
@@ -654,23 +663,23 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
         self._patience: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as in uvicorn
-        """Take over the place, and what was said already."""
+        """Take over the slot and the data received before."""
         super().connection_made(transport)
         self.place.end = self.end
         self.place.is_answered = lambda: bool(self.place.first_words) or self._find_wait() is _Wait.NOTHING
         self._watch()
-        # Not at once: until this returns the transport cannot be told to pause.
+        # Deferred: until this returns, the transport cannot be paused.
         self.loop.call_soon(self._take_first_words)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Wait for nothing more."""
+        """Cancel all timeouts."""
         self._unset_patience()
         super().connection_lost(exc)
 
     def parse(self, piece: bytes) -> float:
-        """Take the next bytes; the time that is left goes on, unless they end what was waited for.
+        """Parse the next bytes; the timeout continues unless they complete the wait.
 
-        They come in pieces, so that a head that is too long is refused by its length, before its lines are looked at.
+        Pieces are small, so a head that is too long is rejected by its length, before its lines are parsed.
         """
         H11Protocol.data_received(self, piece)
         self._watch()
@@ -686,8 +695,8 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
         self._watch()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Hand over to the other protocol, which has its own times."""
-        if len(event.headers) > MOST_HEADERS:  # the other protocol would close without an answer
+        """Switch to the websocket protocol, which has its own timeouts."""
+        if len(event.headers) > MOST_HEADERS:  # the websocket protocol would close without a response
             self._refuse_head()
             return
         self._unset_patience()
@@ -695,7 +704,7 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
         super().handle_websocket_upgrade(event)
 
     def send_400_response(self, msg: str) -> None:
-        """Answer what is no HTTP, and a head that is too long, with the headers that every answer has."""
+        """Respond to invalid HTTP or a head that is too long, with the standard headers."""
         if self._find_wait() is _Wait.HEAD and len(self.conn.trailing_data[0]) > LONGEST_HEAD:
             self._refuse_head()
         else:
@@ -719,7 +728,7 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
         ):
             self.transport.write(self.conn.send(sent) or b"")
         if self.cycle is not None:
-            self.cycle.disconnected = True  # a request whose body went wrong: its route's own answer goes nowhere
+            self.cycle.disconnected = True  # a request with an invalid body: its route's own response is discarded
             self.cycle.message_event.set()
         self.transport.close()
 
@@ -757,7 +766,7 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
 
 
 class SocketProtocol(_LimitedProtocol, WebSocketsSansIOProtocol):
-    """A websocket on a connection that has a place."""
+    """A websocket on a connection with a slot."""
 
     PIECE = PIECE
 
@@ -770,9 +779,12 @@ class SocketProtocol(_LimitedProtocol, WebSocketsSansIOProtocol):
         self.place.is_answered = lambda: True
 
     def parse(self, piece: bytes) -> float:
-        """Parse frames within the budget; a connection that wants more for too long is closed, and the log says so."""
+        """Parse frames within the budget; close the connection after a long excess.
+
+        The excess is logged.
+        """
         before = self._counted.frames
-        if not self.handshake_initiated:  # the head of the request, which was counted as one
+        if not self.handshake_initiated:  # the head of the request, which counts as one
             WebSocketsSansIOProtocol.data_received(self, piece + bytes(self._unread))
             self._unread.clear()
             return 0.0
@@ -804,14 +816,14 @@ class SocketProtocol(_LimitedProtocol, WebSocketsSansIOProtocol):
         return self.read_paused
 
     async def send(self, message: Any) -> None:
-        """Send; a handshake that was refused with an answer of its own is complete, which uvicorn does not note."""
+        """Send a message and mark a rejected handshake as complete, unlike uvicorn."""
         await super().send(message)
         if self.initial_response is not None and self.close_sent:
             self.handshake_complete = True
 
 
 class _WholeLines(StreamReader):
-    """Takes lines of any length: the head was bounded when it was read as that of a request."""
+    """Reads lines of any length: the head was limited when it was read as a request."""
 
     def read_line(self, m: int) -> Generator[None, None, bytearray]:
         """Return the next line."""
@@ -819,17 +831,17 @@ class _WholeLines(StreamReader):
 
 
 class _Handshake(ServerProtocol):
-    """Takes the heads that other requests may have, and refuses with the headers that every answer has."""
+    """Handshake with the limits of other requests; rejections have standard headers."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self.frames = 0
         self.reader = _WholeLines()
         self.parser = self.parse()
-        next(self.parser)  # begins to read, as the first one did
+        next(self.parser)  # starts the new parser
 
     def events_received(self) -> list[Event]:
-        """Return what was parsed, and count it."""
+        """Return the parsed events, and count them."""
         events = super().events_received()
         self.frames += len(events)
         return events
@@ -842,20 +854,19 @@ class _Handshake(ServerProtocol):
 
 # Request turns -------------------------------------------------------------------------------------
 #
-# One request after the other, so that STOP waits for the one under way and not for all of a
-# crowd's.
+# Requests start one after the other, so STOP waits for the current one and not for all of a crowd.
 #
-# The event loop goes through all that is ready before it looks at what has come. Two dozen busy
-# pages at once make such a round a tenth of a second long, and an answer takes several rounds.
+# The event loop runs everything that is ready before it polls for new data. Two dozen busy pages make such a round a
+# tenth of a second long, and a response takes several rounds.
 
 
 PASSES_BY = "/api/stop"
 
 
 class RequestSchedulingMiddleware:
-    """ASGI middleware that lets one request of operators and one of all others begin in each round.
+    """ASGI middleware that starts one operator's and one other request per round.
 
-    STOP begins at once. Among operators, as among the others, who came first begins first.
+    STOP starts at once. Operators' requests, like the others, start in order of arrival.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -865,7 +876,7 @@ class RequestSchedulingMiddleware:
         self._has_begun = False
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on in turn."""
+        """Pass the request on in its turn."""
         if scope["type"] in ("http", "websocket") and scope["path"] != PASSES_BY:
             await self._turn(self._operators if _is_operator(scope) else self._others)
         await self._app(scope, receive, send)
@@ -889,7 +900,7 @@ class RequestSchedulingMiddleware:
             asyncio.get_running_loop().call_soon(self._next_round)
 
     def _has_begun_with(self, turn: asyncio.Future[None]) -> bool:
-        if turn.done():  # cancelled: whoever waited is gone
+        if turn.done():  # cancelled: the client is gone
             return False
         turn.set_result(None)
         self._has_begun = True

@@ -1,4 +1,4 @@
-"""Deployment: what a reverse proxy changes, and what is wrong between browser and service."""
+"""Deployment: effects of a reverse proxy, problems between browser and service."""
 
 import ipaddress
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from backend.schemas import ErrorDetail
 
 # Proxied -------------------------------------------------------------------------------------------
 #
-# What a reverse proxy changes in a request: the path prefix, who asks, the path of the cookie.
+# Effects of a reverse proxy on a request: path prefix, client address, cookie path.
 
 
 FORWARDING = (
@@ -28,20 +28,20 @@ FORWARDING = (
 """Headers that a reverse proxy adds."""
 
 PUBLIC = "sinew.public"
-"""Key of a request's scope: the public URL that the service was started with, None without one."""
+"""Key of a request's scope: the public URL of the service, None without one."""
 
 COOKIE_PATH = "sinew.cookie_path"
-"""Key of a request's scope: the path that its session cookie is for."""
+"""Key of a request's scope: the path of its session cookie."""
 
 PEER = "sinew.peer"
-"""Key of a request's scope: the address that the connection comes from, a proxy's where there is one."""
+"""Key of a request's scope: the address of the connection, which may be a proxy's."""
 
 
 def apply_forwarded_headers(scope: Scope, public: PublicUrl | None) -> None:
-    """Make of a request that came through a proxy what it would be without: ``scope`` is changed in place.
+    """Undo the effects of a proxy on a request; ``scope`` is changed in place.
 
-    The prefix of the public URL is taken off the path, where the proxy has left it there, and the client is whom a
-    trusted proxy names. Nothing else of what a proxy adds counts, and nothing of what others send under these names.
+    The prefix of the public URL is removed from the path if the proxy left it there, and the client is the one that a
+    trusted proxy names. Other headers of proxies are ignored, as are these from untrusted clients.
     """
     headers = Headers(scope=scope)
     peer = str(scope["client"][0]) if scope.get("client") else ""
@@ -58,7 +58,7 @@ def apply_forwarded_headers(scope: Scope, public: PublicUrl | None) -> None:
 
 
 def parse_host_name(host: str) -> str:
-    """Return the name in a Host header, without brackets and port; "" for what is none."""
+    """Return the name in a Host header, without brackets and port; "" if invalid."""
     try:
         return urlsplit(f"//{host}").hostname or ""
     except ValueError:
@@ -66,12 +66,12 @@ def parse_host_name(host: str) -> str:
 
 
 def _is_public_host(host: str, public: PublicUrl) -> bool:
-    """Return whether a Host header is that of the public URL, with its port or without any."""
+    """Return whether a Host header is that of the public URL, with or without port."""
     return host.lower() in (public.netloc, public.host, f"{public.host}:{public.port}")
 
 
 def _take_prefix(scope: Scope, prefix: str) -> bool:
-    """Take the prefix off the path; return whether it was there."""
+    """Remove the prefix from the path; return whether it was there."""
     path: str = scope["path"]
     if not prefix or not path.startswith(f"{prefix}/"):
         return False
@@ -83,7 +83,7 @@ def _take_prefix(scope: Scope, prefix: str) -> bool:
 
 
 def _find_client(forwarded: list[str], public: PublicUrl) -> str | None:
-    """Return the client of the first trusted proxy; each later proxy has appended one address."""
+    """Return the last address that is no trusted proxy; each proxy appends its client."""
     found = None
     for name in reversed([part.strip() for line in forwarded for part in line.split(",")]):
         try:
@@ -97,18 +97,17 @@ def _find_client(forwarded: list[str], public: PublicUrl) -> str | None:
 
 # Deployment ----------------------------------------------------------------------------------------
 #
-# What is wrong with the way from a browser to the service, and how to set it right. Sentences for
-# log and page.
+# Problems between a browser and the service, and their remedies, as messages for log and page.
 
 
 NGINX_UPGRADE = 'proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade";'
-"""What nginx needs for websockets."""
+"""Settings that nginx needs for websockets."""
 
 _SHOWN = 200
 
 
 def unknown_host(host: str, public: PublicUrl | None) -> str:
-    """Say why a Host header is refused."""
+    """Return the message for a rejected Host header."""
     known = "" if public is None else f" (started with --public-url {public}/)"
     return (
         f"this service is not known as {_cut(host)!r}{known}. If people reach it through a reverse proxy, start it "
@@ -118,7 +117,7 @@ def unknown_host(host: str, public: PublicUrl | None) -> str:
 
 
 def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
-    """Say why a page's command or websocket is refused."""
+    """Return the message for a rejected command or websocket of a page."""
     issue = f"the page comes from {_cut(origin)!r}, and the request asks for the host {_cut(host)!r}"
     if public is not None:
         return (
@@ -137,7 +136,7 @@ def foreign_origin(origin: str, host: str, public: PublicUrl | None) -> str:
 
 
 def upgrade_lost(path: str, origin: str | None) -> str:
-    """Say why a websocket's handshake that has become a plain request is refused."""
+    """Return the message for a websocket handshake that arrived as a plain request."""
     return (
         f"a websocket was asked for at {_cut(path)!r} by a page of {_cut(origin or 'no origin')!r}, and the header "
         f"Upgrade was lost on the way: the reverse proxy does not pass websockets on. For nginx: {NGINX_UPGRADE}"
@@ -145,7 +144,7 @@ def upgrade_lost(path: str, origin: str | None) -> str:
 
 
 def missing_page_message(path: str) -> str:
-    """Say what an address without a page may come from."""
+    """Return the message for an address without a page."""
     return (
         f"There is no page at {_cut(path)}. The dashboard is at /. If a reverse proxy serves it below a path, start "
         "the service with --public-url and the whole address, such as https://rig.lab/sinew/."
@@ -153,9 +152,10 @@ def missing_page_message(path: str) -> str:
 
 
 def find_deployment_problems(page: str, public: PublicUrl | None, headers: Headers, peer: str) -> list[ErrorDetail]:
-    """Return what is wrong with how a page at the address ``page`` has reached the service.
+    """Return the problems of how a page at the address ``page`` reaches the service.
 
-    ``peer`` is the address of the connection. A page that may not command at all is refused before, by its origin.
+    ``peer`` is the address of the connection. A page that must not send commands at all is rejected before, by its
+    origin.
     """
     try:
         parts = urlsplit(page)

@@ -1,4 +1,4 @@
-"""Descriptors: how many files and connections this process may have open."""
+"""Descriptors: limits of open files and connections of this process."""
 
 import logging
 import os
@@ -7,15 +7,18 @@ import resource
 _log = logging.getLogger(__name__)
 
 WANTED_DESCRIPTORS = 8192
-"""The limit of open descriptors is raised to this, or as far as the machine allows."""
+"""Desired limit of open descriptors; the machine may allow less."""
 
 
 LOW_DESCRIPTORS = 512
-"""Below this limit there is room for few pages only; the log says so."""
+"""Limit below which only few pages can be served, which is logged."""
 
 
 def raise_limit() -> None:
-    """Raise this process's limit of open descriptors as far as it may; say so where it stays low."""
+    """Raise this process's limit of open descriptors as far as allowed.
+
+    Logs a warning if it stays low.
+    """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     most = WANTED_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(hard, WANTED_DESCRIPTORS)
     if soft != resource.RLIM_INFINITY and soft < most:
@@ -29,11 +32,11 @@ def raise_limit() -> None:
 
 
 def descriptor_limit() -> int:
-    """Return how many descriptors this process may have open."""
+    """Return the limit of this process's open descriptors."""
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return WANTED_DESCRIPTORS if soft == resource.RLIM_INFINITY else soft
 
 
 def open_descriptors() -> int:
-    """Return how many descriptors this process has open."""
+    """Return the number of open descriptors of this process."""
     return len(os.listdir("/proc/self/fd"))

@@ -1,4 +1,4 @@
-"""The address that the service listens on, and how the service ends."""
+"""The address on which the service listens, and its shutdown."""
 
 import ipaddress
 import signal
@@ -14,21 +14,21 @@ from plant import ErrorCode, SinewError
 
 # Ending --------------------------------------------------------------------------------------------
 #
-# How the service is told to end, and by what it was.
+# Shutdown of the service, and its cause.
 
 
 KILLED_BY = 128
-"""Exit status of what a signal ended, less the number of the signal."""
+"""Exit status of a process ended by a signal, minus the number of the signal."""
 
 
 class Ending:
-    """Why the service ends, for those parts that put it on record."""
+    """Cause of the shutdown, for the parts that record it."""
 
     cause = "service ended"
 
 
 class EndingServer(uvicorn.Server):
-    """A web server that ends in order by any signal that means so, and leaves in ``ending`` which one it was."""
+    """Web server that shuts down on signals, and stores the cause in ``ending``."""
 
     def __init__(self, config: uvicorn.Config, ending: Ending) -> None:
         super().__init__(config)
@@ -36,10 +36,10 @@ class EndingServer(uvicorn.Server):
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """End in order on SIGHUP too: a terminal that is closed, or a connection that is cut, sends it.
+        """Shut down on SIGHUP too: a closed terminal or a lost connection sends it.
 
-        Whoever started the service with nohup has it ignored, and that stays. Uvicorn raises the signal once more at
-        the end: by default that kills, and what is released at the end of an interpreter would be told as leaked.
+        A service started with nohup ignores it, which is preserved. Uvicorn raises the signal again at the end: by
+        default that kills the process, and resources released at the interpreter's exit would be reported as leaked.
         """
         _leave_in_order_by(signal.SIGTERM, signal.SIGHUP)
         with super().capture_signals():
@@ -54,14 +54,17 @@ class EndingServer(uvicorn.Server):
                 signal.signal(signal.SIGHUP, before)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Begin to end."""
+        """Begin the shutdown."""
         if not self.should_exit:
             self._ending.cause = f"service ended by {signal.Signals(sig).name}"
         super().handle_exit(sig, frame)
 
 
 def _leave_in_order_by(*numbers: signal.Signals) -> None:
-    """Let signals that would kill this process end its interpreter, with the status that a shell gives for them."""
+    """Let signals that would kill this process exit its interpreter.
+
+    The exit status is the one a shell reports for them.
+    """
     if threading.current_thread() is not threading.main_thread():
         return
     for number in numbers:
@@ -74,25 +77,28 @@ def _leave(number: int, _frame: FrameType | None) -> None:
 
 
 def browser_address(host: str, port: int) -> str:
-    """Return where a browser of this machine reaches a service that listens on ``host``."""
+    """Return the address for a browser of this machine.
+
+    ``host`` is the one the service listens on.
+    """
     reached = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
     return f"http://[{reached}]:{port}" if ":" in reached else f"http://{reached}:{port}"
 
 
 # Listening -----------------------------------------------------------------------------------------
 #
-# The address that the service listens on.
+# The address on which the service listens.
 
 
 class CannotListenError(SinewError):
-    """The address cannot be listened on."""
+    """The service cannot listen on the address."""
 
     category = ErrorCode.UNAVAILABLE
 
 
 @contextmanager
 def listening_socket(host: str, port: int) -> Iterator[socket.socket]:
-    """Hold the socket that is listened on. Raises CannotListenError."""
+    """Open the listening socket for the block. Raises CannotListenError."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         listening = socket.create_server((host, port), family=family, dualstack_ipv6=_is_dual_stack(host))
@@ -106,7 +112,7 @@ def listening_socket(host: str, port: int) -> Iterator[socket.socket]:
 
 
 def describe_served_addresses(host: str) -> str:
-    """Return which addresses a service on ``host`` serves, where that is not plain from it; "" elsewhere."""
+    """Return which addresses a service on ``host`` serves, "" if that is obvious."""
     if not _is_any(host):
         return ""
     if ":" not in host:

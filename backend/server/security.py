@@ -1,4 +1,4 @@
-"""Security of the web server: hosts, origins, cookies, bodies, headers, ends of sessions."""
+"""Security of the web server: hosts, origins, cookies, bodies, headers, sessions."""
 
 import asyncio
 import html
@@ -30,25 +30,27 @@ from plant import ErrorCode
 
 # Bodies --------------------------------------------------------------------------------------------
 #
-# Bodies of requests: read whole, and refused where they are too large or hold what cannot be
-# written down again.
+# Bodies of requests: read completely, and rejected if they are too large or contain values that cannot be stored.
 
 
 MOST_NAMES, MOST_LISTED = 1_500, 12_000
-"""Named values, and values in lists, that a body may have: twenty layouts of charts have 1100, a removal of recordings
-ten thousand runs. A refusal of 24 000 unknown names held the interpreter for 0.2 s."""
+"""Most named values, and values in lists, of a body: twenty layouts of charts have 1100, a deletion of recordings ten
+thousand runs. A rejection of 24 000 unknown names held the interpreter for 0.2 s."""
 
 _SUSPECT = (rb"\u", rb"\b", rb"\f", b"\x7f", b"\xc2")
-"""How JSON can write a character that is not taken; what has none of these is not looked through."""
+"""JSON encodings of a character that is not accepted; a body without any of these is not searched."""
 
 
 def has_body(connection: HTTPConnection) -> bool:
-    """Tell whether a request brings one."""
+    """Return whether a request has a body."""
     return connection.scope["type"] == "http" and connection.headers.get("content-length", "0").strip("0") != ""
 
 
 async def read_body(receive: Receive, most: int) -> bytes:
-    """Return the whole body, of ``most`` bytes at most. Raises RequestRejectedError, ClientDisconnect."""
+    """Return the whole body, of at most ``most`` bytes.
+
+    Raises RequestRejectedError, ClientDisconnect.
+    """
     body = bytearray()
     while True:
         message = await receive()
@@ -63,7 +65,10 @@ async def read_body(receive: Receive, most: int) -> bytes:
 
 
 def require_valid_body(body: bytes) -> None:
-    """Raise RequestRejectedError for a body that is no JSON, or holds what no request has: it takes up to 10 ms."""
+    """Raise RequestRejectedError for a body that is not valid JSON or too complex.
+
+    Takes up to 10 ms.
+    """
     try:
         document = pydantic_core.from_json(body)
         _require_few(document)
@@ -78,7 +83,10 @@ def require_valid_body(body: bytes) -> None:
 
 
 def _require_few(document: Any) -> None:
-    """Raise RequestRejectedError for more parts than any request has: each that is wrong takes time to be told."""
+    """Raise RequestRejectedError for more values than any request has.
+
+    Reporting each invalid one would take time.
+    """
     parts, names, count = [document], 0, 0
     while parts:
         part = parts.pop()
@@ -92,7 +100,7 @@ def _require_few(document: Any) -> None:
 
 
 def replay_body(body: bytes, receive: Receive) -> Receive:
-    """Return a ``receive`` that gives ``body`` first."""
+    """Return a ``receive`` that returns ``body`` first."""
     messages: list[dict[str, Any]] = [{"type": "http.request", "body": body, "more_body": False}]
 
     async def again() -> Message:
@@ -103,14 +111,14 @@ def replay_body(body: bytes, receive: Receive) -> Receive:
 
 # Cookies -------------------------------------------------------------------------------------------
 #
-# What a request shows of who sends it, and the cookie that goes with an answer.
+# Credentials of a request, and the session cookie of a response.
 
 
 COOKIE = "sinew_session_"
-"""What a cookie's name begins with; the port of the address follows: all ports of a host share one jar."""
+"""Prefix of the cookie's name; the port of the address follows, because all ports of a host share their cookies."""
 
 HSTS_MAX_AGE_S = 400 * 24 * 3600
-"""As long as browsers keep a cookie at most: how long a session lasts is the service's to say, not a clock's."""
+"""Longest lifetime of a cookie in browsers [s]: the service decides how long a session lasts."""
 
 LONGEST_COOKIE = 2000
 
@@ -119,13 +127,13 @@ _SHOWN = "sinew.shown"
 
 
 def find_authentication(connection: HTTPConnection) -> Authentication:
-    """Return what tells who asks, of the running service."""
+    """Return the authentication of the running service."""
     authentication: Authentication = connection.app.state.authentication
     return authentication
 
 
 def read_credentials(connection: HTTPConnection) -> Credentials:
-    """Return what a request or websocket shows of who sends it; the same each time it is asked for."""
+    """Return the credentials of a request or websocket, parsed once."""
     shown: Credentials | None = connection.scope.get(_SHOWN)
     if shown is None:
         scheme, _, token = connection.headers.get("authorization", "").partition(" ")
@@ -141,7 +149,7 @@ def read_credentials(connection: HTTPConnection) -> Credentials:
 def set_session_cookie(
     authentication: Authentication, connection: HTTPConnection, response: Response, person: User
 ) -> None:
-    """Put the session cookie of ``person`` on ``response``."""
+    """Set the session cookie of ``person`` on ``response``."""
     value = authentication.make_cookie(person)
     if value is not None:
         response.set_cookie(
@@ -156,7 +164,7 @@ def set_session_cookie(
 
 
 def end_session(authentication: Authentication, connection: HTTPConnection, response: Response) -> None:
-    """End the session of the cookie, and take the cookie from this browser."""
+    """End the session of the cookie, and delete the cookie in the browser."""
     authentication.sign_out(read_credentials(connection))
     for path in sorted({"/", _path(connection)}):
         response.delete_cookie(
@@ -165,16 +173,16 @@ def end_session(authentication: Authentication, connection: HTTPConnection, resp
 
 
 def cookie_name(connection: HTTPConnection) -> str:
-    """Return the name of the session cookie at the address that the browser asked for."""
+    """Return the name of the session cookie at the address that the browser requested."""
     port = connection.headers.get("host", "").rpartition(":")[2]
     return COOKIE + (port if port.isascii() and port.isdigit() and len(port) <= 5 else "80")
 
 
 def _is_secure(connection: HTTPConnection) -> bool:
-    """Return whether browsers are to send the cookie over https only.
+    """Return whether browsers must send the cookie over https only.
 
-    Behind a public https address always: a request does not show whether it came that way. Chrome and Firefox take
-    http://localhost for secure too, so that somebody at this machine can sign in without the proxy.
+    Always with a public https address: a request does not show whether it came that way. Chrome and Firefox treat
+    http://localhost as secure too, so a person at this machine can sign in without the proxy.
     """
     public: PublicUrl | None = connection.scope.get(PUBLIC)
     return public is not None and public.is_secure
@@ -186,30 +194,29 @@ def _path(connection: HTTPConnection) -> str:
 
 
 def _values(connection: HTTPConnection, name: str) -> list[str]:
-    """Return the cookies of a name: there may be others beside ours, set by somebody else on this host."""
+    """Return the cookies of a name: other applications on this host may have set some."""
     pairs = (pair.strip().partition("=") for pair in connection.headers.get("cookie", "").split(";"))
     return [value for found, _, value in pairs if found == name and len(value) <= LONGEST_COOKIE][:_SAME_COOKIES]
 
 
 # Session ends --------------------------------------------------------------------------------------
 #
-# Ends websockets when the session that opened them ends: a page is recognised when it opens one,
-# and only then.
+# Closes websockets when the session that opened them ends: a page is authenticated only when it opens one.
 
 
 LIVE = "/api/live"
 OVER = 1008
-"""The code of the close frame: policy violation, as the standard calls it."""
+"""Close code of the websocket: policy violation."""
 
 
 class SessionExpiryMiddleware:
-    """ASGI middleware around all websockets, of the live stream and of the 3D views alike."""
+    """ASGI middleware for all websockets, of the live stream and of the 3D views."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on, and say goodbye for the other side when the session is over."""
+        """Pass on, and simulate a disconnect by the client when the session ends."""
         if scope["type"] != "websocket":
             await self._app(scope, receive, send)
             return
@@ -245,7 +252,7 @@ def _until(over: asyncio.Event, receive: Receive, send: Send) -> Receive:
 
 # Message page --------------------------------------------------------------------------------------
 #
-# A page with one sentence, for whoever opens an address in a browser and gets no dashboard.
+# A page with one sentence, for a browser that requests an address without a dashboard.
 
 
 DOCUMENT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; frame-ancestors 'self'"
@@ -258,7 +265,7 @@ _STYLE = (
 
 
 def render_message_page(status: int, text: str) -> HTMLResponse:
-    """Return a page that says ``text``."""
+    """Return a page that shows ``text``."""
     content = (
         '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">'
         f"<title>Sinew</title><style>{_STYLE}</style><main><h1>Sinew</h1><p>{html.escape(text)}</p></main></html>"
@@ -267,26 +274,29 @@ def render_message_page(status: int, text: str) -> HTMLResponse:
 
 
 def is_page_request(headers: Headers, method: str) -> bool:
-    """Return whether a person opens the address, not a script: only then a browser asks for a page before all else."""
+    """Return whether a browser requests a page, rather than a script a resource.
+
+    Only a browser lists HTML first.
+    """
     return method == "GET" and headers.get("accept", "").startswith("text/html")
 
 
 # Guard ---------------------------------------------------------------------------------------------
 #
-# What every answer carries and what no request gets past: host, origin, size, headers.
+# Headers of every response, and checks of every request: host, origin, size, headers.
 
 
 MAX_BODY_BYTES = 256 * 1024
 SHEETS = "/api/chart-sheet.pdf"
-"""Where drawings are sent to, the only bodies that are large."""
+"""Path for drawings, the only large bodies."""
 MAX_SHEET_BYTES = LONGEST_SHEET
-"""So many characters a sheet may have; none takes less than a byte."""
+"""Most characters of a sheet; each takes at least one byte."""
 LONGEST_HEAD = 32 * 1024
-"""Bytes that the head of a request may have, of a websocket's too: cookies of all applications on its host."""
+"""Most bytes of a request's head, also of a websocket's: it has the cookies of all applications on its host."""
 MOST_HEADERS = 100
 _READING = {"GET", "HEAD", "OPTIONS"}
 _UNCLEAR = {"two_lengths", "length_required", "bad_length"}
-"""Refusals of a request whose end cannot be known for certain: its connection ends with it."""
+"""Rejections of a request whose end is uncertain: its connection is closed."""
 
 APP_POLICY = (
     "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -302,18 +312,18 @@ HEADERS = {
     "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
     "Content-Security-Policy": APP_POLICY,
 }
-"""What every answer carries, unless its route says otherwise."""
+"""Headers of every response, unless its route sets them."""
 
 
 class HostOriginMiddleware:
-    """ASGI middleware in front of everything, websockets and the answers to failures included.
+    """Outermost ASGI middleware, for websockets and error responses too.
 
-    Refuses a Host header that this service is not known by (DNS rebinding), an Origin other than that host on
-    websockets and on everything that writes, heads beyond ``LONGEST_HEAD`` or ``MOST_HEADERS``, and bodies larger than
-    ``body_limit`` or of no certain length. With a ``public`` URL the hosts are that one, the names of this machine's
-    loopback and ``allowed_hosts``, and the origins are that of the URL and those of the other hosts; its path prefix is
-    taken off the path, and a trusted proxy's X-Forwarded-For says who asks. A refusal that a proxy or its set-up may
-    have caused is logged, with what to change.
+    Rejects an unknown Host header (DNS rebinding), an Origin other than that host on websockets and on everything that
+    writes, heads beyond ``LONGEST_HEAD`` or ``MOST_HEADERS``, and bodies larger than ``body_limit`` or of uncertain
+    length. With a ``public`` URL the hosts are that one, the loopback names of this machine and ``allowed_hosts``, and
+    the origins are that of the URL and those of the other hosts; its path prefix is removed from the path, and the
+    X-Forwarded-For of a trusted proxy names the client. A rejection that a proxy or its configuration may have caused
+    is logged with its remedy.
     """
 
     def __init__(self, app: ASGIApp, allowed_hosts: Iterable[str] = (), public: PublicUrl | None = None) -> None:
@@ -324,7 +334,7 @@ class HostOriginMiddleware:
             self._local.add(socket.gethostname().lower())
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what is allowed, answer the rest."""
+        """Pass on permitted requests, respond to the others."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -373,7 +383,10 @@ class HostOriginMiddleware:
         return self._is_local(name)
 
     def _is_local(self, name: str) -> bool:
-        """Return whether a host's name is this machine's, without a proxy; an address cannot be rebound to another."""
+        """Return whether a host's name is this machine's, without a proxy.
+
+        An address cannot be rebound to another.
+        """
         if name in self._local:
             return True
         try:
@@ -383,7 +396,10 @@ class HostOriginMiddleware:
         return self._public is None or address.is_loopback
 
     def _is_own_origin(self, headers: Headers, host: str) -> bool:
-        """Return whether no other site's page sends this: a browser says so in one header or the other."""
+        """Return whether the request is not from another site's page.
+
+        A browser shows that in one of two headers.
+        """
         if headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
             return False
         origin = headers.get("origin")
@@ -396,12 +412,12 @@ class HostOriginMiddleware:
                 return False
         try:
             return urlsplit(origin).netloc.lower() == host.lower()
-        except ValueError:  # a bracket that is not closed
+        except ValueError:  # an unclosed bracket
             return False
 
 
 def body_limit(path: str) -> int:
-    """Return how large the body of a request to an address may be."""
+    """Return the largest body of a request to an address [bytes]."""
     return MAX_SHEET_BYTES if path == SHEETS else MAX_BODY_BYTES
 
 
@@ -434,7 +450,7 @@ def _with_headers(scope: Scope, send: Send) -> Send:
 
 
 def _without_body(send: Send) -> Send:
-    """Answer HEAD as GET is answered, with the same head and nothing after it."""
+    """Return a ``send`` for HEAD: the response of GET without its body."""
 
     async def send_head(message: Message) -> None:
         if message["type"] == "http.response.body":
@@ -445,13 +461,13 @@ def _without_body(send: Send) -> Send:
 
 
 def _head_bytes(scope: Scope) -> int:
-    """Return about how long the head of a request is on the line."""
+    """Return the approximate length of a request's head [bytes]."""
     target = len(scope.get("raw_path") or scope["path"]) + len(scope["query_string"])
     return target + sum(len(name) + len(value) + 4 for name, value in scope["headers"])
 
 
 def too_large_a_head() -> str:
-    """Return why a head is refused, and what a person at a browser can do."""
+    """Return why a head is rejected, and the remedy for a person at a browser."""
     return (
         f"the head of the request has more than {LONGEST_HEAD // 1024} kB or {MOST_HEADERS} lines: other applications "
         "under this host name have set too many cookies; delete the cookies of this site, or use another name for it"
@@ -459,9 +475,9 @@ def too_large_a_head() -> str:
 
 
 def _refuse(scope: Scope, status: int, code: str, message: str) -> Response:
-    """Return a refusal: a page for whoever opens the address in a browser, else the body that every refusal has."""
-    # What follows may be a part of it, and must not be taken for the next request. A body that is only too large is
-    # read to its end: to close before that would take the answer from whoever still sends.
+    """Return a rejection: a page for a browser, else the usual error body."""
+    # The following data may be part of the request and must not be parsed as the next one. A body that is only too
+    # large is read to its end: closing earlier would discard the response for a client that still sends.
     headers = {"Connection": "close"} if scope["type"] == "http" and code in _UNCLEAR else {}
     if scope["type"] == "http" and is_page_request(Headers(scope=scope), scope["method"]):
         page = render_message_page(status, message)

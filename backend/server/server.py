@@ -1,4 +1,4 @@
-"""The web server: its address, uvicorn's configuration, its first request, its end."""
+"""The web server: its address, uvicorn's configuration, start and shutdown."""
 
 import asyncio
 import socket
@@ -23,11 +23,14 @@ from backend.server.security import LONGEST_HEAD
 
 # First request -------------------------------------------------------------------------------------
 #
-# The request that an application gets before anybody asks.
+# First request to an application, before any client's.
 
 
 async def prepare_routes(app: ASGIApp) -> None:
-    """Send the application its first request: FastAPI prepares its routes only then, for a third of a second."""
+    """Send the application its first request.
+
+    FastAPI prepares its routes only then, which takes a third of a second.
+    """
     request = {
         "type": "http",
         "method": "GET",
@@ -47,14 +50,14 @@ async def prepare_routes(app: ASGIApp) -> None:
 
 # Server --------------------------------------------------------------------------------------------
 #
-# uvicorn's server with a listener of our own in front, and what it is told.
+# uvicorn's server with an own connection acceptor, and its configuration.
 
 
 GRACE_S = 3
 
 
 class Server(EndingServer):
-    """Serves on the sockets given. ``ready`` is called when it answers, not when it begins to start."""
+    """Serves on the given sockets. ``ready`` is called once it responds."""
 
     def __init__(self, app: ASGIApp, ready: Callable[[], None], ending: Ending) -> None:
         super().__init__(
@@ -63,7 +66,7 @@ class Server(EndingServer):
                 http=HttpProtocol,
                 ws=SocketProtocol,
                 h11_max_incomplete_event_size=LONGEST_HEAD,
-                log_config=None,  # the service's own handler writes, and limits, all there is to say
+                log_config=None,  # the service's own handler writes, and limits, all records
                 log_level="warning",
                 access_log=False,  # it would write the token of the sign-in link
                 server_header=False,
@@ -77,7 +80,7 @@ class Server(EndingServer):
         self._listeners: list[ConnectionAcceptor] = []
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start the application, then let connections in."""
+        """Start the application, then accept connections."""
         await super().startup([])  # no socket for asyncio to accept on
         if not self.started:
             return
@@ -93,7 +96,7 @@ class Server(EndingServer):
         self._ready()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Let nobody in any more, then let those inside finish."""
+        """Stop accepting, then let active connections finish."""
         for listener in self._listeners:
             listener.close()
         await super().shutdown(sockets)

@@ -12,10 +12,8 @@ from anyio import CapacityLimiter, to_thread
 from fastapi.routing import APIRoute
 
 THREADS = 6
-"""So many plain routes run at a time; the files of the page are read in FastAPI's own threads.
-
-Each thread that computes may keep the event loop, and so STOP, from Python's lock for a moment.
-"""
+"""Most plain routes that run at a time; the files of the page are read in FastAPI's own threads. Each computing thread
+may keep the GIL, and so delay STOP, for a moment."""
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -23,12 +21,12 @@ _threads = CapacityLimiter(THREADS)
 
 
 async def in_thread(work: Callable[_P, _T], *asked: _P.args, **named: _P.kwargs) -> _T:
-    """Return ``work(*asked, **named)``, done in a thread of plain routes."""
+    """Return ``work(*asked, **named)``, executed in a thread of plain routes."""
     return await to_thread.run_sync(partial(work, *asked, **named), limiter=_threads)
 
 
 class ThreadRoute(APIRoute):
-    """A route of the interface; one that is a plain function runs in a thread."""
+    """A route of the interface; a plain function runs in a thread."""
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **settings: Any) -> None:
         super().__init__(path, endpoint if iscoroutinefunction(endpoint) else _in_threads(endpoint), **settings)
