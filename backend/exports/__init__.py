@@ -1,4 +1,4 @@
-"""Samples as files for other programs and installations: written in streams, read back, bundled with their lineage."""
+"""Files with samples: streamed exports, imports, and bundles with their lineage."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What all exports share: their facts, their source of samples, the file they write to, and refusals."""
+"""Common parts of all exports: metadata, samples, output stream, errors."""
 
 import io
 import json
@@ -31,46 +31,46 @@ from plant import ErrorCode, SinewError, T_s
 
 # Errors --------------------------------------------------------------------------------------------
 #
-# What is refused of exports and imports.
+# Errors of exports and imports.
 
 
 class ExportError(SinewError, ValueError):
-    """It cannot be exported; the message says why, and what to do instead."""
+    """Samples that cannot be exported; the message names the reason and a remedy."""
 
     category = ErrorCode.BAD_VALUE
 
 
 class ImportRefusedError(SinewError, ValueError):
-    """A file is not taken in, and nothing of it; the message says which part of it is wrong."""
+    """A file that is not imported at all; the message names the part that is wrong."""
 
     category = ErrorCode.BAD_VALUE
 
 
 # Sink ----------------------------------------------------------------------------------------------
 #
-# A file that is handed on in pieces while it is written.
+# A stream that is read in pieces while it is written.
 
 
 class Sink(io.BufferedIOBase):
-    """What a library writes into; ``take`` returns what has come since it was last asked."""
+    """Output stream; ``take`` returns the bytes written since its last call."""
 
     def __init__(self) -> None:
         self._pieces: list[bytes] = []
         self._written = 0
 
     def writable(self) -> bool:
-        """Say that it is."""
+        """Return True."""
         return True
 
     def write(self, data: Any, /) -> int:
-        """Keep a piece."""
+        """Store a piece."""
         piece = bytes(data)
         self._pieces.append(piece)
         self._written += len(piece)
         return len(piece)
 
     def tell(self) -> int:
-        """Return how much was written in all [bytes]."""
+        """Return the number of bytes written in total."""
         return self._written
 
     def take(self) -> bytes:
@@ -81,14 +81,14 @@ class Sink(io.BufferedIOBase):
 
 # Strict json ---------------------------------------------------------------------------------------
 #
-# JSON of a file that may be anybody's: only what every database and every digest can hold.
+# JSON of a file of unknown origin: only values that every database and every digest can hold.
 
 
 _MOST_DIGITS = 18
 
 
 def read_strict(text: str | bytes) -> Any:
-    """Return a document without nan, infinity, numbers out of all bounds and texts that are not plain.
+    """Return a document without NaN, infinity, huge numbers and non-plain texts.
 
     Raises ValueError.
     """
@@ -98,7 +98,7 @@ def read_strict(text: str | bytes) -> Any:
 
 
 def read_finite(text: str | bytes) -> Any:
-    """Return a document without nan, infinity and numbers out of all bounds. Raises ValueError."""
+    """Return a document without NaN, infinity and huge numbers. Raises ValueError."""
     try:
         return json.loads(text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
     except RecursionError:
@@ -123,7 +123,10 @@ def _whole(word: str) -> int:
 
 
 def require_texts(document: Any) -> None:
-    """Raise ValueError for texts that are not taken, also in JSON that stands in a text, as an experiment in a plan."""
+    """Raise ValueError for non-plain texts, also in JSON embedded in a text.
+
+    An experiment in a plan is embedded that way.
+    """
     try:
         check_plain_texts(document)
         for inner in _inner_documents(document):
@@ -143,14 +146,13 @@ def _inner_documents(document: Any) -> Iterator[Any]:
         elif isinstance(part, str) and part.startswith(("{", "[")) and "\\" in part:
             try:
                 yield json.loads(part)
-            except (ValueError, RecursionError):  # a text like any other
+            except (ValueError, RecursionError):  # an ordinary text
                 continue
 
 
 # Facts ---------------------------------------------------------------------------------------------
 #
-# What every export says of itself: what its samples are, in which units, of which run, and their
-# digest. Pure.
+# Metadata of an export: content, units, run and digest of its samples.
 
 
 FORMAT = 1
@@ -173,7 +175,7 @@ _FIELD = {field.name: field for field in FIELDS}
 
 @dataclass(frozen=True)
 class Described:
-    """One column: its name, the symbol that a person reads, its unit (SI, "1" for counts and codes) and meaning."""
+    """One column: name, symbol, unit (SI, "1" for counts and codes), meaning."""
 
     name: str
     symbol: str
@@ -183,11 +185,12 @@ class Described:
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """``fields`` are the columns in the order of the recording, which ``sha256`` is of; ``columns`` as written.
+    """Metadata of an export.
 
-    ``of`` is what the samples are, "run 12"; ``started_at`` the moment of t = 0 in ISO 8601, where it is known.
-    ``derived`` names columns that were computed for the file and are no part of the recording.
-    ``run`` is the run as stored, None of samples that are no run's; ``samples`` counts them, ``missed`` those lacking.
+    ``fields`` are the columns in the order of the recording, over which ``sha256`` is computed; ``columns`` as written.
+    ``of`` is the content, "run 12"; ``started_at`` the time of t = 0 in ISO 8601, if known. ``derived`` names columns
+    that were computed for the file and are no part of the recording. ``run`` is the run as stored, None for samples
+    without run; ``samples`` is their number, ``missed`` that of missing ones.
     """
 
     of: str
@@ -211,7 +214,7 @@ class Facts:
         return [column.name for column in self.columns]
 
     def to_json(self) -> str:
-        """Return them in one line, with their own digest at the end."""
+        """Return the metadata in one line, with their own digest at the end."""
         document = asdict(self)
         if not self.derived:
             del document["derived"]
@@ -223,7 +226,10 @@ _FACTS: TypeAdapter[Facts] = TypeAdapter(Facts)
 
 
 def read_facts(text: str | bytes) -> Facts:
-    """Read what ``to_json`` wrote, of an older run too, whatever its texts are. Raises ImportRefusedError."""
+    """Parse the result of ``to_json``, also of older versions and with any texts.
+
+    Raises ImportRefusedError.
+    """
     try:
         document = read_finite(text)
         if not isinstance(document, Mapping) or document.get("format") != FORMAT:
@@ -245,7 +251,10 @@ def read_facts(text: str | bytes) -> Facts:
 
 
 def describe_columns(names: Iterable[str]) -> list[Described]:
-    """Return the columns of ``t`` and these signals in the order of every export; those of an older Sinew last."""
+    """Return the columns of ``t`` and these signals in the order of every export.
+
+    Those of an older version come last.
+    """
     known = set(names) | {"t"}
     ordered = [name for name in ORDER if name in known] + sorted(known - set(ORDER))
     return [
@@ -263,26 +272,25 @@ def make_table(batch: Batch, fields: list[str]) -> NDArray[np.float32]:
 
 # Source --------------------------------------------------------------------------------------------
 #
-# What is exported: samples as they come, a minute at a time, and the facts about them, looked
-# through beforehand.
+# Source of an export: its metadata, and its samples in parts of up to a minute, checked beforehand.
 
 
 SLAB_S = 50.0
-"""Samples that are read at once [s]: 6 MB. Each in a snapshot of its own, as somebody may take hours to download."""
+"""Duration of samples read together [s]: 6 MB. Each in its own snapshot, as a download may take hours."""
 
 
 @dataclass(frozen=True)
 class Export:
-    """Facts, and the samples as often as they are asked for."""
+    """Metadata, and a function that returns the samples, as often as it is called."""
 
     facts: Facts
     batches: Callable[[], Iterator[Batch]]
 
 
 def export_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> Export:
-    """Return the export of a run, after reading all of it once: what cannot be read is refused beforehand.
+    """Return the export of a run after reading it once, to reject errors beforehand.
 
-    ``derived`` are signals of formulas that stand behind its columns. Raises UnknownRecordError, ExportError.
+    ``derived`` are signals of formulas added after its columns. Raises UnknownRecordError, ExportError.
     """
     with database.reading() as session:
         run, document = runs.get(session, run_id), build_record_document(session, RUN, run_id)
@@ -320,7 +328,10 @@ def export_run(database: Database, run_id: int, derived: Sequence[str] = ()) -> 
 
 
 def export_run_if_recorded(database: Database, run_id: int) -> Export:
-    """Return the export of a run, one without samples where none were recorded. Raises ExportError."""
+    """Return the export of a run, without samples if none were recorded.
+
+    Raises ExportError.
+    """
     try:
         return export_run(database, run_id)
     except UnknownRecordError:
@@ -328,7 +339,10 @@ def export_run_if_recorded(database: Database, run_id: int) -> Export:
 
 
 def export_columns(columns: Columns, of: str, period_s: float = T_s) -> Export:
-    """Return the export of samples in memory, of a flight record for example; ``of`` says what they are."""
+    """Return the export of samples in memory, such as a flight record.
+
+    ``of`` is the name of the content.
+    """
     batch: Batch = {name: column if name == "t" else column.astype(np.float32) for name, column in columns.items()}
     fields = [name for name in batch if name != "t"]
     digest = SamplesDigest(fields, period_s)
@@ -345,7 +359,10 @@ def export_columns(columns: Columns, of: str, period_s: float = T_s) -> Export:
 
 
 def unbroken(batch: Batch, period_s: float) -> Iterator[tuple[int, Batch]]:
-    """Cut a batch where samples are missing: yield each part with the tick of its first, counted from t = 0."""
+    """Split a batch at missing samples.
+
+    Yields each part with its first tick, relative to t = 0.
+    """
     ticks = np.rint(batch["t"] / period_s).astype(np.int64)
     cuts = [0, *(np.flatnonzero(np.diff(ticks) != 1) + 1).tolist(), ticks.size]
     for begin, end in pairwise(cuts):

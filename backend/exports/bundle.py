@@ -1,4 +1,4 @@
-"""Bundles: a run with all that it came from in one file, checked before anything in it is believed."""
+"""Bundles: a run with its lineage in one file, verified before it is used."""
 
 import hashlib
 import json
@@ -36,24 +36,23 @@ from backend.storage import (
 
 # Bundle --------------------------------------------------------------------------------------------
 #
-# A run with all that it came from in one file: its records, the samples of every run among them,
-# its report.
+# A run with its lineage in one file: records, the samples of all runs among them, report.
 #
-# A zip whose members are stored as they are, so that nothing in it can swell. ``manifest.json`` has
-# the sha256 of each member and of each record; the comment of the archive that of all bytes before
-# it. A bundle is written in one stream.
+# A zip archive whose members are stored uncompressed, so nothing in it can expand. ``manifest.json`` has the sha256 of
+# each member and of each record; the comment of the archive that of all bytes before it. A bundle is written in one
+# stream.
 
 
 FORMAT = 1
 MANIFEST, RECORDS = "manifest.json", "records.json"
 DIGEST_LENGTH = 64
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-"""Time of all members: the same bundle is the same bytes whenever it is written."""
+"""Time of all members: the same bundle has the same bytes whenever it is written."""
 
 
 @dataclass
 class Gathered:
-    """Records, each after those that it names; ``recorded`` are the runs whose samples are there."""
+    """Records, each after those it refers to; ``recorded`` are the runs with samples."""
 
     records: list[dict[str, Any]] = field(default_factory=list)
     recorded: list[int] = field(default_factory=list)
@@ -71,7 +70,10 @@ def make_report_name(run_id: int) -> str:
 
 
 def gather(session: Session, run_id: int) -> Gathered:
-    """Return all that a run came from, and what was computed of it. Raises UnknownRecordError, ExportError."""
+    """Return the lineage and the results of a run.
+
+    Raises UnknownRecordError, ExportError.
+    """
     gathered = Gathered()
     _gather_run(session, runs.get(session, run_id), gathered)
     for found in reversed(identifications.find(session, run_id=run_id)):
@@ -82,7 +84,10 @@ def gather(session: Session, run_id: int) -> Gathered:
 
 
 def write_bundle(database: Database, run_id: int, report: bytes | None, folder: Path) -> Iterator[bytes]:
-    """Yield the bundle of a run. Raises UnknownRecordError, ExportError before the first piece."""
+    """Yield the bundle of a run.
+
+    Raises UnknownRecordError, ExportError before the first piece.
+    """
     with database.reading() as session:
         gathered = gather(session, run_id)
     exports = {number: export_run(database, number) for number in gathered.recorded}
@@ -127,7 +132,7 @@ def write_bundle(database: Database, run_id: int, report: bytes | None, folder: 
 
 
 def get_record_name(record: dict[str, Any]) -> str:
-    """Return what a record is called."""
+    """Return the name of a record."""
     return f"{record['kind']} {record['number']}"
 
 
@@ -159,7 +164,7 @@ def _gather_run(session: Session, run: Run, gathered: Gathered) -> None:
 
 
 def _collect_calibrations(session: Session, run: Run) -> Document:
-    """Return what goes with a run that is no record of the other installation: what was calibrated when it began."""
+    """Return the calibrations at the start of a run, which are no records elsewhere."""
     held = commissioning.held_at(session, run.station, run.started_at)
     known = origins.of_runs(session, [run.id])
     if run.id in known:
@@ -181,21 +186,21 @@ def _json(document: Any) -> bytes:
 
 # Bundle file ---------------------------------------------------------------------------------------
 #
-# A bundle as a file: looked at from outside before anything in it is believed.
+# A bundle as a file of unknown origin: verified before its content is used.
 
 
 _NAME = re.compile(
     r"(manifest|records)\.json|(recordings/[1-9]\d{0,8}\.parquet)|(reports/[1-9]\d{0,8}\.html)", re.ASCII
 )
 _LARGEST_TEXT = 64_000_000
-"""Bytes of a member that is read whole: records and reports of a run have one or two million."""
+"""Most bytes of a member that is read completely: records and reports of a run have one or two million."""
 _MOST_MEMBERS = 1_000
 _CHANGED = f"was changed: its sha256 is another one than {MANIFEST} tells"
 
 
 @dataclass(frozen=True)
 class Bundle:
-    """An opened bundle whose hashes hold: its manifest, its records, and its members."""
+    """Opened bundle with verified hashes: manifest, records and members."""
 
     archive: zipfile.ZipFile
     sha256: str
@@ -204,7 +209,7 @@ class Bundle:
     names: frozenset[str]
 
     def text(self, name: str) -> bytes:
-        """Return a member that is read whole."""
+        """Return a member that is read completely."""
         return self.archive.read(name)
 
     def unpack(self, name: str, file: Path) -> None:
@@ -216,7 +221,10 @@ class Bundle:
 
 @contextmanager
 def open_bundle(file: Path) -> Iterator[Bundle]:
-    """Open a bundle for the block, when all its hashes hold. Raises ImportRefusedError, OSError."""
+    """Open a bundle for the block if all its hashes are correct.
+
+    Raises ImportRefusedError, OSError.
+    """
     whole = _digest(file)
     try:
         with zipfile.ZipFile(file) as archive:
@@ -231,7 +239,7 @@ def open_bundle(file: Path) -> Iterator[Bundle]:
 
 
 def _digest(file: Path) -> bytes:
-    """Return the sha256 of all but the comment, which should be the same."""
+    """Return the sha256 of all bytes except the comment, which should be equal."""
     found, left = hashlib.sha256(), file.stat().st_size - DIGEST_LENGTH
     with file.open("rb") as whole:
         while left > 0 and (piece := whole.read(min(PIECE, left))):
@@ -241,7 +249,10 @@ def _digest(file: Path) -> bytes:
 
 
 def _members(archive: zipfile.ZipFile, size: int) -> dict[str, zipfile.ZipInfo]:
-    """Return the members by name. Raises ImportRefusedError for what no bundle has: paths, compression, duplicates."""
+    """Return the members by name.
+
+    Raises ImportRefusedError for anything no bundle has: paths, compression, duplicates.
+    """
     found: dict[str, zipfile.ZipInfo] = {}
     for info in archive.infolist():
         name = info.filename
@@ -278,7 +289,7 @@ def _manifest(archive: zipfile.ZipFile, names: Mapping[str, zipfile.ZipInfo]) ->
 
 
 def _make_hash_error(archive: zipfile.ZipFile, name: str, members: Mapping[str, Any]) -> ImportRefusedError:
-    """Return the refusal of a member whose hash is another one; of records with the name of the one that differs."""
+    """Return the error of a member with a wrong hash, naming the record that differs."""
     if name == RECORDS:
         for record in _list(read_json(archive.read(RECORDS), RECORDS)):
             if members.get(get_record_name(record)) != document_digest(record):
@@ -328,7 +339,7 @@ def _hash(archive: zipfile.ZipFile, name: str) -> str:
 
 
 def read_json(text: bytes, name: str) -> Any:
-    """Read a document that every database can hold. Raises ImportRefusedError."""
+    """Parse a document that every database can hold. Raises ImportRefusedError."""
     try:
         return read_strict(text)
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""The formats of an export, by their names, and files that are written whole or not at all."""
+"""Formats of exports by name, and atomic writing of files."""
 
 import hashlib
 import os
@@ -13,7 +13,7 @@ from backend.exports.base import Batch, Export, Facts, ImportRefusedError
 
 # Files ---------------------------------------------------------------------------------------------
 #
-# Files that are written whole or not at all, and files by their content.
+# Files that are written completely or not at all, and digests of files.
 
 
 PIECE = 1 << 20
@@ -27,17 +27,15 @@ def file_digest(file: Path) -> str:
 
 
 def write_file_whole(pieces: Iterable[bytes], file: Path) -> None:
-    """Write a file whole, or not at all. Raises like ``write_files_whole``."""
+    """Write a file completely or not at all. Raises like ``write_files_whole``."""
     write_files_whole({file: pieces})
 
 
 def write_files_whole(contents: Mapping[Path, Iterable[bytes]]) -> None:
-    """Write files, each whole, and none of them where one cannot be written.
+    """Write files completely, or none of them if one fails.
 
-    A file that is there keeps its mode; a link keeps pointing at its file. Where the file system allows it, content
-    has no name before it is complete, so that a process that is killed leaves nothing behind.
-
-    Raises OSError, which names the file, and what the pieces raise.
+    An existing file keeps its mode; a link stays a link. If the file system allows it, content has no name until it is
+    complete, so a killed process leaves nothing behind. Raises OSError, which names the file, and errors of the pieces.
     """
     with ExitStack() as stack:
         written = []
@@ -55,7 +53,7 @@ def write_files_whole(contents: Mapping[Path, Iterable[bytes]]) -> None:
 
 
 class _Written:
-    """The new content of one file, under a name of its own or none."""
+    """New content of one file, under a temporary name or none."""
 
     def __init__(self, target: Path, stack: ExitStack) -> None:
         self.target = target
@@ -68,14 +66,14 @@ class _Written:
 
     def _open(self) -> int:
         if (unnamed := getattr(os, "O_TMPFILE", 0)) and Path("/proc/self/fd").is_dir():
-            with suppress(OSError):  # the file system knows no files without a name, or the folder is none
+            with suppress(OSError):  # the file system has no unnamed files, or the folder is none
                 return os.open(self.target.parent, unnamed | os.O_WRONLY, _MODE)
         descriptor = os.open(self._part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, _MODE)
         self._has_name = True
         return descriptor
 
     def complete(self) -> None:
-        """Have the content on the disk."""
+        """Flush the content to the disk."""
         self.opened.flush()
         os.fsync(self.opened.fileno())
 
@@ -84,7 +82,7 @@ class _Written:
         if not self._has_name:
             self._part.unlink(missing_ok=True)
             descriptor = self.opened.fileno()
-            # Only with a descriptor of a folder, which an absolute path leaves unused, does Python call linkat.
+            # Python calls linkat only with a descriptor of a folder, which an absolute path leaves unused.
             os.link(f"/proc/self/fd/{descriptor}", self._part, src_dir_fd=descriptor, follow_symlinks=True)
             self._has_name = True
         os.replace(self._part, self.target)
@@ -99,7 +97,7 @@ class _Written:
 
 @contextmanager
 def _name_file_in_errors(file: Path) -> Iterator[None]:
-    """Raise errors of the operating system with the file that they are about."""
+    """Raise errors of the operating system with the name of the file."""
     try:
         yield
     except OSError as error:
@@ -108,11 +106,11 @@ def _name_file_in_errors(file: Path) -> Iterator[None]:
 
 # Formats -------------------------------------------------------------------------------------------
 #
-# The formats of an export, by their names: how each is written and read.
+# Formats of an export by name, with their writers and readers.
 
 
 class DataFormat(StrEnum):
-    """Formats that samples can be downloaded in."""
+    """Formats of samples for download."""
 
     CSV = "csv"
     PARQUET = "parquet"
@@ -136,7 +134,10 @@ _READ = {
 
 
 def stream_export(export: Export, kind: DataFormat, folder: Path) -> Iterator[bytes]:
-    """Return the file piece by piece; ``folder`` has room for what a format has to turn. Raises ExportError."""
+    """Return the file in pieces. Raises ExportError.
+
+    ``folder`` has space for temporary files of the format.
+    """
     match kind:
         case DataFormat.CSV:
             return writers.write_csv(export)
@@ -149,19 +150,19 @@ def stream_export(export: Export, kind: DataFormat, folder: Path) -> Iterator[by
 
 
 def write_export(export: Export, kind: DataFormat, file: Path) -> None:
-    """Write the whole file or none. Raises ExportError, OSError."""
+    """Write the whole file or nothing. Raises ExportError, OSError."""
     write_file_whole(stream_export(export, kind, file.parent), file)
 
 
 def read_export(file: Path) -> tuple[Facts, Iterator[Batch]]:
-    """Return facts and samples of an export; its name says the format.
+    """Return metadata and samples of an export; its suffix selects the format.
 
     Raises ImportRefusedError, also while the samples are read, OSError.
     """
     kind = file.suffix.removeprefix(".").lower()
     if kind not in set(DataFormat):
         raise ImportRefusedError(f"it is none of {', '.join(f'.{one}' for one in DataFormat)}")
-    file.stat()  # one that is not there is no matter of its content
+    file.stat()  # a missing file raises OSError
     with _translate_errors():
         facts, batches = _READ[DataFormat(kind)](file)
     return facts, _each(batches)
@@ -174,7 +175,7 @@ def _each(batches: Iterator[Batch]) -> Iterator[Batch]:
 
 @contextmanager
 def _translate_errors() -> Iterator[None]:
-    """Raise ImportRefusedError for any error of a library that reads a file of unknown origin."""
+    """Raise ImportRefusedError for any error of a library that reads an unknown file."""
     try:
         yield
     except (ImportRefusedError, GeneratorExit):

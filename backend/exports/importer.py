@@ -1,4 +1,7 @@
-"""Imports bundles and exported runs: checked whole first, then stored in one transaction."""
+"""Import of bundles and exported runs: checked completely, then stored.
+
+Each in one transaction.
+"""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -43,8 +46,7 @@ from backend.storage import (
 
 # Taking in -----------------------------------------------------------------------------------------
 #
-# Own exports taken in as runs: looked through whole first, then stored in one transaction or not at
-# all.
+# Own exports imported as runs: checked completely, then stored in one transaction or not at all.
 
 
 RunCheck = Callable[[Run], None]
@@ -52,12 +54,15 @@ RunCheck = Callable[[Run], None]
 
 
 def accept(_run: Run) -> None:
-    """Accept each run: that of a file of one's own, as a test has."""
+    """Accept each run."""
 
 
 @dataclass(frozen=True)
 class ImportResult:
-    """The number that a run has here; ``was`` is its number where it was made; ``new`` unless it was here before."""
+    """Number ``run`` of an imported run here, and its number ``was`` at its origin.
+
+    ``new``: it was not here before.
+    """
 
     run: int
     was: int
@@ -67,12 +72,10 @@ class ImportResult:
 def import_export(
     database: Database, file: Path, who: str, name: str = "", check_run: RunCheck = accept
 ) -> ImportResult:
-    """Store an exported run: with its samples, parameters and settings, but without its banks.
+    """Store an exported run with samples, parameters and settings, without its banks.
 
-    These are not in the file: its origin keeps by which numbers it named them. ``name`` is what the file is called
-    where its own name is another. ``backend.services.downloads`` looks over what the run was set to.
-
-    Raises ImportRefusedError, OSError.
+    Banks are not in the file: the run's origin stores their numbers. ``name`` is the name of the file if its own
+    differs. ``backend.services.downloads`` checks the settings of the run. Raises ImportRefusedError, OSError.
     """
     facts = check_export(file)
     document, was = get_run(facts), get_run_number(facts)
@@ -100,7 +103,10 @@ def import_export(
 
 
 def check_export(file: Path) -> Facts:
-    """Read all of an export and return its facts. Raises ImportRefusedError where its samples are others than told."""
+    """Read a whole export and return its metadata.
+
+    Raises ImportRefusedError if samples and metadata disagree.
+    """
     facts, batches = read_export(file)
     try:
         require_texts(asdict(facts))
@@ -111,7 +117,7 @@ def check_export(file: Path) -> Facts:
 
 
 def require_matching_facts(facts: Facts, batches: Iterable[Batch]) -> None:
-    """Raise ImportRefusedError where samples, or their times, are others than the facts tell."""
+    """Raise ImportRefusedError if samples or times differ from the metadata."""
     digest, samples = SamplesDigest(facts.fields, facts.period_s), 0
     try:
         for tick, batch in _pieces(facts, batches):
@@ -126,7 +132,7 @@ def require_matching_facts(facts: Facts, batches: Iterable[Batch]) -> None:
 
 
 def get_run(facts: Facts) -> dict[str, Any]:
-    """Return the run that an export is of. Raises ImportRefusedError."""
+    """Return the run of an export. Raises ImportRefusedError."""
     if facts.run is None:
         raise ImportRefusedError(f"it is of {facts.of}, no run")
     try:
@@ -136,7 +142,7 @@ def get_run(facts: Facts) -> dict[str, Any]:
 
 
 def get_run_number(facts: Facts) -> int:
-    """Return the number of the run where it was made. Raises ImportRefusedError."""
+    """Return the number of the run at its origin. Raises ImportRefusedError."""
     kind, _, number = facts.of.partition(" ")
     if kind != RUN or not number.isdecimal() or len(number) > 9:
         raise ImportRefusedError(f"it is of {facts.of[:40]}, no run")
@@ -144,7 +150,10 @@ def get_run_number(facts: Facts) -> int:
 
 
 def same_run(session: Session, document: Mapping[str, Any], facts: Facts | None) -> int | None:
-    """Return the run that is this one and here already. Raises ImportRefusedError where it is another one."""
+    """Return the run here that equals this one, or None.
+
+    Raises ImportRefusedError if that has other samples.
+    """
     try:
         here = find_same_record(session, RUN, dict(document))
     except UnfitDocumentError as error:
@@ -158,7 +167,10 @@ def same_run(session: Session, document: Mapping[str, Any], facts: Facts | None)
 
 
 def store_run(session: Session, document: Mapping[str, Any], file: Path | None, check_run: RunCheck = accept) -> int:
-    """Store a run with the samples of an export that was ``check_export``. Raises ImportRefusedError."""
+    """Store a run with the samples of an export that passed ``check_export``.
+
+    Raises ImportRefusedError.
+    """
     run_id = import_document(session, RUN, dict(document))
     try:
         run = runs.get(session, run_id)
@@ -184,12 +196,15 @@ def store_run(session: Session, document: Mapping[str, Any], file: Path | None, 
                 for part in (table[begin : begin + CHUNK_TICKS],)
             ]
             recordings.add_chunks(session, run_id, chunks)
-            session.expunge_all()  # or all of them would be held until the end
+            session.expunge_all()  # otherwise all rows stay in memory until the end
     return run_id
 
 
 def _pieces(facts: Facts, batches: Iterable[Batch]) -> Iterator[tuple[int, Batch]]:
-    """Yield stretches without a gap, in order of their ticks. Raises ImportRefusedError for times that are none."""
+    """Yield ranges without gaps in order of their ticks.
+
+    Raises ImportRefusedError for invalid times.
+    """
     end = -1
     for batch in batches:
         ticks = batch["t"] / facts.period_s
@@ -204,23 +219,20 @@ def _pieces(facts: Facts, batches: Iterable[Batch]) -> Iterator[tuple[int, Batch
 
 # Bundle import -------------------------------------------------------------------------------------
 #
-# A bundle taken in: everything looked through first, then stored with new numbers in one
-# transaction.
+# Import of a bundle: checked completely, then stored with new numbers in one transaction.
 
 
 Numbers = dict[tuple[str, int], int]
-"""By kind and number there, the number here."""
+"""Numbers here, by kind and number at the origin."""
 
 
 def import_bundle(
     database: Database, file: Path, who: str, folder: Path, name: str = "", check_run: RunCheck = accept
 ) -> ImportResult:
-    """Store the run of a bundle with all that it came from, of which nothing that is here already is stored again.
+    """Store the run of a bundle with its lineage, without records that exist here.
 
-    ``folder`` has room for it unpacked, ``name`` is what the file is called where its own is another.
-    ``backend.services.downloads`` looks over what each run was set to.
-
-    Raises ImportRefusedError, OSError.
+    ``folder`` has space for the unpacked bundle, ``name`` is the name of the file if its own differs.
+    ``backend.services.downloads`` checks the settings of each run. Raises ImportRefusedError, OSError.
     """
     with open_bundle(file) as bundle, TemporaryDirectory(prefix=IMPORTING, dir=folder) as unpacked:
         recorded = _recordings(bundle, Path(unpacked))
@@ -251,7 +263,10 @@ def import_bundle(
 
 
 def _recordings(bundle: Bundle, folder: Path) -> dict[int, tuple[Facts, Path]]:
-    """Unpack and read all recordings. Raises ImportRefusedError for one that is not that of its run."""
+    """Unpack and read all recordings.
+
+    Raises ImportRefusedError for a recording of another run.
+    """
     found = {}
     for record in bundle.records:
         member = make_recording_name(record["number"])
@@ -280,7 +295,10 @@ def _import_member(
     origin: Origin,
     check_run: RunCheck,
 ) -> bool:
-    """Store one record unless it is here; return whether something was. Raises ImportRefusedError with its name."""
+    """Store one record unless it exists here; return whether it is new.
+
+    Raises ImportRefusedError with the name of the record.
+    """
     kind, was = record["kind"], record["number"]
     try:
         document, unconnected = parse_required_record(kind, record["document"]), origins.BANKS in record["carried"]
@@ -308,7 +326,10 @@ def _import_member(
 
 
 def _store(session: Session, kind: str, document: Document, file: Path | None, check_run: RunCheck) -> int:
-    """Store a document, and see that what it says can be read. Raises ImportRefusedError, UnreadableDocumentError."""
+    """Store a document and check that it is readable.
+
+    Raises ImportRefusedError, UnreadableDocumentError.
+    """
     if kind == RUN:
         return store_run(session, document, file, check_run)
     number = import_document(session, kind, document)
@@ -320,9 +341,9 @@ def _store(session: Session, kind: str, document: Document, file: Path | None, c
 
 
 def _renumber(document: Document, numbers: Numbers, *, unconnected: bool) -> Document:
-    """Return a document that names other records by their numbers here; ``unconnected`` is a run without its banks.
+    """Return a document that refers to other records by their numbers here.
 
-    Raises ImportRefusedError.
+    ``unconnected``: a run without its banks. Raises ImportRefusedError.
     """
 
     def here(part: Mapping[str, Any]) -> dict[str, Any]:

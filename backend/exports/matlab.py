@@ -1,8 +1,8 @@
-"""Samples as a MATLAB 5 file: a column vector for each signal; units, symbols and meanings in structs, facts as text.
+"""Samples as a MATLAB 5 file: one column vector per signal.
 
-The format has each vector in one piece, a recording has all signals side by side: they are turned in a file that is
-thrown away. Nothing is compressed, as the length of what is compressed stands before it. A vector has at most 2 GiB,
-which 74 hours fill.
+Units, symbols and meanings are structs, the metadata a text. The format stores each vector contiguously, a recording
+all signals together: a temporary file transposes them. Nothing is compressed, because the format requires the length of
+compressed data before it. A vector has at most 2 GiB, which 74 hours fill.
 """
 
 import io
@@ -18,7 +18,7 @@ import numpy as np
 from backend.exports.base import Batch, Export, ExportError, Facts, ImportRefusedError, read_facts
 
 LARGEST = 2**31 - 1
-"""Bytes of a vector in a file of version 5."""
+"""Most bytes of a vector in a file of version 5."""
 FACTS = "sinew_export"
 
 _HEADER = struct.Struct("<116s8xHH")
@@ -27,15 +27,16 @@ _MATRIX, _INT8, _INT32, _UINT32, _SINGLE, _DOUBLE = 14, 1, 5, 6, 7, 9
 _COMPRESSED, _UTF8 = 15, 16
 _CLASS = {_SINGLE: 7, _DOUBLE: 6}
 _CHARACTERS = 4
-"""Class of a text, beside those of vectors."""
+"""Class of a text, in addition to those of vectors."""
 _PIECE = 1 << 20
 _BATCH = 50_000
 
 
 def write(export: Export, folder: Path) -> Iterator[bytes]:
-    """Return the pieces of the file; ``folder`` has room for the samples, 124 bytes each, until it is written.
+    """Return the pieces of the file.
 
-    Raises ExportError at once for a recording that is too long.
+    ``folder`` has space for the samples, 124 bytes each, until it is written. Raises ExportError at once for a
+    recording that is too long.
     """
     rows = export.facts.samples
     if 8 * rows + 128 > LARGEST:
@@ -71,7 +72,10 @@ def _kind(name: str) -> str:
 
 
 def _start(place: int, rows: int) -> int:
-    """Where a column stands in the turned file; the first has twice the bytes of the others."""
+    """Return the offset of a column in the transposed file.
+
+    The first column has twice the bytes of the others.
+    """
     return 4 * rows * (place + (place > 0))
 
 
@@ -104,7 +108,10 @@ def _small(facts: Facts) -> bytes:
 
 
 def read_matlab(file: Path) -> tuple[Facts, Iterator[Batch]]:
-    """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
+    """Return metadata and samples of a file of ``write``.
+
+    Raises ImportRefusedError, or errors of a library.
+    """
     found = _vectors(file)
     if FACTS not in found:
         raise ImportRefusedError(f"it has no text {FACTS}: it is no export of a run")
@@ -128,9 +135,9 @@ def read_matlab(file: Path) -> tuple[Facts, Iterator[Batch]]:
 
 
 def _vectors(file: Path) -> dict[str, tuple[int, int]]:
-    """Return where the content of each vector and text of a file begins, and how many rows it has.
+    """Return offset and number of rows of each vector and text of a file.
 
-    Structs are passed over; what is compressed is refused, as nobody knows what it swells to.
+    Structs are skipped; compressed data are rejected, as their unpacked size is unknown.
     """
     found: dict[str, tuple[int, int]] = {}
     size = file.stat().st_size
@@ -155,7 +162,7 @@ def _vectors(file: Path) -> dict[str, tuple[int, int]]:
 
 
 def _text(file: Path, place: int) -> bytes:
-    """Return the text that begins at a place, behind its tag: no more than the file has."""
+    """Return the text at an offset, limited to the size of the file."""
     with file.open("rb") as opened:
         opened.seek(place - _TAG.size)
         kind, length = _TAG.unpack(opened.read(_TAG.size))

@@ -1,4 +1,4 @@
-"""Samples as MCAP for Foxglove and Lichtblick, with the layout that shows them."""
+"""Samples as MCAP for Foxglove and Lichtblick, with a matching layout."""
 
 import json
 from collections.abc import Iterator
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 # Foxglove layout -----------------------------------------------------------------------------------
 #
-# The layout for Foxglove and Lichtblick, of an MCAP export or of the live stream: plots as on the
-# page, a table.
+# Layout for Foxglove and Lichtblick, for an MCAP export or the live stream: plots as on the page, and a table.
 
 
 TOPIC = "/sample"
@@ -38,7 +37,7 @@ _FIELD = {field.name: field for field in FIELDS}
 
 
 def foxglove_layout() -> str:
-    """Return the layout as the file that either program imports."""
+    """Return the layout as a file that both programs import."""
     panels = {f"Plot!sinew{number}": _plot(title, names) for number, (title, names) in enumerate(_PLOTS.items())}
     table = {"RawMessages!sinew": {"topicPath": TOPIC, "expansion": "all", "diffEnabled": False}}
     left, right = list(panels)[::2], [*list(panels)[1::2]]
@@ -82,7 +81,7 @@ def _plot(title: str, names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _column(panels: list[str]) -> Any:
-    """Return panels one below the other, alike in height."""
+    """Return panels in a column with equal heights."""
     if len(panels) == 1:
         return panels[0]
     share = 100.0 / len(panels)
@@ -91,19 +90,22 @@ def _column(panels: list[str]) -> Any:
 
 # MCAP file -----------------------------------------------------------------------------------------
 #
-# Samples as MCAP, which Foxglove and Lichtblick play: a message in JSON for each sample.
+# Samples as MCAP, which Foxglove and Lichtblick play: a JSON message for each sample.
 
 
 FACTS = "sinew"
-"""Name of the metadata record with the facts."""
+"""Name of the metadata record."""
 _LAYOUT = "foxglove-layout.json"
 _BATCH = 10_000
 _LARGEST = 8 << 20
-"""Bytes of a record, packed or not, that are read at once; a chunk has one million."""
+"""Most bytes of a record, packed or not, that are read at once; a chunk has one million."""
 
 
 def write(export: Export) -> Iterator[bytes]:
-    """Yield the file. The time of a message is that of its sample, from the moment the run began."""
+    """Yield the file. The time of a message is that of its sample.
+
+    It counts from the start of the run.
+    """
     from mcap.writer import Writer
 
     facts, sink = export.facts, Sink()
@@ -132,7 +134,10 @@ def _nanoseconds(at: datetime) -> int:
 
 
 def read_mcap(file: Path) -> tuple[Facts, Iterator[Batch]]:
-    """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
+    """Return metadata and samples of a file of ``write``.
+
+    Raises ImportRefusedError, or errors of a library.
+    """
     from mcap.records import Metadata
 
     with file.open("rb") as opened:
@@ -145,7 +150,7 @@ def read_mcap(file: Path) -> tuple[Facts, Iterator[Batch]]:
     def batches() -> Iterator[Batch]:
         rows: list[list[float | None]] = []
         for text in _messages(file):
-            message = json.loads(text, parse_int=float)  # or -0 would lose its sign
+            message = json.loads(text, parse_int=float)  # without float, -0 would lose its sign
             rows.append([message[name] for name in facts.names])
             if len(rows) == _BATCH:
                 yield _batch(facts, rows)
@@ -157,7 +162,7 @@ def read_mcap(file: Path) -> tuple[Facts, Iterator[Batch]]:
 
 
 def _messages(file: Path) -> Iterator[bytes]:
-    """Yield the messages with samples in the order of the file, with one chunk of it unpacked at a time."""
+    """Yield the messages with samples in file order, unpacking one chunk at a time."""
     from mcap.records import Channel, Chunk, Message
     from mcap.stream_reader import breakup_chunk
 
@@ -174,14 +179,17 @@ def _messages(file: Path) -> Iterator[bytes]:
 
 
 def _records(opened: IO[bytes]) -> "Iterator[McapRecord]":
-    """Yield what a file consists of, chunks unopened, and nothing larger than ``_LARGEST``."""
+    """Yield the records of a file, chunks unopened, none larger than ``_LARGEST``."""
     from mcap.stream_reader import StreamReader
 
     return StreamReader(opened, emit_chunks=True, record_size_limit=_LARGEST).records
 
 
 def _require_small(chunk: "Chunk") -> None:
-    """Refuse a chunk that would swell, by what itself and its packing say, before it is unpacked."""
+    """Raise ImportRefusedError for a chunk that would expand too much.
+
+    Checked before unpacking, by the chunk's own numbers.
+    """
     from zstandard import frame_content_size
 
     if chunk.compression not in ("", "zstd"):
@@ -195,7 +203,7 @@ def _require_small(chunk: "Chunk") -> None:
 
 
 def _batch(facts: Facts, rows: list[list[float | None]]) -> Batch:
-    table = np.array(rows, np.float64)  # None becomes nan
+    table = np.array(rows, np.float64)  # None becomes NaN
     return {
         name: table[:, place] if name == "t" else table[:, place].astype(np.float32)
         for place, name in enumerate(facts.names)

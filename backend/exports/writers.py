@@ -19,21 +19,20 @@ if TYPE_CHECKING:
 
 # CSV file ------------------------------------------------------------------------------------------
 #
-# Samples as comma-separated text: facts in lines that begin with #, a heading, a line for each
-# sample.
+# Samples as comma-separated text: metadata in lines that begin with #, a header, a line per sample.
 
 
 _MARK = "# sinew-export: "
 _LONGEST = 16_000_000
-"""Characters of a line of facts: parameters and settings of a run take some ten thousand."""
+"""Most characters of a line of metadata: parameters and settings of a run have some ten thousand."""
 
 
 _SHOWN = 100
-"""Characters of a line that are told."""
+"""Most characters of a line in a message."""
 
 
 def write_csv(export: Export) -> Iterator[bytes]:
-    """Yield the file; a value that does not exist is nan, and each number has the digits that give it back exactly."""
+    """Yield the file; missing values are nan, and numbers are written exactly."""
     import pyarrow.csv
 
     facts = export.facts
@@ -46,14 +45,17 @@ def write_csv(export: Export) -> Iterator[bytes]:
 
 
 def table(facts: Facts, batch: Batch) -> "pa.Table":
-    """Return a batch as a table of Arrow, each column with its notation."""
+    """Return a batch as an Arrow table, each column with its notation."""
     import pyarrow as pa
 
     return pa.table([pa.array(np.asarray(batch[name])) for name in facts.names], schema=csv_schema(facts))
 
 
 def csv_schema(facts: Facts) -> "pa.Schema":
-    """Return the columns as Arrow knows them, with symbol, unit and meaning; signals in single precision, as stored."""
+    """Return the Arrow schema of the columns, with symbol, unit and meaning.
+
+    Signals are in single precision, as stored.
+    """
     import pyarrow as pa
 
     return pa.schema(
@@ -69,7 +71,10 @@ def csv_schema(facts: Facts) -> "pa.Schema":
 
 
 def read_csv(file: Path) -> tuple[Facts, Iterator[Batch]]:
-    """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
+    """Return metadata and samples of a file of ``write_csv``.
+
+    Raises ImportRefusedError, or errors of a library.
+    """
     lines = heading_lines(file)
     facts_line = next((line for line in lines if line.startswith(_MARK)), None)
     if facts_line is None:
@@ -79,21 +84,21 @@ def read_csv(file: Path) -> tuple[Facts, Iterator[Batch]]:
 
 
 def heading_lines(file: Path) -> list[str]:
-    """Return the lines before the heading, which begin with #. Raises OSError, UnicodeDecodeError."""
+    """Return the lines with # before the header. Raises OSError, UnicodeDecodeError."""
     lines: list[str] = []
-    with file.open(encoding="utf-8-sig") as text:  # editors put a byte order mark before the first line
+    with file.open(encoding="utf-8-sig") as text:  # some editors write a BOM before the first line
         while (line := text.readline(_LONGEST)).startswith("#"):
             lines.append(line)
     return lines
 
 
 def find_heading_problem(file: Path, facts: Facts) -> str:
-    """Return how the lines before the samples are not those that belong to the facts, "" where they are.
+    """Return how the lines before the samples differ from the metadata, "" if equal.
 
-    A person reads units and meanings there. Raises OSError, UnicodeDecodeError.
+    People read units and meanings there. Raises OSError, UnicodeDecodeError.
     """
     found, wanted = [line.rstrip("\n") for line in heading_lines(file)], _make_heading(facts).split("\n")[:-2]
-    as_before = f"{_MARK}{facts.to_json()}"  # of a file from before cells were guarded
+    as_before = f"{_MARK}{facts.to_json()}"  # of a file from before cells were escaped
     for number, (line, due) in enumerate(zip_longest(found, wanted, fillvalue=""), start=1):
         if line not in (due, as_before if due.startswith(_MARK) else due):
             return f"line {number} is “{line[:_SHOWN]}” where “{due[:_SHOWN]}” belongs"
@@ -127,10 +132,9 @@ def _make_heading(facts: Facts) -> str:
 
 # JSON samples --------------------------------------------------------------------------------------
 #
-# A sample as a message in JSON, and the schema of such messages, as Foxglove and Lichtblick read
-# them.
+# A sample as a JSON message, and the schema of such messages, for Foxglove and Lichtblick.
 #
-# What JSON has no word for: nan is null, infinity 1e999, which readers of JSON take for infinity.
+# JSON has no NaN or infinity: NaN is null, infinity 1e999, which JSON readers take for infinity.
 
 
 NAME = "sinew.Sample"
@@ -140,7 +144,7 @@ NAME = "sinew.Sample"
 def json_schema(columns: Iterable[Described], notation: str) -> bytes:
     """Return the JSON schema of a sample with these columns.
 
-    Each property has one type, a word: Lichtblick takes no list of types, and so does not get to hear of null here.
+    Each property has a single type, because Lichtblick does not accept lists of types; null is therefore not declared.
     """
     document = {
         "title": NAME,
@@ -160,7 +164,10 @@ def json_schema(columns: Iterable[Described], notation: str) -> bytes:
 
 
 def lines(names: Sequence[str], batch: Batch) -> list[bytes]:
-    """Return a line of JSON for each sample, written column by column: a tenth of the time that a sample each takes."""
+    """Return a line of JSON per sample, written column by column.
+
+    That takes a tenth of the time of writing sample by sample.
+    """
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -186,14 +193,14 @@ def _format_numbers(values: NDArray[Any]) -> "pa.Array":
 
 # Parquet file --------------------------------------------------------------------------------------
 #
-# Samples as Parquet: a row group for each batch, notation with each column, facts with the file.
+# Samples as Parquet: a row group per batch, notation with each column, metadata with the file.
 
 
 FACTS = "sinew"
-"""Name of the facts in the metadata of the file."""
+"""Key of the metadata in the file."""
 _ROWS = 50_000
 _LARGEST_GROUP = 64_000_000
-"""Bytes of a group of rows, unpacked."""
+"""Most bytes of a row group, unpacked."""
 
 
 def write_parquet(export: Export) -> Iterator[bytes]:
@@ -210,10 +217,13 @@ def write_parquet(export: Export) -> Iterator[bytes]:
 
 
 def read_parquet(file: Path) -> tuple[Facts, Iterator[Batch]]:
-    """Return facts and samples of what ``write`` wrote. Raises ImportRefusedError, or what a library raises."""
+    """Return metadata and samples of a file of ``write_parquet``.
+
+    Raises ImportRefusedError, or errors of a library.
+    """
     import pyarrow.parquet
 
-    opened = pyarrow.parquet.ParquetFile(file, pre_buffer=False)  # or it would hold all of the file
+    opened = pyarrow.parquet.ParquetFile(file, pre_buffer=False)  # pre_buffer would hold the whole file
     facts_text = (opened.schema_arrow.metadata or {}).get(FACTS.encode())
     if facts_text is None:
         raise ImportRefusedError("its metadata do not say which samples these are: it is no export of a run")
@@ -233,7 +243,7 @@ def read_parquet(file: Path) -> tuple[Facts, Iterator[Batch]]:
 
 
 def find_schema_problem(file: Path, facts: Facts) -> str:
-    """Return how units, symbols and meanings of the columns are not those of the facts, "" where they are."""
+    """Return how the columns' notation differs from the metadata, "" if equal."""
     import pyarrow.parquet
 
     for found, due in zip(pyarrow.parquet.read_schema(file), csv_schema(facts), strict=True):
