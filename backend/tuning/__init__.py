@@ -1,4 +1,7 @@
-"""From identified models and one parameter λ to gains, margins and previews: pure and offline."""
+"""Gains, margins and previews from identified models and the tuning parameters λ.
+
+Pure functions, independent of the running loop.
+"""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""From models and λ to gains (table 2 with errata E1 and E3), and gains of the baselines."""
+"""Gains from models and λ (table 2 with errata E1 and E3), and of the baselines."""
 
 import math
 from collections.abc import Sequence
@@ -27,14 +27,16 @@ from plant import ErrorCode, PlantParameters, Side, SinewError, T_s, smooth_fric
 
 # Formulas ------------------------------------------------------------------------------------------
 #
-# From a model and λ to gains: table 2, with erratum E1 corrected.
+# Gains from a model and λ: table 2, with erratum E1 corrected.
 #
-# The closed loop of each formula is exact for its model: 1/(λ s + 1)^4 for the motor, 1/(λ s + 1)²
-# for the outer loops.
+# The closed loop of each formula is exact for its model: 1/(λ s + 1)^4 for the motor, 1/(λ s + 1)² for the outer loops.
 
 
 class TuningError(SinewError, ValueError):
-    """A tuning parameter or model is out of bounds; the message names quantity, value, bound and unit."""
+    """A tuning parameter or model is out of bounds.
+
+    The message names quantity, value, bound and unit.
+    """
 
     category = ErrorCode.BAD_VALUE
 
@@ -45,7 +47,10 @@ def _positive(name: str, value: float, unit: str) -> None:
 
 
 def motor_gains(K_m: float, T_m: float, lam: float) -> pid.IPDGains:
-    """I-PD gains for K_m/(s (T_m s + 1)), 0 < λ < 4 T_m (table 2, first column). Raises TuningError."""
+    """Return I-PD gains for K_m/(s (T_m s + 1)), 0 < λ < 4 T_m.
+
+    Table 2, first column. Raises TuningError.
+    """
     _positive("K_m", K_m, "rad/(V·s)")
     _positive("T_m", T_m, "s")
     _positive("λ_motor", lam, "s")
@@ -61,10 +66,11 @@ def motor_gains(K_m: float, T_m: float, lam: float) -> pid.IPDGains:
 
 
 def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> pid.IPGains:
-    """I-P gains for K/(T s + 1); ``b`` in 0..1 weighs the reference in the proportional part.
+    """Return I-P gains for K/(T s + 1).
 
-    Up to λ = 2T the poles are both at −1/λ. Beyond, the formula would need a negative k_p: the loop becomes purely
-    integral with k_i = 1/(2 K λ), continuous at λ = 2T, with the same sum of lags 2λ. Raises TuningError.
+    ``b`` in 0..1 weighs the reference in the proportional part. Up to λ = 2T both poles are at −1/λ. Beyond, the
+    formula would need a negative k_p: the loop becomes purely integral with k_i = 1/(2 K λ), continuous at λ = 2T, with
+    the same sum of lags 2λ. Raises TuningError.
     """
     _positive("K", K, "1")
     _positive("T", T, "s")
@@ -78,28 +84,34 @@ def outer_gains(K: float, T: float, lam: float, b: float = 0.0) -> pid.IPGains:
 
 
 def printed_outer_gains(K: float, T: float, lam: float) -> pid.IPGains:
-    """I-P gains as table 2 prints them, k_p = 2/(K λ): wrong (erratum E1), for comparison only. Raises TuningError."""
-    outer_gains(K, T, lam)  # refuses what has no gains
+    """Return I-P gains as printed in table 2, k_p = 2/(K λ): wrong (erratum E1).
+
+    For comparison only. Raises TuningError.
+    """
+    outer_gains(K, T, lam)  # raises TuningError for invalid values
     return pid.IPGains(k_p=2.0 / (K * lam), k_i=T / (K * lam**2), k_r=0.0)
 
 
 def position_loop_gain(K_q: float, r_m: float, r_j: float) -> float:
-    """Return the static gain from q_c to q through the decoupler: 2 K_q r_j/r_m, about 1 (erratum E3)."""
+    """Return the static gain from q_c to q through the decoupler: 2 K_q r_j/r_m.
+
+    About 1 (erratum E3).
+    """
     return 2.0 * K_q * r_j / r_m
 
 
 def stiffness_loop_gain(K_S: float, slope: float) -> float:
-    """Return the static gain from S_c to S through the decoupler: 2 K_S/(4 k2 r_j² r_m), about 1 (erratum E3).
+    """Return the static gain from S_c to S through the decoupler.
 
-    ``slope`` [N·m/rad per rad] is the decoupler's dS/dθ of one motor, 2 r_j² k2 r_m where springs are quadratic.
+    2 K_S/(4 k2 r_j² r_m), about 1 (erratum E3). ``slope`` [N·m/rad per rad] is the decoupler's dS/dθ of one motor, 2
+    r_j² k2 r_m for quadratic springs.
     """
     return K_S / slope
 
 
 # Models --------------------------------------------------------------------------------------------
 #
-# What tuning starts from: first-order models of the outer loops at a nominal point, the motor's
-# model, and λ.
+# Inputs of the tuning: first-order models of the outer loops at a nominal point, the motor's model, and λ.
 
 
 LAM_MOTOR = 0.0854
@@ -108,17 +120,17 @@ LAM_S = 0.42
 """Defaults of λ [s] (method section 5)."""
 
 LAM_MAX = 3.0
-"""Upper end of the offered range of lam_q and lam_S [s]."""
+"""Upper end of the permitted range of lam_q and lam_S [s]."""
 
 S_NOMINAL_20_N = 10.55
-"""Stiffness at 20 N tendon tension [N·m/rad], the paper's nominal point of its experiments."""
+"""Stiffness at 20 N tendon tension [N·m/rad], the nominal point of the paper's experiments."""
 
 
 @dataclass(frozen=True)
 class PointModel:
-    """Models with one motor excited: theta_A_ref to q and to S, reduced to K/(T s + 1) at one nominal point.
+    """Models with one motor excited: theta_A_ref to q and to S, as K/(T s + 1).
 
-    ``S_nominal`` [N·m/rad], ``K_q`` [1], ``T_q`` [s], ``K_S`` [N·m/rad per rad], ``T_S`` [s].
+    At one operating point: ``S_nominal`` [N·m/rad], ``K_q`` [1], ``T_q`` [s], ``K_S`` [N·m/rad per rad], ``T_S`` [s].
     """
 
     S_nominal: float
@@ -130,7 +142,10 @@ class PointModel:
 
 @dataclass(frozen=True)
 class MotorModel:
-    """``K_m`` [rad/(V·s)] and ``T_m`` [s] of K_m/(s (T_m s + 1)); ``tau_e`` [s], the electrical lag it leaves out."""
+    """Motor model K_m/(s (T_m s + 1)): ``K_m`` [rad/(V·s)], ``T_m`` [s].
+
+    ``tau_e`` [s] is the electrical lag, which the model neglects.
+    """
 
     K_m: float
     T_m: float
@@ -139,7 +154,10 @@ class MotorModel:
 
 @dataclass(frozen=True)
 class TuningParameters:
-    """The tuning parameters [s], and the weight ``b`` of the reference in the outer loops' proportional part."""
+    """Tuning parameters [s], and the weight ``b`` of the reference.
+
+    ``b`` applies to the proportional part of the outer loops.
+    """
 
     lam_q: float = LAM_Q
     lam_S: float = LAM_S
@@ -148,7 +166,10 @@ class TuningParameters:
 
 
 def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) -> PointModel:
-    """Model at 20 N from geometry alone, before anything is identified: gains of section 4, four lags of λ_motor."""
+    """Return the model at 20 N from geometry alone, before any identification.
+
+    With the gains of section 4 and four lags of λ_motor.
+    """
     g = parameters.geometry
     return PointModel(
         S_nominal=S_NOMINAL_20_N,
@@ -160,13 +181,16 @@ def designed_point(parameters: PlantParameters, lam_motor: float = LAM_MOTOR) ->
 
 
 def motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
-    """Model of the motor of one side, as identified (equation 17); its L/R is the data sheet's."""
+    """Return the identified model of one side's motor (equation 17).
+
+    Its electrical lag L/R is the data sheet's.
+    """
     plant_model = parameters.select_identified(side)
     return MotorModel(plant_model.K_m, plant_model.T_m, parameters.select_motor(side).tau_e)
 
 
 def true_motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
-    """Model of the motor of one side as the plant has it, with the asymmetry of its torque constant."""
+    """Return the true model of one side's motor, with its asymmetry factor."""
     own = parameters.select_motor(side)
     factor: float = getattr(parameters.asymmetry, f"motor_{side}")
     return MotorModel(factor * own.K_m, own.T_m, own.tau_e)
@@ -176,23 +200,23 @@ def true_motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
 #
 # Gains of the two baselines from the plant's constants and the cascade's λ.
 #
-# All three laws are asked for the same speed: the sums of lags from references to measurements are
-# those of the cascade's outer loops, 2 λ_q and 2 λ_S. What differs is then the law, not how hard it
-# is driven.
+# All three laws have the same speed: the sums of lags from references to measurements are those of the cascade's outer
+# loops, 2 λ_q and 2 λ_S. They thus differ in the law, not in how hard it is driven.
 
 
 ERROR_POLE, OBSERVER_POLE = 60.0, 20.0
-"""Poles of the error dynamics and of the observer's correction [rad/s]: of 20, 30, 40, 60, 80 by 20, 30, 60 the pair
-that, within 10 V on `lab`, deviates least under steps, pushes, and springs and motors that are a fifth off."""
+"""Poles of the error dynamics and of the observer's correction [rad/s]: among 20, 30, 40, 60, 80 by 20, 30, 60 the pair
+with the least deviation, within 10 V on `lab`, under steps, pushes, and springs and motors that are off by 20 %."""
 
 LARGEST_PER_LAG = 8.0
-"""The single loop takes a λ below so many motor lags T_m."""
+"""Limit of λ for the single loop, in motor lags T_m."""
 
 
 def make_single_loop_tuning(parameters: PlantParameters, lambdas: TuningParameters) -> baselines.SingleLoopTuning:
-    """Table 2, first column, for the mean motor seen at q and, at 20 N, at S: 1/(λ s + 1)^4 with half the cascade's λ.
+    """Return table 2, first column, for the mean motor seen at q and, at 20 N, at S.
 
-    Raises TuningError where λ_q or λ_S is not below 8 T_m: half of it is the λ of a motor loop.
+    1/(λ s + 1)^4 with half the cascade's λ. Raises TuningError unless λ_q and λ_S are below 8 T_m: half of it is the λ
+    of a motor loop.
     """
     d, bounds = build_decoupler(parameters), compute_bounds(parameters)
     A, B = motor_model(parameters, "A"), motor_model(parameters, "B")
@@ -212,9 +236,10 @@ def make_single_loop_tuning(parameters: PlantParameters, lambdas: TuningParamete
 def make_feedback_linearization_tuning(
     parameters: PlantParameters, lambdas: TuningParameters
 ) -> baselines.FeedbackLinearizationTuning:
-    """Choose reference filters 1/(λ_q/2 s + 1)^4 and 1/(λ_S s + 1)²; the model is the simulator's, friction and all.
+    """Return reference filters 1/(λ_q/2 s + 1)^4 and 1/(λ_S s + 1)², and a full model.
 
-    Friction that sticks is smoothed: how far its bristles are bent no sensor tells, and the law would have to know.
+    The model is the simulator's with its friction. Static friction is smoothed, as no sensor measures the deflection of
+    the bristles, which the law would need.
     """
     gains = baselines.FeedbackLinearizationGains(
         lambdas.lam_q / 2.0, lambdas.lam_S, ERROR_POLE, ERROR_POLE, OBSERVER_POLE
@@ -231,22 +256,22 @@ def make_feedback_linearization_tuning(
 
 
 UNSEEN_COUNTS = 0.501
-"""Error of the joint that its integrator leaves alone, in counts of its encoder: whatever the reference, one reading is
-within, and with it the joint is within a count."""
+"""Dead zone of the position integrator [encoder counts]: for any reference one reading is within it, and then the joint
+is within a count."""
 
 UNSEEN_S = 0.01
-"""Error of the stiffness that its integrator leaves alone [N·m/rad]: a thousandth of it, some counts of the motors."""
+"""Dead zone of the stiffness integrator [N·m/rad]: a thousandth of the stiffness, some counts of the motors."""
 
 UNSEEN_F, MOST_F = 0.3, 10.0
-"""Outside force [N] that the rejection leaves to the position loop, and the largest that it answers: the estimate errs
-by 0.3 N at most in fast moves; and against a wall, which does not give way, the answer is pressed on top."""
+"""External force [N] that the disturbance rejection leaves to the position loop, and the largest that it compensates:
+the estimate's error in fast moves is at most 0.3 N; and the force of a rigid wall increases by the compensation."""
 
 DEVIATIONS = 6.0
-"""The rejection's dead zone has to be so many standard deviations of the estimate: at rest it then does nothing."""
+"""Least dead zone of the rejection in standard deviations of the estimate, so that it does nothing at rest."""
 
 
 class PlantModel(NamedTuple):
-    """What the cascade knows of a plant beside its gains."""
+    """Properties of a plant that the cascade uses besides its gains."""
 
     decoupler: Decoupler
     bounds: Bounds
@@ -255,7 +280,7 @@ class PlantModel(NamedTuple):
 
 
 def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
-    """Return geometry, bounds, the model that a plan moves, and a count of the joint's encoder [rad]."""
+    """Return geometry, bounds, trajectory model and joint encoder count [rad]."""
     plant_model = parameters.make_identified_dynamics()
     A, B = parameters.select_identified("A"), parameters.select_identified("B")
     joint, motor_A, motor_B = plant_model.joint, plant_model.motor_A, plant_model.motor_B
@@ -275,23 +300,26 @@ def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
 
 
 def build_following(plant_model: PlantModel, u_plan: float) -> Following:
-    """Plan within ``u_plan`` [V], and errors at rest that the outer integrators leave alone; 0 V: as in the paper.
+    """Return trajectory within ``u_plan`` [V] and dead zones of the outer integrators.
 
-    The paper's law is linear throughout where the joint's encoder has no counts: nothing rests there.
+    0 V: as in the paper. The paper's law is fully linear if the joint encoder has no counts: it has no dead zones then.
     """
     unseen_S = UNSEEN_S if u_plan > 0.0 or plant_model.q_count > 0.0 else 0.0
     return Following(u_plan, plant_model.model, UNSEEN_COUNTS * plant_model.q_count, unseen_S)
 
 
 def rejection(plant_model: PlantModel, inner: pid.MotorPairGains, k_ext: float) -> Rejection:
-    """Feed-forward of the share ``k_ext`` of an outside force, behind the lags of motor loops ``inner``."""
+    """Return the disturbance rejection with gain ``k_ext``.
+
+    It follows the lags of the motor loops ``inner``.
+    """
     lags = [motor_lag(gains, T) for gains, T in ((inner.A, plant_model.model.T_A), (inner.B, plant_model.model.T_B))]
     r_j = plant_model.decoupler.r_j
     return Rejection(k_ext, UNSEEN_F * r_j, MOST_F * r_j, math.exp(-T_s / (0.5 * sum(lags))))
 
 
 def require_share(k_ext: float) -> None:
-    """Raise OutOfRangeError unless ``k_ext`` [1] is offered."""
+    """Raise OutOfRangeError unless ``k_ext`` [1] is in its range."""
     check_range(
         "k_ext",
         k_ext,
@@ -303,35 +331,41 @@ def require_share(k_ext: float) -> None:
 
 
 def motor_lag(gains: pid.IPDGains, T_m: float) -> float:
-    """λ_motor [s] that a motor loop was given: its four poles at −1/λ sum up to −1/t_f − 1/T_m (table 2)."""
+    """Return λ_motor [s] of a motor loop from its gains.
+
+    Its four poles at −1/λ have the sum −1/t_f − 1/T_m (table 2).
+    """
     return 4.0 / (1.0 / gains.t_f + 1.0 / T_m)
 
 
 def position_gains(parameters: PlantParameters, point: PointModel, lambdas: TuningParameters) -> pid.IPGains:
-    """I-P gains of the position loop at one point. Raises TuningError."""
+    """Return the I-P gains of the position loop at one point. Raises TuningError."""
     return outer_gains(*position_process(parameters, point), lambdas.lam_q, lambdas.b)
 
 
 def stiffness_gains(parameters: PlantParameters, point: PointModel, lambdas: TuningParameters) -> pid.IPGains:
-    """I-P gains of the stiffness loop at one point. Raises TuningError."""
+    """Return the I-P gains of the stiffness loop at one point. Raises TuningError."""
     return outer_gains(*stiffness_process(parameters, point), lambdas.lam_S, lambdas.b)
 
 
 def position_process(parameters: PlantParameters, point: PointModel) -> tuple[float, float]:
-    """K [1] and T [s] from q_c to q through the decoupler."""
+    """Return K [1] and T [s] from q_c to q through the decoupler."""
     g = parameters.geometry
     return position_loop_gain(point.K_q, g.r_m, g.r_j), point.T_q
 
 
 def stiffness_process(parameters: PlantParameters, point: PointModel) -> tuple[float, float]:
-    """K [1] and T [s] from S_c to S through the decoupler."""
+    """Return K [1] and T [s] from S_c to S through the decoupler."""
     return stiffness_loop_gain(point.K_S, stiffness_slope(build_decoupler(parameters), point.S_nominal)), point.T_S
 
 
 def make_motor_loops(
     parameters: PlantParameters, lam_motor: float, motor: MotorModel | None = None
 ) -> pid.MotorPairGains:
-    """I-PD gains of both motor loops; without a ``motor`` for both, each side as identified. Raises TuningError."""
+    """Return the I-PD gains of both motor loops. Raises TuningError.
+
+    ``motor`` is the model of both motors; without it each side's identified one is used.
+    """
     A, B = motor or motor_model(parameters, "A"), motor or motor_model(parameters, "B")
     return pid.MotorPairGains(motor_gains(A.K_m, A.T_m, lam_motor), motor_gains(B.K_m, B.T_m, lam_motor))
 
@@ -345,10 +379,10 @@ def make_cascade_tuning(
     u_plan: float = 0.0,
     k_ext: float = 0.0,
 ) -> cascade.CascadeTuning:
-    """Gains for every point; without points the 20 N point from geometry, without a motor the parameter set's.
+    """Return the cascade's gains for every point. Raises TuningError.
 
-    ``u_plan`` [V]: budget of the plan, 0 for the paper's governor; ``k_ext`` [1]: share of an outside force that is
-    rejected by feed-forward. Raises TuningError.
+    Without points, for the 20 N point from geometry; without a motor, for that of the parameter set. ``u_plan`` [V]:
+    voltage limit of the trajectory, 0 for the paper's governor; ``k_ext`` [1]: gain of the disturbance rejection.
     """
     points = sorted(points or (designed_point(parameters, lambdas.lam_motor),), key=lambda point: point.S_nominal)
     rows = []
@@ -375,7 +409,7 @@ def combine_tuning(
     u_plan: float,
     k_ext: float,
 ) -> cascade.CascadeTuning:
-    """Put gains of the motor loops and of a bank (n, 7) together with what is known of the plant."""
+    """Combine motor loop gains, gains of a bank (n, 7) and the plant's properties."""
     bounds, schedule = plant_model.bounds, Schedule(entries, interpolate)
     return cascade.CascadeTuning(
         motors=inner,

@@ -1,4 +1,4 @@
-"""What a tuning would do before it is sent: bounds of speed, budget of voltage, simulated steps."""
+"""Preview of a tuning: range of λ, voltage limit, simulated steps and pushes."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -61,22 +61,25 @@ from plant import SIDES, PlantParameters, T_s, find_root
 
 
 LEAST, MOST, USUAL = 0.2, 0.9, 0.85
-"""Shares of the output range: least and most that are offered, and what is proposed."""
+"""Fractions of the output range: least and largest permitted, and the default."""
 
 
 def plan_range(parameters: PlantParameters) -> tuple[float, float]:
-    """Return the smallest and largest voltage limit [V] that are offered."""
+    """Return the smallest and largest permitted voltage limit [V]."""
     u_max = parameters.motor.u_max
     return round(LEAST * u_max, 3), round(MOST * u_max, 3)
 
 
 def usual_budget(parameters: PlantParameters) -> float:
-    """Return the voltage limit [V] that is proposed."""
+    """Return the default voltage limit [V]."""
     return round(USUAL * parameters.motor.u_max, 3)
 
 
 def require_budget(parameters: PlantParameters, u_plan: float) -> None:
-    """Raise OutOfRangeError unless ``u_plan`` [V] is offered; 0 V is ``lambda`` motion, which has no limit."""
+    """Raise OutOfRangeError unless ``u_plan`` [V] is permitted.
+
+    0 V is ``lambda`` motion, which has no limit.
+    """
     if u_plan != 0.0:
         remedy = "the rest of the voltage is for load, friction and feedback"
         check_range("u_plan", u_plan, *plan_range(parameters), "V", remedy)
@@ -84,33 +87,36 @@ def require_budget(parameters: PlantParameters, u_plan: float) -> None:
 
 # Preview -------------------------------------------------------------------------------------------
 #
-# What a tuning would do before it is sent: robustness on the high-order model, steps simulated.
+# Effect of a tuning before it is applied: robustness on the high-order model, simulated steps.
 #
-# All of it is for one stiffness, that of the present reference, and for the motion in use: in
-# `lambda` a step takes the time that λ gives it, in `time-optimal` that of its trajectory.
+# For one stiffness, that of the current reference, and for the active motion: in `lambda` a step takes the time that λ
+# gives, in `time-optimal` that of its trajectory.
 
 
 STEP_Q = np.pi / 3.0
-"""Step of q_ref that the preview shows where no other is asked for [rad]: half of the paper's largest."""
+"""Default step of q_ref in the preview [rad]: half of the paper's largest."""
 
 SHOWN_STEP_S = 2.0
-"""Step of S_ref that the preview shows where no other is asked for [N·m/rad]: up, or down near the end of the range."""
+"""Default step of S_ref in the preview [N·m/rad]: up, or down near the end of the range."""
 
 STEP_S = (8.0, 14.0)
-"""Step of S_ref that has to stay within the voltage [N·m/rad]: the pulses of the paper."""
+"""Step of S_ref that must stay within the voltage [N·m/rad]: the pulses of the paper."""
 
 LAM_RESOLUTION = 1e-3
-"""How finely the end of the range is found where the voltage decides [s]."""
+"""Resolution of the end of the range if the voltage limits it [s]."""
 
 Job = Callable[[], object]
 
 _CACHED_STIFFNESSES = 32
-"""So many stiffnesses have their high-order models kept: making one takes longer than all else of a preview."""
+"""Number of stiffnesses with cached high-order models: making one takes longer than the rest of a preview."""
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Steps of q_ref [rad] and S_ref [N·m/rad], each from the first to the second; each alone, the other one held."""
+    """Steps of q_ref [rad] and S_ref [N·m/rad], from the first to the second value.
+
+    Each alone, with the other reference constant.
+    """
 
     q: tuple[float, float]
     S: tuple[float, float]
@@ -118,10 +124,9 @@ class Steps:
 
 @dataclass(frozen=True)
 class OuterLoopPreview:
-    """One outer loop: its robustness and the range of λ offered [s].
+    """One outer loop: its robustness and the permitted range of λ [s].
 
-    ``printed``: what the printed formula of table 2 would give (erratum E1), with the step it would make in ``lambda``
-    motion; None where it was not asked for.
+    ``printed``: the printed formula of table 2 (erratum E1) with its step in ``lambda`` motion; None if not requested.
     """
 
     robustness: Robustness
@@ -132,7 +137,10 @@ class OuterLoopPreview:
 
 @dataclass(frozen=True)
 class Printed:
-    """The loop with the printed formula: ``step`` is None where λ does not make the steps."""
+    """The loop with the printed formula.
+
+    ``step`` is None if λ does not form the steps.
+    """
 
     robustness: Robustness
     step: StepForecast | None
@@ -140,9 +148,9 @@ class Printed:
 
 @dataclass(frozen=True)
 class Preview:
-    """All loops at stiffness ``S`` [N·m/rad], a step of each reference, and a push with each share of it rejected.
+    """All loops at stiffness ``S`` [N·m/rad], a step of each reference, and pushes.
 
-    ``motor``: the less robust of the two motor loops.
+    ``pushes`` has one forecast per rejection gain. ``motor``: the less robust of the two motor loops.
     """
 
     S: float
@@ -155,11 +163,11 @@ class Preview:
 
 
 class TuningPreviewer:
-    """Previews at the points of a bank; keeps the high-order models, which depend on λ_motor and the point only.
+    """Previews at the operating points of a bank.
 
-    ``b`` counts where the range ends by the voltage: a reference that is felt at once takes more of it.
-    ``ranges``: the smallest lam_q and lam_S [s] of each point, where they are known.
-    Raises OutOfRangeError for a ``lam_motor`` [s] that is not offered.
+    Caches the high-order models, which depend only on λ_motor and the point. ``b`` affects the range if the voltage
+    limits it: an immediate proportional response to the reference takes more voltage. ``ranges``: the smallest lam_q
+    and lam_S [s] of each point, if known. Raises OutOfRangeError for a ``lam_motor`` [s] out of range.
     """
 
     def __init__(
@@ -185,11 +193,11 @@ class TuningPreviewer:
 
     @cached_property
     def _processes(self) -> list[tuple[OuterProcess, OuterProcess]]:
-        """What the outer loops of q and S control, by point."""
+        """Processes of the outer loops of q and S, by point."""
         return [self._models_at(point.S_nominal)[:2] for point in self.points]
 
     def _new_models(self, S: float) -> tuple[OuterProcess, OuterProcess, Sampled]:
-        """Return what the outer loops of q and S control at S [N·m/rad], and the plant in ticks."""
+        """Return the outer processes of q and S at S [N·m/rad], and the sampled plant."""
         gains = make_motor_loops(self._parameters, self._lam_motor, self._motor)
         model = decoupled_model(self._parameters, gains, S)
         held = held_plant(self._parameters, build_decoupler(self._parameters), S)
@@ -197,7 +205,7 @@ class TuningPreviewer:
 
     @cached_property
     def _expected(self) -> tuple[PlantParameters, SimulatedRig]:
-        """The plant that is simulated."""
+        """The simulated plant."""
         plant = expected_plant(self._parameters)
         return plant, make_simulated_rig(plant)
 
@@ -206,19 +214,28 @@ class TuningPreviewer:
         return self.motor_at(self._lam_motor)
 
     def safe_range(self) -> tuple[float, float]:
-        """Smallest lam_q and lam_S [s] that are robust and leave the voltage unclipped at every point of the bank."""
+        """Return the smallest permitted lam_q and lam_S [s].
+
+        With them all points of the bank are robust and the voltage is unclipped.
+        """
         return max(q for q, _ in self.ranges), max(S for _, S in self.ranges)
 
     def motor_range(self) -> tuple[float, float]:
-        """Smallest and largest lam_motor [s] that are offered for both motors. Raises TuningError."""
+        """Return the smallest and largest permitted lam_motor [s] for both motors.
+
+        Raises TuningError.
+        """
         return common_lambda_range(self._motors)
 
     def is_for(self, lam_motor: float, b: float) -> bool:
-        """Return whether its models and ranges are those of this λ_motor [s] and weight b."""
+        """Return whether models and ranges are those of this λ_motor [s] and weight b."""
         return (self._lam_motor, self._b) == (lam_motor, b)
 
     def motor_at(self, lam_motor: float) -> Robustness:
-        """Robustness of the less robust of the two motor loops. Raises OutOfRangeError for a λ that is not offered."""
+        """Return the robustness of the less robust motor loop.
+
+        Raises OutOfRangeError for a λ out of range.
+        """
         check_range("lam_motor", lam_motor, *self.motor_range(), "s")
         loops = [
             motor_robustness(plant_model, motor_gains(plant_model.K_m, plant_model.T_m, lam_motor))
@@ -227,11 +244,11 @@ class TuningPreviewer:
         return max(loops, key=lambda loop: loop.M_s)
 
     def plan_range(self) -> tuple[float, float]:
-        """Smallest and largest budget of a plan [V] that are offered beside 0."""
+        """Return the smallest and largest permitted voltage limit [V], apart from 0."""
         return plan_range(self._parameters)
 
     def require_safe(self, lambdas: TuningParameters, u_plan: float = 0.0) -> None:
-        """Raise OutOfRangeError unless both λ and the trajectory's voltage limit [V] are offered."""
+        """Raise OutOfRangeError unless both λ and the voltage limit [V] are permitted."""
         require_budget(self._parameters, u_plan)
         lam_q_min, lam_S_min = self.safe_range()
         remedy = "below it the loop's sensitivity peak M_s exceeds 1.7 or a step takes all of the voltage"
@@ -239,7 +256,7 @@ class TuningPreviewer:
         check_range("lam_S", lambdas.lam_S, minimum=lam_S_min, maximum=LAM_MAX, unit="s", remedy=remedy)
 
     def steps_at(self, S: float) -> Steps:
-        """Return the steps that are shown where no others are asked for, from q = 0 and S [N·m/rad]."""
+        """Return the default steps, from q = 0 and S [N·m/rad]."""
         up = compute_bounds(self._parameters).S_max >= S + SHOWN_STEP_S
         return Steps((0.0, STEP_Q), (S, S + (SHOWN_STEP_S if up else -SHOWN_STEP_S)))
 
@@ -257,13 +274,12 @@ class TuningPreviewer:
         printed: bool = False,
         each: Callable[[Callable[[Job], object], Iterable[Job]], Iterable[object]] = map,
     ) -> Preview:
-        """Preview at S [N·m/rad], by default that of the first point, in the motion that ``u_plan`` [V] says.
+        """Return the preview at S [N·m/rad] (default: the first point's).
 
-        ``entry``: the one in use at present, −1 for the one nearest to S; ``shares`` [1]: of a push, fed forward
-        against it; ``steps``: by default those of ``steps_at``; ``F_push`` [N]; ``printed``: with what the printed
-        formula would do; ``each``: ``map``, or one that does several at a time, as compiled simulations let other
-        threads go on.
-        Raises TuningError for a λ that has no gains.
+        In the motion that ``u_plan`` [V] selects. ``entry``: the active one, −1 for the one nearest to S; ``shares``
+        [1]: gains of the disturbance rejection; ``steps``: by default those of ``steps_at``; ``F_push`` [N];
+        ``printed``: include the printed formula; ``each``: ``map``, or a parallel one, as compiled simulations release
+        the GIL. Raises TuningError for a λ without gains.
         """
         lambdas = replace(lambdas, lam_motor=self._lam_motor, b=self._b)
         S = self.points[0].S_nominal if S is None else S
@@ -321,7 +337,7 @@ class TuningPreviewer:
         )
 
     def _printed_gains(self, lambdas: TuningParameters) -> list[tuple[pid.IPGains, pid.IPGains]]:
-        """Gains of the printed formula for the loops of q and S, by point."""
+        """Return the gains of the printed formula for the loops of q and S, by point."""
         return [
             (
                 printed_outer_gains(*position_process(self._parameters, point), lambdas.lam_q),
@@ -337,9 +353,10 @@ class TuningPreviewer:
         return tuning._replace(schedule=tuning.schedule._replace(entries=entries))
 
     def lambdas_for(self, M_s: float) -> dict[str, float | TuningError]:
-        """Smallest λ [s] by name with which each loop, at every point of the bank, keeps its sensitivity peak at M_s.
+        """Return the smallest λ [s] by name that keep each loop's sensitivity peak at M_s.
 
-        Where no λ that is offered does, the error that says why. lam_q and lam_S are for λ_motor as it is.
+        At every point of the bank. If no permitted λ does, the error that says why. lam_q and lam_S are for the current
+        λ_motor.
         """
         lam_q_min, lam_S_min = self.safe_range()
 
@@ -398,7 +415,7 @@ class TuningPreviewer:
         S_step: tuple[float, float],
         lam: float,
     ) -> float:
-        """Simulate steps from the first to the second reference, for 6 λ and more; return the largest voltage [V]."""
+        """Simulate steps between references for at least 6 λ; return the peak voltage [V]."""
         tuning = make_cascade_tuning(self._parameters, lambdas, [point], self._motor)
         ticks = 100, round((0.9 + 6.0 * lam) / T_s)
         trajectory = simulate_cascade(self._parameters, tuning, np.repeat(q_step, ticks), np.repeat(S_step, ticks))
@@ -426,7 +443,10 @@ def _within_offer(name: str, lam: float, least: float, M_s: float) -> float:
 
 
 def _find_unsaturated_lambda(robust: float, voltage: Callable[[float], float], u_max: float) -> float:
-    """Smallest λ [s], from ``robust`` on, whose peak ``voltage`` [V] stays below u_max [V]. Raises TuningError."""
+    """Return the smallest λ [s] >= ``robust`` with ``voltage`` [V] below u_max [V].
+
+    Raises TuningError.
+    """
     if voltage(robust) < u_max:
         return robust
     if voltage(LAM_MAX) >= u_max:
@@ -440,15 +460,15 @@ def _find_unsaturated_lambda(robust: float, voltage: Callable[[float], float], u
 
 # Speed bound ---------------------------------------------------------------------------------------
 #
-# How fast a position step could be at all: what the motors' speed and acceleration allow, whatever
-# the law.
+# Limit of a position step's speed by the motors' speed and acceleration, for any control law.
 
 
 def least_reach_time(parameters: PlantParameters, step: float, share: float = 0.9) -> float:
-    """Time [s] in which the motors can turn the joint by ``share`` of a ``step`` [rad], unloaded at full voltage.
+    """Return the time [s] in which the motors can turn the joint by a part of a step.
 
-    A motor at rest under u_max turns by K_m u_max (t − T_m (1 − exp(−t/T_m))) (equation 17); the slower one counts,
-    and it need not stop. Both reels turn r_j/r_m times as far as the joint (equations 18, 19).
+    ``share`` of a ``step`` [rad], unloaded at full voltage. A motor at rest under u_max turns by K_m u_max (t − T_m (1
+    − exp(−t/T_m))) (equation 17); the slower motor counts, and it need not stop. Both reels turn r_j/r_m times as far
+    as the joint (equations 18, 19).
     """
     g = parameters.geometry
     turn = share * abs(step) * g.r_j / g.r_m

@@ -1,4 +1,7 @@
-"""Robustness of all loops on the high-order models: M_s, margins, safe ranges of λ (erratum E6)."""
+"""Robustness of all loops on high-order models: M_s, margins, ranges of λ.
+
+See erratum E6.
+"""
 
 import hashlib
 import math
@@ -33,27 +36,25 @@ if TYPE_CHECKING:
 
 # Linear model --------------------------------------------------------------------------------------
 #
-# The high-order linear model of what the outer loops see: plant linearised at rest, motor loops
-# closed around it.
+# The high-order linear model of the outer loops' process: the plant linearised at rest, with closed motor loops.
 #
-# Four lags of the motor loops, the load on them, the joint's resonance: everything a first-order
-# model hides (erratum E6). Coulomb friction is left out: smoothed at standstill it would look like
-# a huge viscous friction.
+# It has the four lags of the motor loops, their load, and the joint's resonance, which a first-order model neglects
+# (erratum E6). Coulomb friction is neglected: smoothed at standstill it would act as a huge viscous friction.
 
 
 _STEP = 1e-6
 _STATES = 8
-"""Of a plant without friction: the bristles, which come last in ``PlantState``, are none of its states."""
+"""States of a plant without friction: the bristles, the last of ``PlantState``, are excluded."""
 
 
 def decoupled_model(
     parameters: PlantParameters, gains: pid.MotorPairGains, S: float, *, true_plant: bool = False
 ) -> "control.StateSpace":
-    """Linear model from (q_c, S_c) to (q, S) at stiffness S [N·m/rad] and q = 0, motor loops with ``gains``.
+    """Return the linear model from (q_c, S_c) to (q, S) at S [N·m/rad] and q = 0.
 
-    The diagonal is what the two outer loops control, gain 1 at low frequency; the cross terms have gain 0 there, and
-    vanish altogether where both sides are alike. With ``true_plant`` motors and springs are those of the plant itself,
-    and the decoupler is still the one of the identified springs.
+    The motor loops have ``gains``. The diagonal has the processes of the two outer loops, with gain 1 at low frequency;
+    the cross terms have gain 0 there, and vanish if both sides are equal. With ``true_plant`` motors and springs are
+    those of the plant itself, and the decoupler is still the one of the identified springs.
     """
     import control
 
@@ -74,10 +75,10 @@ def decoupled_model(
 
 
 def linearize_one_motor(parameters: PlantParameters, gains: pid.MotorPairGains, S: float) -> PointModel:
-    """Return what geometry, springs and motor loops say of theta_A_ref to q and to S at S [N·m/rad], motor B held.
+    """Return the model from theta_A_ref to q and to S at S [N·m/rad], motor B held.
 
-    Static gain, and the sum of lags: minus the slope of the phase at zero frequency, of the linear plant without
-    friction.
+    From geometry, springs and motor loops: the static gain, and the sum of lags, minus the slope of the phase at zero
+    frequency, of the linear plant without friction.
     """
     import control
 
@@ -98,10 +99,10 @@ def linearize_one_motor(parameters: PlantParameters, gains: pid.MotorPairGains, 
 def linear_plant(
     parameters: PlantParameters, d: Decoupler, S: float, *, true_plant: bool = False
 ) -> "control.StateSpace":
-    """From voltages [V] and a torque on the joint [N·m] to q, θ_A, θ_B [rad], about rest at S [N·m/rad] and q = 0.
+    """Return the plant from voltages [V] and joint torque [N·m] to q, θ_A, θ_B [rad].
 
-    Motors and springs are the identified ones, or with ``true_plant`` those of the plant itself. S is always what the
-    controller estimates.
+    Linearised at rest at S [N·m/rad] and q = 0. Motors and springs are the identified ones, or with ``true_plant``
+    those of the plant itself. S is always the controller's estimate.
     """
     import control
 
@@ -149,9 +150,9 @@ def _without_friction(plant: Dynamics) -> Dynamics:
 
 
 def _at_rest(plant: Dynamics, turned: float) -> tuple[float, float]:
-    """θ_A, θ_B [rad] whose sum is ``turned``, with the same tension in both tendons at q = 0.
+    """Return θ_A, θ_B [rad] with the sum ``turned`` and equal tensions at q = 0.
 
-    The stiffness loop fixes the sum, the position loop the difference.
+    The stiffness loop determines the sum, the position loop the difference.
     """
     from scipy.optimize import brentq
 
@@ -166,7 +167,10 @@ def _at_rest(plant: Dynamics, turned: float) -> tuple[float, float]:
 
 
 def _motor_loop(gains: pid.IPDGains, side: str) -> "control.StateSpace":
-    """I-PD with its filter in continuous time; states: integral, filtered integral, filtered position."""
+    """Return the continuous I-PD law with its filter.
+
+    States: integral, filtered integral, filtered position.
+    """
     import control
 
     k_p, k_i, k_d, t_f = gains
@@ -179,7 +183,7 @@ def _motor_loop(gains: pid.IPDGains, side: str) -> "control.StateSpace":
 
 
 def decoupling_matrix(d: Decoupler, S: float) -> NDArray[np.float64]:
-    """Motor references per q_c and S_c, shape (2, 2), about q = 0 and S [N·m/rad]."""
+    """Return motor references per q_c and S_c, shape (2, 2), at q = 0 and S [N·m/rad]."""
 
     def positions(q_c: float, S_c: float) -> NDArray[np.float64]:
         return np.array(decoupler.motor_positions(d, q_c, S_c))
@@ -209,24 +213,23 @@ def _outputs(d: Decoupler, S: float) -> "control.StateSpace":
 
 # Remembered ----------------------------------------------------------------------------------------
 #
-# Figures that take python-control and a while to compute, and never change for the same inputs:
-# computed once.
+# Cache of results that take python-control and a while to compute, and never change for the same inputs.
 #
-# They outlive the process where somebody with a disk keeps ``FIGURES``
-# (``backend.services.tuning_state``): a start then neither loads the library nor waits for it.
+# ``backend.services.tuning_state`` stores ``FIGURES`` across starts, so that a start neither loads the library nor
+# waits for it.
 
 
 FIGURES: dict[str, tuple[float, ...]] = {}
-"""What has been computed, by the digest of what was asked; those that were asked for least lately go first."""
+"""Cached results by the digest of their key; the least recently used ones are dropped first."""
 
 MOST = 400
 
 
 def cached(cache_key: tuple[object, ...], count: int, compute: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
-    """Return the ``count`` figures of ``compute()``, computed the first time that this is ``cache_key``.
+    """Return the ``count`` numbers of ``compute()``, cached by ``cache_key``.
 
-    ``cache_key`` names the question and all that the answer depends on: words, numbers, frozen dataclasses of numbers.
-    What is remembered in another form, or is not finite, is computed anew; an exception is not remembered.
+    ``cache_key`` contains the name of the computation and all its inputs: strings, numbers, frozen dataclasses of
+    numbers. A cached value of another length, or that is not finite, is recomputed; exceptions are not cached.
     """
     key = hashlib.sha256(repr(cache_key).encode()).hexdigest()
     plant_model = FIGURES.get(key, ())
@@ -234,29 +237,28 @@ def cached(cache_key: tuple[object, ...], count: int, compute: Callable[[], tupl
         plant_model = compute()
     FIGURES.pop(key, None)
     FIGURES[key] = plant_model
-    for oldest in list(FIGURES)[:-MOST]:  # a copy: other threads remember, too
+    for oldest in list(FIGURES)[:-MOST]:  # a copy, since other threads add results too
         FIGURES.pop(oldest, None)
     return plant_model
 
 
 # Robustness ----------------------------------------------------------------------------------------
 #
-# M_s, margins and safe ranges of λ of the outer loops, computed on the high-order models (erratum
-# E6).
+# M_s, margins and ranges of λ of the outer loops, computed on the high-order models (erratum E6).
 
 
 M_S_MAX = 1.7
-"""Largest sensitivity peak an operator is offered (method section 5)."""
+"""Largest permitted sensitivity peak (method section 5)."""
 
 _OMEGA = np.logspace(-2, 3, 801)
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """``M_s`` [1], margins of gain [1] and of phase [rad] of a loop; an unstable loop has M_s = inf.
+    """``M_s`` [1], gain margins [1] and phase margin [rad] of a loop.
 
-    ``gain_margin`` is the factor by which the gain may grow, inf without bound; ``gain_reduction`` is the factor to
-    which it may fall, 0 without bound.
+    An unstable loop has M_s = inf. ``gain_margin`` is the factor by which the gain may rise, inf without bound;
+    ``gain_reduction`` is the factor to which it may fall, 0 without bound.
     """
 
     M_s: float
@@ -267,9 +269,9 @@ class Robustness:
 
 
 class OuterProcess:
-    """What an outer loop controls, from its control signal to its measurement, with its frequency response at hand.
+    """Process of an outer loop, from control signal to measurement.
 
-    ``system`` has one input, one output and no direct feedthrough.
+    With its frequency response. ``system`` has one input, one output and no direct feedthrough.
     """
 
     def __init__(self, system: "control.StateSpace") -> None:
@@ -280,11 +282,11 @@ class OuterProcess:
         ]
 
     def loop_response(self, gains: pid.IPGains) -> NDArray[np.complex128]:
-        """Frequency response of the loop opened at the control signal."""
+        """Return the frequency response of the loop opened at the control signal."""
         return np.asarray(self.response * (gains.k_p + gains.k_i / (1j * _OMEGA)))
 
     def is_stable(self, gains: pid.IPGains) -> bool:
-        """Whether all poles of the I-P loop around this process lie in the left half plane."""
+        """Return whether all poles of the I-P loop are in the left half plane."""
         states = len(self._A)
         closed = np.zeros((states + 1, states + 1))
         closed[:states, :states] = self._A - gains.k_p * self._B @ self._C
@@ -292,20 +294,21 @@ class OuterProcess:
         return bool(np.all(np.linalg.eigvals(closed).real < 0.0))
 
     def robustness(self, gains: pid.IPGains) -> Robustness:
-        """Robustness of the I-P loop around this process."""
+        """Return the robustness of the I-P loop with this process."""
         return _robustness(self.is_stable(gains), self.loop_response(gains), _OMEGA)
 
     def sensitivity_peak(self, gains: pid.IPGains) -> float:
-        """M_s alone; inf for an unstable loop."""
+        """Return M_s alone; inf for an unstable loop."""
         return peak(self.loop_response(gains)) if self.is_stable(gains) else math.inf
 
 
 def compute_robustness(
     loop: "control.StateSpace", response: NDArray[np.complex128], omega: NDArray[np.float64]
 ) -> Robustness:
-    """Robustness of a loop, continuous or sampled, with its ``response`` (n,) at ``omega`` (n,) [rad/s], evenly in log.
+    """Return the robustness of a continuous or sampled loop.
 
-    Gain margins are counted on both sides: a conditionally stable loop is lost when gain is taken away, too.
+    ``response`` (n,) is at ``omega`` (n,) [rad/s], evenly spaced in log. Gain margins are determined on both sides: a
+    conditionally stable loop also becomes unstable when its gain falls.
     """
     return _robustness(_is_stable(loop), response, omega)
 
@@ -326,10 +329,10 @@ def _robustness(stable: bool, response: NDArray[np.complex128], omega: NDArray[n
 def margins(
     response: NDArray[np.complex128], omega: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Factors on the gain (k,) [1] and turns of the phase (m,) [rad] that take a loop to −1.
+    """Return the gain factors (k,) [1] and phase shifts (m,) [rad] that reach −1.
 
-    ``response`` (n,) at ``omega`` (n,) [rad/s], evenly in log. Between the points modulus and phase are cubic in
-    log ω: with 160 points per decade they are right to 1e-6.
+    ``response`` (n,) at ``omega`` (n,) [rad/s], evenly spaced in log. Between the points modulus and phase are cubic in
+    log ω: with 160 points per decade the error is below 1e-6.
     """
     modulus, phase = np.log(np.abs(response)), np.unwrap(np.angle(response))
     whole = np.floor((phase - np.pi) / (2.0 * np.pi))
@@ -347,7 +350,10 @@ def margins(
 
 
 def _cubic(y: NDArray[np.float64], k: int) -> tuple[NDArray[np.float64], int]:
-    """Coefficients of the cubic through four points about the interval from ``k``, and its first point."""
+    """Return the cubic through four points around the interval from ``k``.
+
+    Its coefficients and its first point.
+    """
     first = min(max(k - 1, 0), y.size - 4)
     return np.polyfit(np.arange(4.0), y[first : first + 4], 3), first
 
@@ -358,7 +364,7 @@ def _at(y: NDArray[np.float64], k: int, x: float) -> float:
 
 
 def _crossings(y: NDArray[np.float64], k: int) -> list[float]:
-    """Where ``y`` is zero between the points ``k`` and ``k + 1``, in points."""
+    """Return the zeros of ``y`` between the points ``k`` and ``k + 1``, in points."""
     from scipy.optimize import brentq
 
     if y[k] == 0.0:
@@ -370,7 +376,10 @@ def _crossings(y: NDArray[np.float64], k: int) -> list[float]:
 
 
 def peak(response: NDArray[np.complex128]) -> float:
-    """Max |1/(1 + L)| of a response (n,), between grid points by a parabola through the three nearest values."""
+    """Return max |1/(1 + L)| of a response (n,).
+
+    Interpolated by a parabola through the three nearest values.
+    """
     sensitivity = np.abs(1.0 / (1.0 + response))
     k = int(np.argmax(sensitivity))
     if k in (0, sensitivity.size - 1):
@@ -387,9 +396,10 @@ def _is_stable(loop: "control.StateSpace") -> bool:
 
 
 def safe_lambda(process: OuterProcess, gains_for: Callable[[float], pid.IPGains], M_s: float = M_S_MAX) -> float:
-    """Smallest λ [s] from which on, up to LAM_MAX, the outer loop's sensitivity peak stays at or below ``M_s``.
+    """Return the smallest λ [s] from which the sensitivity peak stays below ``M_s``.
 
-    ``gains_for`` gives the gains for a λ. Raises TuningError where no λ up to LAM_MAX is that robust.
+    Up to LAM_MAX, for an outer loop. ``gains_for`` returns the gains for a λ. Raises TuningError if no λ is that
+    robust.
     """
     from scipy.optimize import brentq
 
@@ -397,7 +407,7 @@ def safe_lambda(process: OuterProcess, gains_for: Callable[[float], pid.IPGains]
         return peak(process.loop_response(gains_for(lam))) - M_s
 
     grid = np.geomspace(0.05, LAM_MAX, 60)
-    # A fast loop can be unstable and still have a small peak: only the part reached from the slow end counts.
+    # A fast loop can be unstable with a small peak: only the range connected to the slow end counts.
     above = [k for k, lam in enumerate(grid) if excess(lam) > 0.0]
     if not above:
         return float(grid[0])
@@ -408,18 +418,17 @@ def safe_lambda(process: OuterProcess, gains_for: Callable[[float], pid.IPGains]
 
 # Motor loop ----------------------------------------------------------------------------------------
 #
-# The motor loop as it runs: sampled each period, with the motor's electrical lag (erratum E5).
+# The motor loop as executed: sampled each period, with the motor's electrical lag (erratum E5).
 #
-# On the bare K_m/(s (T_m s + 1)) of table 2 the loop looks more robust than it is, the more so the
-# smaller λ is.
+# On the plain K_m/(s (T_m s + 1)) of table 2 the loop appears more robust than it is, the more so the smaller λ is.
 
 
 LAM_MOTOR_MIN = 0.05
-"""Least λ offered [s]. The loop then needs a 25th of its gain to be stable; with less λ it needs more, and a voltage
-limit takes gain away."""
+"""Smallest permitted λ [s]. The loop then needs a 25th of its gain to be stable; with a smaller λ it needs more, and
+saturation reduces the gain."""
 
 LAM_MOTOR_MAX = 0.2
-"""Largest λ offered [s]; for the paper's motor M_s falls with λ up to here (erratum E5)."""
+"""Largest permitted λ [s]; for the paper's motor M_s falls with λ up to here (erratum E5)."""
 
 _MOTOR_LOOP_OMEGA = np.geomspace(1e-2, np.pi / T_s, 900)
 _Z = np.exp(1j * _MOTOR_LOOP_OMEGA * T_s)
@@ -427,7 +436,10 @@ _LAMBDAS = 25
 
 
 def motor_robustness(motor: MotorModel, gains: pid.IPDGains) -> Robustness:
-    """Robustness of the sampled loop of an unloaded motor; tendons change M_s by less than half a per cent."""
+    """Return the robustness of the sampled loop of an unloaded motor.
+
+    Tendons change M_s by less than half a percent.
+    """
     import control
 
     loop = _discretise_motor(motor) * _law(gains)
@@ -435,13 +447,19 @@ def motor_robustness(motor: MotorModel, gains: pid.IPDGains) -> Robustness:
 
 
 def motor_range(motor: MotorModel) -> tuple[float, float]:
-    """Smallest and largest λ [s] offered: M_s stays at or below M_S_MAX, λ well below 4 T_m. Raises TuningError."""
+    """Return the smallest and largest permitted λ [s]. Raises TuningError.
+
+    M_s stays at or below M_S_MAX, λ well below 4 T_m.
+    """
     low, _, high = _range(motor)
     return low, high
 
 
 def common_lambda_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
-    """Smallest and largest λ [s] offered for all of these motors. Raises TuningError."""
+    """Return the smallest and largest permitted λ [s] for all of these motors.
+
+    Raises TuningError.
+    """
     ranges = [motor_range(motor) for motor in motors]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low > high:
@@ -452,7 +470,10 @@ def common_lambda_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
 
 
 def motor_lambda(motor: MotorModel, M_s: float) -> float:
-    """λ [s] for a wanted M_s where it falls with λ, within what is offered. Raises TuningError with the span."""
+    """Return λ [s] for a required M_s where M_s falls with λ, within the range.
+
+    Raises TuningError with the possible range of M_s.
+    """
     from scipy.optimize import brentq
 
     low, end, _ = _range(motor)
@@ -466,7 +487,7 @@ def motor_lambda(motor: MotorModel, M_s: float) -> float:
 
 
 def _range(motor: MotorModel) -> tuple[float, float, float]:
-    """Least λ [s] offered, the one to which M_s falls from there, and the largest."""
+    """Return the smallest λ [s], the one with the least M_s, and the largest."""
     low, end, high = cached(("motor range", motor), 3, lambda: _computed_range(motor))
     return low, end, high
 
@@ -499,7 +520,7 @@ def _peak(motor: MotorModel, lam: float) -> float:
 
 @cache
 def _discretise_motor(motor: MotorModel) -> "control.TransferFunction":
-    """From the voltage, held over a period, to the position at its end."""
+    """Return the model from the voltage over a period to the position at its end."""
     import control
 
     s = control.tf("s")
@@ -508,7 +529,7 @@ def _discretise_motor(motor: MotorModel) -> "control.TransferFunction":
 
 
 def _law(gains: pid.IPDGains) -> "control.TransferFunction":
-    """From the position to the voltage, sign turned: ``i_pd.step`` as a difference equation."""
+    """Return ``step_i_pd`` as a difference equation from position to negated voltage."""
     import control
 
     decay = float(np.exp(-T_s / gains.t_f))
@@ -520,17 +541,18 @@ def _law(gains: pid.IPDGains) -> "control.TransferFunction":
 
 # Loop margins --------------------------------------------------------------------------------------
 #
-# Robustness of all three loops with the gains in use: on the identified model, or on the plant
-# itself.
+# Robustness of all three loops with the active gains, on the identified model or on the plant itself.
 #
-# A controller knows the identified model alone. On a plant that differs from it, the same gains
-# have other sensitivity peaks and margins; a simulator knows that plant and can tell them. Friction
-# is left out of both (``linear_model``).
+# The controller uses the identified model. On a plant that differs, the same gains have other sensitivity peaks and
+# margins, which are known for a simulated plant. Friction is neglected in both.
 
 
 @dataclass(frozen=True)
 class LoopMargins:
-    """The loops of ``q``, of ``S`` and of the motors, each the worst of all points of a bank or of both motors."""
+    """Margins of the loops of ``q``, of ``S`` and of the motors.
+
+    Each is the worst of all points of a bank, or of both motors.
+    """
 
     q: Robustness
     S: Robustness
@@ -540,11 +562,11 @@ class LoopMargins:
 def compute_loop_margins(
     parameters: PlantParameters, points: Sequence[PointModel], lambdas: TuningParameters, *, true_plant: bool
 ) -> LoopMargins:
-    """Return the robustness that the gains of ``lambdas`` at ``points`` have, on the true plant or on its model.
+    """Return the robustness of the gains of ``lambdas`` at ``points``.
 
-    Without points it is the 20 N point from geometry. Each outer loop is opened at its control signal while the other
-    one is open (``robustness``), each motor loop is sampled and unloaded (``motor_loop``). Raises TuningError for a λ
-    that has no gains.
+    On the true plant or on its identified model. Without points, at the 20 N point from geometry. Each outer loop is
+    opened at its control signal while the other one is open, each motor loop is sampled and unloaded. Raises
+    TuningError for a λ without gains.
     """
     points = points or (designed_point(parameters, lambdas.lam_motor),)
     loops = make_motor_loops(parameters, lambdas.lam_motor)
@@ -562,7 +584,7 @@ def compute_loop_margins(
 
 
 def _worst(found: Iterable[Robustness]) -> Robustness:
-    """Return the worst of each figure, whichever loop it is of."""
+    """Return the worst of each quantity, whichever loop it is of."""
     loops = list(found)
     return Robustness(
         max(loop.M_s for loop in loops),

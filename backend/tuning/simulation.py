@@ -1,4 +1,4 @@
-"""The closed loop offline: compiled, linear, under a plan, under a push, and its forecasts."""
+"""Offline closed loop: compiled, linear, with trajectory and push; forecasts."""
 
 import math
 from collections.abc import Callable
@@ -49,8 +49,7 @@ from plant import (
 
 # Closed loop ---------------------------------------------------------------------------------------
 #
-# The closed loop offline: the compiled functions of the live tick in one compiled loop over all
-# ticks.
+# The offline closed loop: the compiled functions of the live control step in one compiled loop over all ticks.
 
 
 Array = NDArray[np.float64]
@@ -63,7 +62,7 @@ COLUMNS = (
 
 
 class SimulatedRig(NamedTuple):
-    """The simulated plant with its sensors and bounds."""
+    """The simulated plant with its sensors and limits."""
 
     plant: Dynamics
     sensors: SensorModel
@@ -72,7 +71,7 @@ class SimulatedRig(NamedTuple):
 
 
 class ClosedLoopInputs(NamedTuple):
-    """What acts on the closed loop in each tick.
+    """Inputs of the closed loop in each tick.
 
     ``q_ref`` [rad], ``S_ref`` [N·m/rad], ``F_push`` [N], each (ticks,); ``noise`` of the load cells (ticks, 2) [N].
     """
@@ -85,7 +84,10 @@ class ClosedLoopInputs(NamedTuple):
 
 @compiled
 def fill_delay_line(rig: SimulatedRig, x: PlantState, line: Array) -> None:
-    """Let the load cells have seen the state x for as long as they remember; the first tick is DELAY_SLOTS."""
+    """Fill the load cells' delay line with the constant state x.
+
+    The first tick is DELAY_SLOTS.
+    """
     for slot in range(DELAY_SLOTS):
         sense_state(
             plant=rig.plant,
@@ -102,7 +104,7 @@ def fill_delay_line(rig: SimulatedRig, x: PlantState, line: Array) -> None:
 
 @compiled
 def record(row: Array, m: Measurement, y: cascade.CascadeOutput) -> None:
-    """Put a tick into its row (len(COLUMNS),)."""
+    """Write a tick into its row (len(COLUMNS),)."""
     row[0], row[1], row[2] = m.q, y.S, m.S_true
     row[3], row[4] = m.theta_A, m.theta_B
     row[5], row[6] = m.F_A, m.F_B
@@ -113,7 +115,7 @@ def record(row: Array, m: Measurement, y: cascade.CascadeOutput) -> None:
 
 @compiled
 def sense_rig(rig: SimulatedRig, x: PlantState, line: Array, k: int, inputs: ClosedLoopInputs) -> Measurement:
-    """Return what the sensors read in tick ``k`` of these inputs; ``line`` remembers it for the load cells."""
+    """Return the measurement in tick ``k``; ``line`` is the load cells' delay line."""
     return sense_state(
         plant=rig.plant,
         sensors=rig.sensors,
@@ -129,7 +131,10 @@ def sense_rig(rig: SimulatedRig, x: PlantState, line: Array, k: int, inputs: Clo
 
 @compiled
 def actuate_rig(rig: SimulatedRig, x: PlantState, y: cascade.CascadeOutput, F_push: float) -> PlantState:
-    """Return the plant's state a tick later, under the voltages of ``y`` and a push [N]."""
+    """Return the plant's state a tick later, under the voltages of ``y`` and a push.
+
+    ``F_push`` is in N.
+    """
     return actuate_plant(
         plant=rig.plant,
         sensors=rig.sensors,
@@ -150,10 +155,10 @@ def simulate(
     line: Array,
     out: Array,
 ) -> tuple[PlantState, cascade.CascadeState, int]:
-    """Run the cascade on the simulated plant for len(inputs.q_ref) ticks, filling ``out`` (ticks, len(COLUMNS)).
+    """Simulate the cascade on the plant, filling ``out`` (ticks, len(COLUMNS)).
 
-    ``line`` (2, DELAY_SLOTS) is the load cells' memory. Returns the final states and the tick at which the safety
-    module tripped (−1: never), where the run ends.
+    For len(inputs.q_ref) ticks. ``line`` (2, DELAY_SLOTS) is the load cells' delay line. Returns the final states and
+    the tick of the safety module's trip (−1: none), at which the run ends.
     """
     fill_delay_line(rig, x, line)
     for k in range(inputs.q_ref.shape[0]):
@@ -179,9 +184,10 @@ def simulate_feeling(
     line: Array,
     out: Array,
 ) -> int:
-    """Run as ``simulate`` with the outside torque of the observer, for the rejection of pushes; return the trip's tick.
+    """Simulate with the observer's external torque and the disturbance rejection.
 
-    At the tick ``learned_at`` its bias is learned: nothing is answered before.
+    As ``simulate``; returns the tick of the trip. The bias is calibrated at the tick ``learned_at``; nothing is
+    compensated before.
     """
     fill_delay_line(rig, x, line)
     felt, bias = disturbance_observer.UNKNOWN, math.nan
@@ -203,7 +209,10 @@ def simulate_feeling(
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Result of a simulated run: one array (ticks,) per column, SI units; ``tripped_at`` is a tick or −1."""
+    """Result of a simulation: one array (ticks,) per column, SI units.
+
+    ``tripped_at`` is a tick or −1.
+    """
 
     q: Array
     S: Array
@@ -222,12 +231,12 @@ class Trajectory:
 
 
 def make_trajectory(out: Array, tripped_at: int) -> Trajectory:
-    """Columns of a filled array (ticks, len(COLUMNS)) by name."""
+    """Return the columns of a filled array (ticks, len(COLUMNS)) by name."""
     return Trajectory(**dict(zip(COLUMNS, out.T, strict=True)), tripped_at=tripped_at)
 
 
 def make_simulated_rig(parameters: PlantParameters) -> SimulatedRig:
-    """Compile-ready constants of a parameter set."""
+    """Return the compiled functions' constants of a parameter set."""
     return SimulatedRig(
         parameters.make_dynamics(),
         make_sensor_model(parameters.sensors, parameters.safety.F_max, parameters.motor.u_max),
@@ -237,7 +246,7 @@ def make_simulated_rig(parameters: PlantParameters) -> SimulatedRig:
 
 
 def rest_state(rig: SimulatedRig, theta_A: float, theta_B: float) -> tuple[PlantState, float, float]:
-    """Plant standing with the motors at theta_A, theta_B [rad], and the voltages [V] that hold it there."""
+    """Return the plant at rest at motor angles [rad], and the holding voltages [V]."""
     plant = rig.plant
     r_m = plant.joint.r_m
 
@@ -279,12 +288,12 @@ def simulate_cascade(
     learned_at: int | None = None,
     rig: SimulatedRig | None = None,
 ) -> Trajectory:
-    """Simulate the cascade from rest at (q_ref[0], S_ref[0]) under references (ticks,) [rad, N·m/rad].
+    """Simulate the cascade from rest at (q_ref[0], S_ref[0]).
 
-    ``F_push`` (ticks,) [N] defaults to none. ``entry``: bank entry in use at the start, −1 for the one nearest to S.
-    From the tick ``learned_at`` on the outside force is known and rejected as ``tuning`` says; None: it is not known.
-    ``rig``: that of ``parameters``, where it is at hand; making it takes as long as some seconds of simulation.
-    The same arguments give the same trajectory to the last bit.
+    References (ticks,) are in rad and N·m/rad; ``F_push`` (ticks,) [N] defaults to none. ``entry``: active bank entry
+    at the start, −1 for the one nearest to S. From the tick ``learned_at`` on the external force is estimated and
+    rejected as ``tuning`` says; None: it is not. ``rig``: that of ``parameters``, if available; making it takes as long
+    as some seconds of simulation. The same arguments give the same trajectory to the last bit.
     """
     rig = rig or make_simulated_rig(parameters)
     x, controller = at_rest(rig, tuning, float(q_ref[0]), float(S_ref[0]))
@@ -315,7 +324,7 @@ def simulate_cascade(
 def at_rest(
     rig: SimulatedRig, tuning: cascade.CascadeTuning, q_ref: float, S_ref: float
 ) -> tuple[PlantState, cascade.CascadeState]:
-    """Plant and cascade standing where the decoupler puts (q_ref [rad], S_ref [N·m/rad])."""
+    """Return plant and cascade at rest at (q_ref [rad], S_ref [N·m/rad])."""
     theta_A, theta_B = decoupler.motor_positions(tuning.decoupler, q_ref, S_ref)
     x, u_A, u_B = rest_state(rig, theta_A, theta_B)
     m = Measurement(
@@ -328,39 +337,38 @@ def at_rest(
 
 
 def empty_arrays(ticks: int) -> tuple[Array, Array]:
-    """Return the load cells' memory and the rows to fill, nan until they are."""
+    """Return an empty delay line of the load cells, and rows of NaN."""
     return np.zeros((2, DELAY_SLOTS)), np.full((ticks, len(COLUMNS)), np.nan)
 
 
 def make_closed_loop_inputs(
     parameters: PlantParameters, q_ref: Array, S_ref: Array, F_push: Array | None = None, seed: int = 0
 ) -> ClosedLoopInputs:
-    """Return references and push (ticks,) together with the load cell noise that the seed gives."""
+    """Return references and push (ticks,) with the load cell noise of the seed."""
     noise = parameters.sensors.force_noise * np.random.default_rng(seed).standard_normal((q_ref.size, 2))
     return ClosedLoopInputs(q_ref, S_ref, np.zeros(q_ref.size) if F_push is None else F_push, noise)
 
 
 # Sampled loop --------------------------------------------------------------------------------------
 #
-# The closed loop as it runs, linear and sampled: what becomes of a reference or a torque on the
-# joint, tick by tick.
+# The closed loop as executed, linear and sampled: response to references and joint torques, tick by tick.
 #
-# The plant between two ticks is exact (voltages are held), the laws are the tick's own functions
-# where nothing clips them: no lag of the sampling is left out, as the continuous models of
-# ``robustness`` do. Friction, encoder counts and dead zones are not in it.
+# The plant between two ticks is exact (constant voltages), the laws are the control step's own functions without
+# limits: no delay of the sampling is neglected, unlike in the continuous models of ``robustness``. Friction, encoder
+# counts and dead zones are neglected.
 
 
 Rule = Callable[[Array, Array], tuple[Array, Array]]
 
 _PLANT, _LAWS = 8, 8
 _Q, _THETA_A, _THETA_B = 0, 2, 5
-"""Places of the angles in the plant's state."""
+"""Indices of the angles in the plant's state."""
 
 
 class SampledLoopInputs(NamedTuple):
-    """Places of the inputs: references [rad, N·m/rad], a torque on the joint [N·m], and what a rejection adds.
+    """Indices of the inputs: references [rad, N·m/rad], joint torque [N·m], rejection.
 
-    ``q_e`` [rad] on top of the position loop's output, ``q_off`` [rad] that its measurement is expected to be off.
+    ``q_e`` [rad] is added to the position loop's output, ``q_off`` [rad] is the expected deviation of its measurement.
     """
 
     q_ref: int = 0
@@ -371,7 +379,7 @@ class SampledLoopInputs(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """Places of the outputs [rad, N·m/rad]."""
+    """Indices of the outputs [rad, N·m/rad]."""
 
     q: int = 0
     S: int = 1
@@ -383,7 +391,7 @@ INPUTS, OUTPUTS = SampledLoopInputs(), Outputs()
 
 @dataclass(frozen=True)
 class Sampled:
-    """A linear system of ticks: x ← A x + B w, y = C x + D w, all counted from rest."""
+    """Linear discrete-time system: x ← A x + B w, y = C x + D w, relative to rest."""
 
     A: Array
     B: Array
@@ -391,14 +399,14 @@ class Sampled:
     D: Array
 
     def response(self, f: Array) -> Complex:
-        """Frequency response at ``f`` (n,) [Hz], shape (n, outputs, inputs)."""
+        """Return the frequency response at ``f`` (n,) [Hz], shape (n, outputs, inputs)."""
         z = np.exp(2j * np.pi * np.asarray(f) * T_s)
         resolvent = z[:, None, None] * np.eye(len(self.A)) - self.A
         states = np.linalg.solve(resolvent, np.broadcast_to(self.B, (z.size, *self.B.shape)))
         return np.asarray(self.C @ states + self.D)
 
     def simulate(self, w: Array) -> Array:
-        """Return the outputs (ticks, outputs) under inputs (ticks, inputs), from rest."""
+        """Return the outputs (ticks, outputs) for inputs (ticks, inputs), from rest."""
         x = np.zeros(len(self.A))
         y = np.empty((len(w), len(self.C)))
         for k, now in enumerate(w):
@@ -409,11 +417,11 @@ class Sampled:
 
 @dataclass(frozen=True)
 class SampledLoop:
-    """The loop and its parts, about rest.
+    """The loop and its parts, linearised at rest.
 
-    ``plant``: voltages [V] and a torque on the joint [N·m] to q, θ_A, θ_B [rad]. ``law``: q_ref, S_ref, q, θ_A, θ_B,
-    and what a rejection adds, to voltages. ``closed``: inputs as in ``INPUTS``, outputs as in ``OUTPUTS``. ``split``
-    (2, 2): motor references [rad] per q_c and S_c; ``slope``: stiffness per angle of either motor.
+    ``plant``: voltages [V] and a joint torque [N·m] to q, θ_A, θ_B [rad]. ``law``: q_ref, S_ref, q, θ_A, θ_B, and the
+    rejection's inputs, to voltages. ``closed``: inputs as in ``INPUTS``, outputs as in ``OUTPUTS``. ``split`` (2, 2):
+    motor references [rad] per q_c and S_c; ``slope``: stiffness per angle of either motor.
     """
 
     plant: Sampled
@@ -431,10 +439,10 @@ def make_sampled_loop(
     position_loop: bool = True,
     plant: Sampled | None = None,
 ) -> SampledLoop:
-    """Return the loop of ``tuning`` about rest at S [N·m/rad] and q = 0, as the plant's identified numbers let expect.
+    """Return the loop of ``tuning`` at rest at S [N·m/rad] and q = 0.
 
-    Without ``position_loop`` the decoupler's geometry alone positions the joint. Of a bank the entry for S is in use.
-    ``plant``: ``held_plant`` at S, where it is at hand.
+    With the plant's identified parameters. Without ``position_loop`` the decoupler's geometry alone positions the
+    joint. The active bank entry is that for S. ``plant``: ``held_plant`` at S, if available.
     """
     d = tuning.decoupler
     plant = plant or held_plant(parameters, d, S)
@@ -463,7 +471,10 @@ def make_sampled_loop(
 
 
 def _linear(rule: Rule, states: int, inputs: int) -> Sampled:
-    """Return the matrices of a linear rule from state and input to output and next state."""
+    """Return the matrices of a linear rule.
+
+    The rule maps state and input to output and next state.
+    """
     of_states = [rule(x, np.zeros(inputs)) for x in np.eye(states)]
     of_inputs = [rule(np.zeros(states), w) for w in np.eye(inputs)]
     C, A = (np.column_stack([pair[place] for pair in of_states]) for place in (0, 1))
@@ -472,7 +483,7 @@ def _linear(rule: Rule, states: int, inputs: int) -> Sampled:
 
 
 def held_plant(parameters: PlantParameters, d: Decoupler, S: float) -> Sampled:
-    """Return the plant about rest at S [N·m/rad] under inputs that are held over a tick."""
+    """Return the plant at rest at S [N·m/rad] with inputs held over a tick."""
     from scipy.linalg import expm
 
     plant = linear_plant(parameters, d, S)
@@ -486,22 +497,22 @@ def held_plant(parameters: PlantParameters, d: Decoupler, S: float) -> Sampled:
 
 # Followed plan -------------------------------------------------------------------------------------
 #
-# What small motions of the references become under a plan: its model, its voltages, and the loops
-# on what is left.
+# Response of small motions of the references with a trajectory: its model, its voltages, and the loops on the
+# difference.
 #
-# The model answers by its landing, its averaging, the motors' electrical lag and the swing of its
-# joint: 1 but for some hundredths of a second, and neither λ nor gains are in it. They act on what
-# motors and joint have beside the model. All of it holds while the voltage that the references ask
-# for is within the budget (docs/decisions/0046).
+# The model responds with its landing, its averaging, the motors' electrical lag and the oscillation of its joint: 1
+# except for some hundredths of a second, independent of λ and gains. These act on the difference between actuator and
+# model. This is valid while the required voltage is within the limit (docs/decisions/0046).
 
 
 _STEP = 1e-6
 
 
 class AxisResponse(NamedTuple):
-    """Of an axis to its goal, each (n,): angle and speed [1/s] behind averaging and electrical lag.
+    """Responses of an axis to its goal, each (n,).
 
-    ``driven`` and ``lagged`` [1/s] are K times the mean voltage before and behind the lag.
+    Angle and speed [1/s] behind averaging and electrical lag; ``driven`` and ``lagged`` [1/s] are K times the mean
+    voltage before and behind the lag.
     """
 
     theta: Complex
@@ -511,10 +522,10 @@ class AxisResponse(NamedTuple):
 
 
 def axis_response(model: trajectory.TrajectoryModel, f: Array) -> AxisResponse:
-    """Response to a moving goal at ``f`` (n,) [Hz], in the last stretch before it (``axis.toward``).
+    """Return the response to a moving goal at ``f`` (n,) [Hz], close to the goal.
 
-    ω⁺ = rate + (goal − θ − T_s (ω − rate))/LANDING_S, and θ⁺ as the motor turns; its voltage, averaged over some ticks
-    and behind the electrical lag, moves the model's motors (``axis.turned_lagged``).
+    ω⁺ = rate + (goal − θ − T_s (ω − rate))/LANDING_S (``compute_approach_voltage``), and θ⁺ as the motor turns; its
+    voltage, averaged over some ticks and behind the electrical lag, moves the model's motors (``advance_lagged_axis``).
     """
     z = np.exp(2j * np.pi * np.asarray(f) * T_s)
     T = max(model.T_A, model.T_B)
@@ -537,7 +548,10 @@ def axis_response(model: trajectory.TrajectoryModel, f: Array) -> AxisResponse:
 
 
 def joint_response(model: trajectory.TrajectoryModel, S: float, f: Array) -> Complex:
-    """Response of the model's joint to its equilibrium: J_j q'' + B_j q' + S q = S q_e, at S [N·m/rad]."""
+    """Return the response of the model's joint to its equilibrium at S [N·m/rad].
+
+    J_j q'' + B_j q' + S q = S q_e.
+    """
     s = 2j * np.pi * np.asarray(f)
     return np.asarray(S / (model.J_j * s**2 + model.B_j * s + S))
 
@@ -545,7 +559,10 @@ def joint_response(model: trajectory.TrajectoryModel, S: float, f: Array) -> Com
 def planned_response(
     parameters: PlantParameters, tuning: cascade.CascadeTuning, S: float, f: Array, *, position_loop: bool = True
 ) -> Complex:
-    """Response from (q_ref, S_ref) to (q, S) at ``f`` (n,) [Hz] about S [N·m/rad], shape (n, 2, 2)."""
+    """Return the response from (q_ref, S_ref) to (q, S), shape (n, 2, 2).
+
+    At ``f`` (n,) [Hz] and S [N·m/rad].
+    """
     model = tuning.following.model
     loop = make_sampled_loop(parameters, tuning, S, position_loop=position_loop)
     axis, joint = axis_response(model, f), joint_response(model, S, f)
@@ -555,7 +572,7 @@ def planned_response(
     forward = _forward(tuning=tuning, loop=loop, S=S, f=f, axis=axis, joint=joint)
 
     plant, law = loop.plant.response(f)[:, :, :2], loop.law.response(f)
-    # The loops see y − y_m alone, so y − y_m = P (u_m + L (y − y_m)) − y_m.
+    # The loops act on y − y_m alone, so y − y_m = P (u_m + L (y − y_m)) − y_m.
     coupled = np.linalg.solve(np.eye(3) - plant @ law[:, :, 2:5], plant @ forward - modelled)
     seen = np.array([[1.0, 0.0, 0.0], [0.0, loop.slope, loop.slope]])
     return np.asarray(seen @ (modelled + coupled))
@@ -564,7 +581,10 @@ def planned_response(
 def _forward(
     tuning: cascade.CascadeTuning, loop: SampledLoop, S: float, f: Array, axis: AxisResponse, joint: Complex
 ) -> Complex:
-    """Voltages of the model per (q_ref, S_ref), shape (n, 2, 2), as ``plan.voltages`` computes them."""
+    """Return the voltages of the model per (q_ref, S_ref), shape (n, 2, 2).
+
+    As ``trajectory.compute_voltages`` computes them.
+    """
     model, d = tuning.following.model, tuning.decoupler
     T, tau_e = max(model.T_A, model.T_B), max(model.tau_e_A, model.tau_e_B)
     turning = (axis.lagged - axis.omega) / T
@@ -590,19 +610,21 @@ def _forward(
 
 # Expected plant ------------------------------------------------------------------------------------
 #
-# The plant that a preview simulates: what was identified, with the friction and the sensors of the
-# parameter file.
+# The plant that a preview simulates: identified motors and springs, with friction and sensors of the parameter file.
 #
-# A preview must not know more than the operator can: it has the identified motors and springs, not
-# the simulator's true ones, and no scatter between the two sides. Friction, electrical lag, encoder
-# counts and the delay of the load cells are those of the parameter set in use.
+# A preview must not use more than the operator can know: it has the identified motors and springs, not the simulator's
+# true ones, and both sides are equal. Friction, electrical lag, encoder counts and the delay of the load cells are
+# those of the active parameters.
 
 
 _ALIKE = Asymmetry(spring_A=1.0, spring_B=1.0, motor_A=1.0, motor_B=1.0)
 
 
 def expected_plant(parameters: PlantParameters) -> PlantParameters:
-    """Return the set whose true motors and springs are the identified ones of ``parameters``, without asymmetry."""
+    """Return ``parameters`` with the identified motors and springs as true ones.
+
+    Without asymmetry.
+    """
     sided: dict[str, dict[str, Any]] = dict(parameters.sided)
     for side in SIDES:
         plant_model = parameters.select_identified(side)
@@ -614,14 +636,14 @@ def expected_plant(parameters: PlantParameters) -> PlantParameters:
 
 # Step forecast -------------------------------------------------------------------------------------
 #
-# What a step of a reference will do: the compiled closed loop, simulated on the expected plant.
+# Forecast of a reference step: the compiled closed loop, simulated on the expected plant.
 
 
 BAND = 0.02
-"""A step has settled when it stays so near to the new reference, as a part of the step (method section 7)."""
+"""Band of settling around the new reference, as a fraction of the step (method section 7)."""
 
 HELD_S = 1.0
-"""How long the loop holds before the step or the push [s]: friction, dead zones and load cells come to rest."""
+"""Time before the step or the push [s]: friction, dead zones and load cells come to rest."""
 
 _POINTS = 160
 """Points of the curve that the page draws."""
@@ -629,11 +651,11 @@ _POINTS = 160
 
 @dataclass(frozen=True)
 class StepForecast:
-    """A step of q [rad] or S [N·m/rad] from ``start`` to ``end``: its times, its peaks and its curve.
+    """A step of q [rad] or S [N·m/rad] from ``start`` to ``end``.
 
-    ``t90_s``: from the step to 90 % of it; ``settling_s``: from when on it stays within BAND of the step; both nan
-    where that does not happen in the time simulated. ``overshoot_percent`` of the step. ``peak_voltage`` [V] and
-    ``least_tension`` [N] of both sides. ``y`` (n,): progress from 0 to 1 over ``t`` (n,) [s].
+    ``t90_s``: time to 90 % of the step; ``settling_s``: time until it stays within BAND of the step; both NaN if that
+    does not happen in the simulated time. ``overshoot_percent`` of the step. ``peak_voltage`` [V] and ``least_tension``
+    [N] of both sides. ``y`` (n,): progress from 0 to 1 over ``t`` (n,) [s].
     """
 
     start: float
@@ -656,11 +678,10 @@ def step_forecast(
     entry: float = -1.0,
     rig: SimulatedRig | None = None,
 ) -> StepForecast:
-    """Simulate one step and return what it does; of ``q`` and ``S`` the pair that differs is the step.
+    """Simulate one step; the step is the pair of ``q`` and ``S`` that differs.
 
-    ``q`` [rad] and ``S`` [N·m/rad]: references before and after; ``seconds``: how long to simulate behind the step;
-    ``entry``: entry of the bank in use before it, −1 for the one nearest to S; ``rig``: that of ``plant``,
-    where it is at hand.
+    ``q`` [rad] and ``S`` [N·m/rad]: references before and after; ``seconds``: simulated time after the step; ``entry``:
+    active bank entry before it, −1 for the one nearest to S; ``rig``: that of ``plant``, if available.
     """
     ticks = round(HELD_S / T_s), round(seconds / T_s)
     trajectory = simulate_cascade(plant, tuning, np.repeat(q, ticks), np.repeat(S, ticks), entry=entry, rig=rig)
@@ -688,9 +709,9 @@ def step_forecast(
 
 
 def step_figures(y: Array) -> tuple[float, float, float]:
-    """Return t90 [s], settling time [s] and overshoot [%] of the progress ``y`` (ticks,) of a step, 0 to 1.
+    """Return t90 [s], settling time [s] and overshoot [%] of a step.
 
-    Times are nan where 90 % is not reached, or where the end is not within BAND.
+    ``y`` (ticks,) is its progress, 0 to 1. Times are NaN if 90 % is not reached, or if the end is not within BAND.
     """
     reached, outside = y >= 0.9, np.flatnonzero(~(np.abs(y - 1.0) <= BAND + 1e-9))
     t90_s = float(np.argmax(reached)) * T_s if reached.any() else np.nan
@@ -699,47 +720,44 @@ def step_figures(y: Array) -> tuple[float, float, float]:
 
 
 def shown_ticks(ticks: int, settling_s: float) -> NDArray[np.int64]:
-    """Return the ticks (n,) that a curve of ``ticks`` is drawn by: up to a quarter beyond where it has settled."""
+    """Return the ticks (n,) of a curve of ``ticks``, up to 25 % beyond its settling."""
     last = ticks - 1 if np.isnan(settling_s) else min(ticks - 1, round((1.25 * settling_s + 0.1) / T_s))
     return np.unique(np.linspace(0, last, _POINTS).round().astype(np.int64))
 
 
 # Push forecast -------------------------------------------------------------------------------------
 #
-# What a held push does to the joint, and how hard the joint feels.
+# Forecast of a constant push: deflection, recovery and apparent stiffness of the joint.
 #
-# Deflection and recovery are those of the compiled closed loop on the expected plant, with
-# friction, encoder counts, dead zones and rejection; the stiffness that one feels is that of the
-# linear sampled loop. The spring gives way before any motor has moved, so the first deflection is
-# r_j F/S whatever the loops do; they decide how long it lasts.
+# Deflection and recovery are those of the compiled closed loop on the expected plant, with friction, encoder counts,
+# dead zones and rejection; the apparent stiffness is that of the linear sampled loop. The springs deflect before any
+# motor has moved, so the first deflection is r_j F/S for any loops; they determine how long it lasts.
 
 
 _LASTS = 9.0
-"""Of λ_q: how long a push is simulated, beside 2 s."""
+"""Simulated time of a push in λ_q, in addition to 2 s."""
 
 PUSH_N = 5.0
-"""The push of the forecast [N], held."""
+"""Constant push of the forecast [N]."""
 
 FELT_HZ = (0.1, 1.0)
-"""Where the stiffness that one feels is told [Hz]: to a hand that leans on the joint, and to one that shakes it."""
+"""Frequencies of the apparent stiffness [Hz]: for a hand that leans on the joint, and for one that shakes it."""
 
 NEAR_RAD = float(np.radians(0.3))
-"""The joint is back when it stays so near to its reference [rad]: 3.3 counts of the paper's encoder.
-
-One count is no measure of it: friction and the dead zone of the integrators may leave the joint a count off, and a
-reference between two counts shifts the band by half of one.
-"""
+"""Band around the reference in which the joint has recovered [rad]: 3.3 counts of the paper's encoder. One count would
+be too small: friction and the dead zone of the integrators may leave the joint a count off, and a reference between two
+counts shifts the band by half a count."""
 
 LEARNED_S = 2.0
-"""How long the loop is at rest before the push where the outside force has to be learned first [s]."""
+"""Time at rest before the push if the bias of the external force must be calibrated first [s]."""
 
 
 @dataclass(frozen=True)
 class PushForecast:
-    """Under a held push of PUSH_N, and a sine of force beyond the dead zone.
+    """Response to a constant push, and to a sine of force beyond the dead zone.
 
-    ``deflection`` [rad]: largest deviation. ``recovery_s`` [s]: from when on it stays within NEAR_RAD, nan where it
-    does not. ``felt_slow``, ``felt_fast`` [N·m/rad]: outside torque over deviation, at FELT_HZ. ``off`` (n,): deviation
+    ``deflection`` [rad]: largest deviation. ``recovery_s`` [s]: time until it stays within NEAR_RAD, NaN if it does
+    not. ``felt_slow``, ``felt_fast`` [N·m/rad]: external torque over deviation, at FELT_HZ. ``off`` (n,): deviation
     [rad] over ``t`` (n,) [s].
     """
 
@@ -763,11 +781,11 @@ def forecast_push(
     rig: SimulatedRig | None = None,
     held: Sampled | None = None,
 ) -> PushForecast:
-    """Return what a held push of ``F_push`` [N] does at ``q`` [rad] and S [N·m/rad].
+    """Return the response to a constant push ``F_push`` [N].
 
-    ``entry``: bank entry in use before it, −1 for the one nearest to S. ``lam_q`` [s] says for how long it is
-    simulated: the deviation has fallen to a hundredth by then. Where they are at hand, ``rig`` is that of the expected
-    plant, and ``held`` is ``held_plant`` at S.
+    At ``q`` [rad] and S [N·m/rad]. ``entry``: active bank entry before it, −1 for the one nearest to S. ``lam_q`` [s]
+    determines the simulated time: the deviation has then fallen to a hundredth. ``rig``: that of the expected plant,
+    and ``held``: ``held_plant`` at S, if available.
     """
     rejects = tuning.disturbance_feedforward.k_ext > 0.0
     rest, pushed = round((LEARNED_S if rejects else HELD_S) / T_s), round((2.0 + _LASTS * lam_q) / T_s)
@@ -803,9 +821,10 @@ def forecast_push(
 
 
 def disturbance_response(r: Rejection, tau: Array, S: float) -> tuple[Array, Array]:
-    """Return what the rejection adds under a torque (n,) [N·m]: the loop's inputs ``q_e`` and ``q_off``, each (n,).
+    """Return the rejection's inputs of the loop, ``q_e`` and ``q_off``, each (n,).
 
-    The torque is the observer's, three lags of its pole behind; what it sees comes at once, as in the tick.
+    For a torque (n,) [N·m], estimated by the observer behind three lags of its pole; the estimate acts at once, as in
+    the control step.
     """
     q_e, q_off = np.zeros(tau.size), np.zeros(tau.size)
     if r.k_ext == 0.0:
@@ -818,7 +837,10 @@ def disturbance_response(r: Rejection, tau: Array, S: float) -> tuple[Array, Arr
 
 
 def estimate_torque(tau: Array) -> Array:
-    """Estimate (n,) of a torque (n,) [N·m]: that of a tick has what acted before it."""
+    """Return the observer's estimate (n,) of a torque (n,) [N·m].
+
+    The estimate in a tick contains the torque up to the previous tick.
+    """
     from scipy.signal import lfilter
 
     decay = np.exp(-disturbance_observer.POLE * T_s)
@@ -829,9 +851,9 @@ def estimate_torque(tau: Array) -> Array:
 
 
 def compute_felt_stiffness(closed: Sampled, r: Rejection, S: float, f: Array) -> Complex:
-    """Outside torque over the deviation of q [N·m/rad] at ``f`` (n,) [Hz], of a push beyond the rejection's dead zone.
+    """Return external torque over deviation of q [N·m/rad] at ``f`` (n,) [Hz].
 
-    ``closed`` is the loop at S [N·m/rad].
+    For a push beyond the rejection's dead zone. ``closed`` is the loop at S [N·m/rad].
     """
     z = np.exp(2j * np.pi * np.asarray(f) * T_s)
     decay = np.exp(-disturbance_observer.POLE * T_s)
