@@ -1,11 +1,14 @@
-"""How Alembic reaches the database: over the connection it is handed, or the URL of alembic.ini for developers."""
+"""Connection of Alembic to the database: a given one, or the URL of alembic.ini.
+
+The URL is for developers.
+"""
 
 from alembic import context
 from sqlalchemy import Connection
 
 from backend.storage import FormulaRow, QueuedRow, RunIndexRow, StudyRow, connect_database
 
-# Each module of tables has to be loaded for them to be known.
+# All modules with tables must be imported, so that their tables are registered.
 METADATA = RunIndexRow.metadata
 assert StudyRow.metadata is QueuedRow.metadata is FormulaRow.metadata is METADATA
 

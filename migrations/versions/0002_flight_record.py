@@ -1,4 +1,4 @@
-"""Flight records: the seconds around each trip, kept with its event."""
+"""Flight records: the seconds around each trip, stored with its event."""
 
 import sqlalchemy as sa
 from alembic import op

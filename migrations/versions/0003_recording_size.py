@@ -1,4 +1,4 @@
-"""How large a recording is, and when its samples were deleted to make room."""
+"""Size of recordings, and the time at which their samples were deleted."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Add the columns and add up what is stored."""
+    """Add the columns and compute the sizes of stored recordings."""
     op.add_column("recording", sa.Column("size_bytes", sa.BigInteger(), nullable=False, server_default="0"))
     op.add_column("recording", sa.Column("removed_at", sa.DateTime(), nullable=True))
     op.execute(

@@ -1,4 +1,4 @@
-"""Runs say why they could not be evaluated."""
+"""Reason why a run could not be evaluated."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Add the column; no earlier run tells."""
+    """Add the column, empty for earlier runs."""
     op.add_column("run", sa.Column("evaluation_problem", sa.Text(), nullable=False, server_default=""))
 
 

@@ -1,4 +1,4 @@
-"""Results of the steps that bring a rig up."""
+"""Results of commissioning steps."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make the table; a rig that was brought up before has to be brought up again."""
+    """Create the table; rigs must be commissioned again."""
     op.create_table(
         "bring_up",
         sa.Column("id", sa.Integer(), nullable=False),

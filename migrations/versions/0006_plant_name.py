@@ -1,4 +1,4 @@
-"""Names of plants may be as long as those that packages give them."""
+"""Longer names of plants, for those of packages."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,18 +10,24 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make room for 100 characters."""
+    """Extend the column to 100 characters."""
     _resize(20, 100)
 
 
 def downgrade() -> None:
-    """Go back to 20; a longer name is cut, which PostgreSQL would refuse."""
+    """Reduce the column to 20 characters, cutting longer names.
+
+    PostgreSQL would reject longer ones.
+    """
     op.execute("UPDATE run SET plant = SUBSTR(plant, 1, 20)")
     _resize(100, 20)
 
 
 def _resize(before: int, after: int) -> None:
-    """SQLite makes the table anew; that no number is given out twice has to be kept by hand."""
+    """Change the length of the column.
+
+    SQLite recreates the table, so the highest number used must be restored explicitly.
+    """
     connection = op.get_bind()
     is_sqlite = connection.dialect.name == "sqlite"
     given_out = connection.scalar(sa.text("SELECT seq FROM sqlite_sequence WHERE name = 'run'")) if is_sqlite else None

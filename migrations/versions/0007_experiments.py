@@ -1,4 +1,4 @@
-"""Own experiments are kept, each change as a version of its own."""
+"""Own experiments, each change as a new version."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make the table."""
+    """Create the table."""
     op.create_table(
         "experiment",
         sa.Column("name", sa.String(length=40), nullable=False),
@@ -26,5 +26,5 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Drop the table, and what it holds."""
+    """Drop the table with its content."""
     op.drop_table("experiment")

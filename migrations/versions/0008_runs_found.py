@@ -1,7 +1,7 @@
-"""Rows carry their station; runs have tags, and tables they are searched by.
+"""Stations of rows, tags of runs, and tables for the search of runs.
 
-What runs are searched by is derived from the rest, and written at the next opening of the database for all runs that
-have none: see ``backend/storage/search_index.py``.
+The search tables are derived from other data, and filled at the next opening of the database for all runs that lack
+entries: see ``backend/storage/search_index.py``.
 """
 
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ _VERSIONED = ("bank", "experiment")
 
 
 def upgrade() -> None:
-    """Add the column to what a station writes, and make the tables."""
+    """Add the station column to tables of stations, and create the search tables."""
     for table in _OF_STATION:
         op.add_column(table, sa.Column("station", sa.String(40), nullable=False, server_default=""))
         op.create_index(f"ix_{table}_station", table, ["station"])
@@ -79,7 +79,10 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Drop all of it; banks and experiments that several stations call alike stand in the way."""
+    """Drop columns and tables.
+
+    Fails if several stations have banks or experiments of the same name.
+    """
     for table in ("run_tag", "parameter_value", "run_value", "value_name", "run_index"):
         op.drop_table(table)
     for table in _VERSIONED:
@@ -98,7 +101,7 @@ def _rename_unique(table: str, before: str, after: str, columns: list[str]) -> N
 
 @contextmanager
 def _made_anew(table: str) -> Iterator[BatchOperations]:
-    """SQLite makes the table anew; that no number is given out twice has to be kept by hand."""
+    """Recreate a table in SQLite, restoring the highest number used."""
     connection = op.get_bind()
     of_table = {"table": table}
     is_sqlite = connection.dialect.name == "sqlite"

@@ -1,4 +1,4 @@
-"""Studies, and their points."""
+"""Studies and their points."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make both tables."""
+    """Create both tables."""
     op.create_table(
         "study",
         sa.Column("id", sa.Integer(), primary_key=True),
@@ -47,6 +47,6 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Drop both."""
+    """Drop both tables."""
     for table in ("study_point", "study"):
         op.drop_table(table)

@@ -1,4 +1,4 @@
-"""Where what was imported came from."""
+"""Origins of imported records."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make the table."""
+    """Create the table."""
     op.create_table(
         "origin",
         sa.Column("kind", sa.String(20), primary_key=True),
@@ -25,5 +25,5 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Drop it; what was imported looks like what was made here."""
+    """Drop the table; imported records then look like local ones."""
     op.drop_table("origin")

@@ -1,4 +1,7 @@
-"""What people say of an event: a note and tags, beside the event, which never changes. The log finds the newest."""
+"""Notes and tags of events, in addition to the unchanging event.
+
+And an index for the newest events.
+"""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +13,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make the table."""
+    """Create the table and the index."""
     op.create_table(
         "event_remark",
         sa.Column("event_id", sa.Integer(), sa.ForeignKey("event.id"), primary_key=True, autoincrement=False),
@@ -23,6 +26,6 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Drop it; the events stay."""
+    """Drop the table; the events remain."""
     op.drop_index("ix_event_station_at", "event")
     op.drop_table("event_remark")

@@ -1,4 +1,4 @@
-"""The digest of each chunk of samples as it was recorded."""
+"""Digest of each chunk of samples as recorded."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,10 +10,13 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Add it; what was recorded before has none, as its samples may have been changed since."""
+    """Add the column.
+
+    Earlier chunks have no digest, as their samples may have been changed since.
+    """
     op.add_column("chunk", sa.Column("sha256", sa.String(64), nullable=False, server_default=""))
 
 
 def downgrade() -> None:
-    """Drop it."""
+    """Drop the column."""
     op.drop_column("chunk", "sha256")

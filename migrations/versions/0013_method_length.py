@@ -1,4 +1,4 @@
-"""Room for the method of an identification whose channels were estimated by different estimators."""
+"""Longer method of an identification, for channels with different estimators."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,18 +10,24 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make room for 200 characters."""
+    """Extend the column to 200 characters."""
     _resize(40, 200)
 
 
 def downgrade() -> None:
-    """Go back to 40; a longer method is cut, which PostgreSQL would refuse."""
+    """Reduce the column to 40 characters, cutting longer methods.
+
+    PostgreSQL would reject longer ones.
+    """
     op.execute("UPDATE identification SET method = SUBSTR(method, 1, 40)")
     _resize(200, 40)
 
 
 def _resize(before: int, after: int) -> None:
-    """SQLite makes the table anew; the highest number given out has to be restored, so that none is used twice."""
+    """Change the length of the column.
+
+    SQLite recreates the table, so the highest number used must be restored explicitly.
+    """
     connection = op.get_bind()
     is_sqlite = connection.dialect.name == "sqlite"
     of_table = "FROM sqlite_sequence WHERE name = 'identification'"

@@ -1,4 +1,4 @@
-"""The experiments that wait in the queue, so that they are there after a restart."""
+"""Queued experiments, which survive a restart."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make the table."""
+    """Create the table."""
     op.create_table(
         "queued_experiment",
         sa.Column("id", sa.Integer(), primary_key=True),
@@ -26,5 +26,5 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Drop it; what waited is lost."""
+    """Drop the table; queued experiments are lost."""
     op.drop_table("queued_experiment")

@@ -1,4 +1,4 @@
-"""Derived signals by formula, of a station; a change is one more row."""
+"""Formulas of derived signals of a station; each change is a new row."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -10,7 +10,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Make the table."""
+    """Create the table."""
     op.create_table(
         "formula",
         sa.Column("id", sa.Integer(), primary_key=True),
@@ -30,5 +30,5 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Drop it; the formulas are lost."""
+    """Drop the table; the formulas are lost."""
     op.drop_table("formula")

@@ -1,4 +1,4 @@
-"""Documents of earlier versions in the present form, the only one that is read."""
+"""Conversion of earlier documents to the current form, the only one supported."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -19,9 +19,9 @@ _AT_ONCE = 200
 
 
 def upgrade() -> None:
-    """Rewrite documents of earlier forms; leave what cannot be read as it is."""
+    """Convert documents of earlier forms; leave unreadable ones unchanged."""
     runs = _rewrite("run", partial(upgrades.upgrade_record, "run"), ("settings",))
-    # What a run is searched by follows from its settings too: it is made anew when the database is opened.
+    # The search entries of a run depend on its settings: they are rebuilt when the database is opened.
     index = sa.table("run_index", sa.column("run_id", sa.Integer()))
     for run in runs:
         op.execute(sa.delete(index).where(index.c.run_id == run))
@@ -31,7 +31,7 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Leave all as it is: the version before reads the present form too."""
+    """Change nothing: the previous version reads the current form too."""
 
 
 def _with_tuning(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -45,10 +45,10 @@ def _rewrite(
     others: tuple[str, ...] = (),
     where: sa.ColumnElement[bool] | None = None,
 ) -> list[int]:
-    """Rewrite the rows whose documents change, and return their numbers."""
+    """Convert the rows whose documents change, and return their numbers."""
     connection, number = op.get_bind(), sa.column("id", sa.Integer())
     table = sa.table(name, number, *(sa.column(each, sa.JSON()) for each in documents))
-    # As texts: on SQLite a damaged one would end the migration.
+    # As text: on SQLite a damaged document would abort the migration.
     texts = (sa.cast(sa.column(each), sa.Text()).label(each) for each in documents)
     columns: list[Any] = [number, *(sa.column(each) for each in others), *texts]
     query = sa.select(*columns).select_from(table).order_by(number).limit(_AT_ONCE)

@@ -1,4 +1,7 @@
-"""Runs of sequences with the experiment that plays the same, the only form that is read."""
+"""Conversion of runs of sequences to equivalent experiments.
+
+That is the only supported form.
+"""
 
 import json
 from collections.abc import Callable
@@ -18,12 +21,12 @@ _AT_ONCE = 200
 
 
 def upgrade() -> None:
-    """Rewrite the settings of runs of sequences; leave what cannot be read as it is."""
+    """Convert the settings of runs of sequences; leave unreadable ones unchanged."""
     _rewrite(upgrades.upgrade_run_settings)
 
 
 def downgrade() -> None:
-    """Write them as the lists of segments that the version before reads."""
+    """Convert them to the lists of segments that the previous version reads."""
     _rewrite(_with_segments)
 
 
@@ -32,7 +35,7 @@ def _rewrite(rewritten: Callable[[Any], Any]) -> None:
     number, settings = sa.column("id", sa.Integer()), sa.column("settings", sa.JSON())
     run = sa.table("run", number, settings)
     index = sa.table("run_index", sa.column("run_id", sa.Integer()))
-    # As texts: on SQLite a damaged one would end the migration.
+    # As text: on SQLite a damaged document would abort the migration.
     query = sa.select(number, sa.cast(settings, sa.Text())).where(sa.column("kind") == upgrades.SEQUENCE)
     query = query.select_from(run).order_by(number).limit(_AT_ONCE)
     last = 0
@@ -45,7 +48,7 @@ def _rewrite(rewritten: Callable[[Any], Any]) -> None:
                 continue
             if after != before:
                 connection.execute(sa.update(run).where(number == last).values(settings=after))
-                # What a run is searched by follows from its settings: it is made anew when the database is opened.
+                # The search entries of a run depend on its settings: they are rebuilt when the database is opened.
                 connection.execute(sa.delete(index).where(index.c.run_id == last))
 
 
