@@ -1,8 +1,8 @@
-"""Installs what the locks name, with uv: ``python .ci/install.py [EXTRA,EXTRA...]``, run by the environment's Python.
+"""Installs locked packages with uv: ``python .ci/install.py [EXTRA,EXTRA...]``.
 
-uv comes by pip, with a hash like all else. The locks name no host: where packages come from is what pip has been told
-on this machine, handed on to uv for this run. The page is built, and Sinew itself put in, while the packages come and
-the laws are compiled.
+Run by the environment's Python. uv itself is installed by pip, with a hash like all packages. The locks name no host:
+pip's configuration of this machine is passed on to uv. The page is built, and Sinew itself installed, while packages
+are downloaded and the control laws compiled.
 """
 
 import os
@@ -18,18 +18,19 @@ LOCKS = ROOT / ".ci" / "locks"
 
 
 def pip(*arguments: str) -> str:
-    """Run pip and return what it prints. Raises CalledProcessError."""
+    """Run pip and return its output. Raises CalledProcessError."""
     command = [sys.executable, "-m", "pip", "--disable-pip-version-check", *arguments]
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
 def as_pip_was_told() -> dict[str, str]:
-    """Return the environment for uv: what pip reads from its files and variables, unless uv was told something else."""
+    """Return uv's environment with pip's configuration, unless uv has its own."""
     told: dict[str, list[str]] = {}
     for line in pip("config", "list").splitlines():
         place, _, value = line.partition("=")
         name = place.rpartition(".")[2]
-        told[name] = shlex.split(shlex.split(value)[0]) if value else []  # the last, of the environment, counts
+        # the last value, that of the environment, counts
+        told[name] = shlex.split(shlex.split(value)[0]) if value else []
     environment = {"UV_INDEX_STRATEGY": "unsafe-best-match"}  # all indexes are equal, as for pip
     for option, variable, separator in (
         ("index-url", "UV_DEFAULT_INDEX", " "),
@@ -47,7 +48,7 @@ def as_pip_was_told() -> dict[str, str]:
 
 
 def bring_uv() -> None:
-    """Install the locked uv, if it is not there."""
+    """Install the locked uv if it is missing."""
     pip("install", "--quiet", "--require-hashes", "--requirement", str(LOCKS / "uv.lock"))
 
 
@@ -62,12 +63,12 @@ def install(environment: dict[str, str], *what: str) -> None:
 
 
 def install_locked(environment: dict[str, str], *names: str) -> None:
-    """Install what these locks name, each file as its hash says."""
+    """Install the packages of these locks, verified by their hashes."""
     install(environment, "--require-hashes", *(f"--requirement={LOCKS / f'{name}.lock'}" for name in names))
 
 
 def beside_each_other(*works: Callable[[], None]) -> None:
-    """Do all of this at the same time; raise the first error once all are over."""
+    """Run functions in parallel; raise the first error once all have ended."""
     errors: list[BaseException] = []
 
     def done(work: Callable[[], None]) -> None:
@@ -86,7 +87,7 @@ def beside_each_other(*works: Callable[[], None]) -> None:
 
 
 def main(extras: list[str]) -> None:
-    """Install Sinew and these extras for work on its sources."""
+    """Install Sinew and these extras for development."""
     unknown = [extra for extra in extras if not (LOCKS / f"{extra}.lock").exists()]
     if unknown:
         sys.exit(f"there is no extra {', '.join(unknown)}: rig, postgres and dev are those of pyproject.toml")

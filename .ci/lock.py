@@ -1,7 +1,7 @@
-"""Renews the locks: ``python .ci/lock.py``; ``--check`` only says whether they are those of pyproject.toml.
+"""Renews the locks: ``python .ci/lock.py``; ``--check`` only compares them.
 
-Each lock names every package that its set needs, for all Pythons and machines, with the hashes of its files, and no
-host. What ``run.lock`` has is not named again in those of the extras.
+The comparison is with pyproject.toml. Each lock names every package of its set, for all Pythons and machines, with the
+hashes of its files, and no host. Packages of ``run.lock`` are not repeated in those of the extras.
 """
 
 import hashlib
@@ -28,7 +28,7 @@ def wanted() -> dict[str, list[str]]:
 
 
 def digest(requirements: list[str]) -> str:
-    """Return what a lock was made from, in short."""
+    """Return a short digest of a lock's requirements."""
     return hashlib.sha256(json.dumps(requirements).encode()).hexdigest()[:16]
 
 
@@ -38,7 +38,7 @@ def heading(requirements: list[str]) -> str:
 
 
 def stale() -> list[str]:
-    """Return the locks that were not made from what pyproject.toml says."""
+    """Return the locks that were not made from the current pyproject.toml."""
     return [
         name
         for name, requirements in wanted().items()
@@ -73,12 +73,12 @@ def compiled(requirements: list[str], constraints: Path | None, environment: dic
 
 
 def renew() -> None:
-    """Write all locks anew, with the newest versions that fit together."""
+    """Rewrite all locks with the newest compatible versions."""
     pip("install", "--quiet", "--upgrade", UV)
     sets = wanted()
     oldest = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["requires-python"]
     oldest = oldest.removeprefix(">=").strip()
-    # From the index alone: of what else lies about on this machine there is one file for one Python, at most.
+    # From the index alone: other sources on this machine have files for at most one Python.
     environment = {
         name: value for name, value in as_pip_was_told().items() if name not in ("UV_FIND_LINKS", "UV_INDEX")
     }
