@@ -36,16 +36,15 @@ from backend.services import MAINTENANCE_PART as RETENTION
 from backend.services import (
     ActiveTuning,
     ActuatorService,
-    Applied,
     AppliedVersion,
     ChartSheets,
     CommissioningService,
+    DatabaseMonitor,
     Downloads,
     DryRuns,
     Evaluations,
     EventLog,
     Formulas,
-    History,
     JobManager,
     LiveState,
     LiveStream,
@@ -53,18 +52,19 @@ from backend.services import (
     MarkAdded,
     OwnExperiments,
     ParametersApplied,
-    RecordedFigures,
+    ParameterService,
+    RangeAnalysis,
     RejectionLog,
     ReplayView,
     Retention,
     RobustnessCache,
+    RunHistory,
     RunLibrary,
     RunReevaluated,
     SafeStop,
     SavedTunings,
     ServiceState,
     SessionRuns,
-    Soundness,
     StoredBanks,
     StoredIdentifications,
     StoredPreferences,
@@ -74,7 +74,7 @@ from backend.services import (
     TextWork,
     Triggers,
     TuningStore,
-    changed_sections,
+    build_identified_sections,
     describe_recording,
     find_last_applicant,
     list_parameter_versions,
@@ -117,7 +117,7 @@ class BootContext:
     parameters: PlantParameters
     database: Database
     claim: HeldClaim
-    soundness: Soundness
+    soundness: DatabaseMonitor
     figures: RobustnessCache
     tuning_store: TuningStore
     tuning: ActiveTuning
@@ -143,8 +143,8 @@ def bootstrap(
     claim = HeldClaim(database.engine, settings.station)
     stack.callback(claim.let_go)
     supervision.start_thread(_CLAIM, claim.run, claim.end)
-    soundness = Soundness(database, settings.data)
-    soundness.before_start()
+    soundness = DatabaseMonitor(database, settings.data)
+    soundness.check_small_database()
     _close_interrupted(database)
     figures = RobustnessCache()
     figures.load()
@@ -156,7 +156,7 @@ def bootstrap(
     said = "; ".join(part for part in (version_said, said) if part)
     brought_up = find_completed_commissioning(database, settings.plant_choice)
     hands = DriveLockout(database, settings.plant_choice)
-    identified = {} if applied is None else changed_sections(applied)
+    identified = {} if applied is None else build_identified_sections(applied)
     drives_off = hands.previous_lock is not None
     setup = Setup(
         plant=settings.plant_choice,
@@ -309,22 +309,24 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
     keep(HAND_OVER, hand_over.run)
     triggers = Triggers(trigger, actuator, event_log, database)
-    watch = DataFolderMonitor((folder.problem, soundness.displaced, foundation.claim.problem), actuator.publish_change)
+    watch = DataFolderMonitor(
+        (folder.problem, soundness.describe_displacement, foundation.claim.problem), actuator.publish_change
+    )
     keep(FOLDER, watch.run)
-    soundness.start()
+    soundness.start_check()
 
-    history = History(database, parameters, lambda: _id_of_bank(live_state.operator_tuning))
+    history = RunHistory(database, parameters, lambda: _id_of_bank(live_state.operator_tuning))
     processes = WorkerProcesses(supervision)
     stack.callback(processes.close)
     evaluations = Evaluations(database, processes.evaluations, lambda: live_state.task, events)
-    downloads = Downloads(database, processes.reports, settings.data, evaluations.again)
+    downloads = Downloads(database, processes.reports, settings.data, evaluations.evaluate_again)
     banks = StoredBanks(database, processes.computing, lambda: live_state.tuning)
     station = ExperimentRig(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
 
     def prepare() -> None:
         """Load what evaluation and report need while the program still plays."""
         processes.computing.preload(evaluate_finished_run, *NUMERIC_LIBRARIES)
-        downloads.prepare()
+        downloads.preload()
 
     experiments = OwnExperiments(database)
     texts = TextWork(processes.texts, processes.viewers_texts)
@@ -345,14 +347,14 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     stored_runs = StoredRuns(
         database,
         lambda: live_state.task,
-        lambda run: evaluations.includes(run) or ordered_runs.is_evaluating(run),
+        lambda run: evaluations.is_evaluating(run) or ordered_runs.is_evaluating(run),
         processes.reports,
     )
 
     replay = ReplayView(database)
     mirrors = {
         "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest(), lambda: live_state.wall),
-        "/replay": SceneMirror(parameters, replay.row, replay.wall),
+        "/replay": SceneMirror(parameters, replay.get_row, replay.get_wall),
     }
     drawing: list[SupervisedThread] = []
     for mirror in mirrors.values():
@@ -383,9 +385,9 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     def use(applied: ParametersApplied) -> None:
         station.parameters = applied.parameters
         for take_up in (
-            history.use,
+            history.set_parameters,
             bring_up.set_parameters,
-            studies.use,
+            studies.set_parameters,
             *(mirror.use for mirror in mirrors.values()),
         ):
             take_up(applied.parameters)
@@ -420,7 +422,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     events.subscribe(Triggered, announce_trigger)
 
     service = Service(
-        applied=Applied(
+        applied=ParameterService(
             actuator=actuator,
             supervisor=supervisor,
             database=database,
@@ -439,10 +441,10 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         live=live,
         refusals=refusals,
         runs=stored_runs,
-        figures=RecordedFigures(database),
+        figures=RangeAnalysis(database),
         run_library=RunLibrary(database),
         identifications=StoredIdentifications(
-            database, stored_runs.progress, processes.computing, lambda: live_state.tuning
+            database, stored_runs.compute_progress, processes.computing, lambda: live_state.tuning
         ),
         evaluations=evaluations,
         banks=banks,

@@ -55,11 +55,13 @@ SHEET = Cost(
 )
 REPORT = Cost("the process for reports", workers.REPORT_LIMITS)
 LONG_RECORDING = Cost("a thread; of long recordings the process for reports", workers.REPORT_LIMITS)
-RANGE = Cost("threads of the service; of long ranges and of files a process for each", at_a_time=f"{signals.AT_ONCE}")
+RANGE = Cost(
+    "threads of the service; of long ranges and of files a process for each", at_a_time=f"{signals.MAX_RANGES}"
+)
 EVALUATION = Cost("the process for evaluations of stored runs", workers.EVALUATION_LIMITS)
 MODELS = Cost("the process for results and banks")
 STUDY = Cost("the processes for studies")
-DOWNLOAD = Cost("a process for each download", at_a_time=f"{downloads.AT_ONCE}")
+DOWNLOAD = Cost("a process for each download", at_a_time=f"{downloads.MAX_DOWNLOADS}")
 DATABASE = Cost("a thread of the service, the whole database")
 
 COSTS: dict[str, Cost] = {

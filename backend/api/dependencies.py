@@ -18,22 +18,22 @@ from backend.schemas import Ping, Pong, Role
 from backend.server import COOKIE, SHEETS, find_authentication, read_credentials
 from backend.services import (
     ActuatorService,
-    Applied,
     ChartSheets,
     CommissioningService,
     Downloads,
     DryRuns,
     Evaluations,
     Formulas,
-    History,
     JobManager,
     LiveStream,
     Maintenance,
     OwnExperiments,
-    RecordedFigures,
+    ParameterService,
+    RangeAnalysis,
     RejectionLog,
     ReplayView,
     Retention,
+    RunHistory,
     RunLibrary,
     SavedTunings,
     ServiceState,
@@ -209,7 +209,7 @@ class Service:
 
     actuator: ActuatorService
     state: ServiceState
-    applied: Applied
+    applied: ParameterService
     control: ControlLease
     hand_over: ControlHandover
     ordered_runs: JobManager
@@ -219,13 +219,13 @@ class Service:
     live: LiveStream
     refusals: RejectionLog
     runs: StoredRuns
-    figures: RecordedFigures
+    figures: RangeAnalysis
     run_library: RunLibrary
     identifications: StoredIdentifications
     evaluations: Evaluations
     banks: StoredBanks
     preferences: StoredPreferences
-    history: History
+    history: RunHistory
     timeline: StoredTimeline
     replay: ReplayView
     texts: TextWork
@@ -309,7 +309,7 @@ async def angles_of(connection: HTTPConnection) -> AngleUnit:
         return AngleUnit.DEGREES
     try:
         async with asyncio.timeout(ANGLES_PATIENCE_S):
-            preferences = await asyncio.to_thread(service_of(connection).preferences.of, person)
+            preferences = await asyncio.to_thread(service_of(connection).preferences.load, person)
             return preferences.angles
     except (StorageError, TimeoutError):
         return AngleUnit.DEGREES

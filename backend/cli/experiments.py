@@ -349,7 +349,7 @@ def find_definition(name: str, settings: Settings) -> "ExperimentDefinition":
         warn_if_deprecated(name)
         return library.find_experiment(name)
     with open_configured_database(settings, read_only=True) as database:
-        return OwnExperiments(database).entry(name)
+        return OwnExperiments(database).find_definition(name)
 
 
 def warn_if_deprecated(name: str) -> None:
@@ -385,7 +385,7 @@ def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
     from backend.services import OwnExperiments
 
     with open_configured_database(load_settings(data=data), read_only=True) as database:
-        found = OwnExperiments(database).all()
+        found = OwnExperiments(database).list_definitions()
     rows = [(one.name, one.title, f"{one.usual.program().duration_s:.6g}") for one in found]
     if as_json:
         print_json([{"name": name, "title": title, "duration_s": float(duration)} for name, title, duration in rows])
@@ -414,7 +414,7 @@ def text(name: Name, data: DataFolder = None) -> None:
     from backend.services import OwnExperiments
 
     with open_configured_database(load_settings(data=data), read_only=True) as database:
-        source = OwnExperiments(database).written(name).text
+        source = OwnExperiments(database).load_text(name).text
     print(escape_lines(source) if sys.stdout.isatty() else source, end="")
 
 
@@ -427,9 +427,9 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
     tuning = _load_tuning_settings(settings)
     with open_configured_database(settings, read_only=True) as database:
         parameters = load_plant_parameters(settings, database)
-        found = OwnExperiments(database).checked(read_text_file(file), parameters, tuning)
+        found = OwnExperiments(database).check(read_text_file(file), parameters, tuning)
         peaks = _simulate_metrics(database, found, parameters, tuning)
-    checked = found.view(peaks)
+    checked = found.build_view(peaks)
     if as_json:
         print_json(checked.model_dump())
         return
@@ -452,7 +452,9 @@ def save(file: File, params: ParameterSet = None, data: DataFolder = None, as_js
     tuning = _load_tuning_settings(settings)
     with open_configured_database(settings) as database:
         own = OwnExperiments(database)
-        stored = own.keep(read_text_file(file), current_user(), load_plant_parameters(settings, database), tuning)
+        stored = own.check_and_store(
+            read_text_file(file), current_user(), load_plant_parameters(settings, database), tuning
+        )
     if as_json:
         print_json({"name": stored.name, "version": stored.version})
     else:

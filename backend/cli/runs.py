@@ -165,7 +165,7 @@ def compare(
     from backend.services import RunLibrary
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
-        found = RunLibrary(database).compared(ComparisonAsked.model_construct(run=runs, reference=reference))
+        found = RunLibrary(database).compare_runs(ComparisonAsked.model_construct(run=runs, reference=reference))
     if as_json:
         print_json(found.model_dump(mode="json"))
         return
@@ -202,7 +202,7 @@ def history(
     from backend.services import RunLibrary
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
-        found = RunLibrary(database).history(kind, metric, where, everywhere=all_stations)
+        found = RunLibrary(database).build_metric_history(kind, metric, where, everywhere=all_stations)
     if as_json:
         print_json(found.model_dump(mode="json"))
         return
@@ -229,11 +229,13 @@ def lineage(
     """Show the lineage of a run back to raw data and parameters, with SHA-256 digests and what is out of date."""
     import sys
 
-    from backend.services import History
+    from backend.services import RunHistory
 
     settings = load_settings(params=params, data=data, station=station)
     with open_configured_database(settings, read_only=True) as database:
-        found = History(database, load_plant_parameters(settings, database), lambda: None, sys.maxsize).lineage(run)
+        found = RunHistory(
+            database, load_plant_parameters(settings, database), lambda: None, sys.maxsize
+        ).build_lineage(run)
     if as_json:
         print_json(found.model_dump(mode="json"))
         return
@@ -266,7 +268,7 @@ def tag(
     if not add and not remove:
         fail("say which tags: --add TAG or --remove TAG", status=2)
     with open_configured_database(load_settings(data=data, station=station)) as database:
-        RunLibrary(database).tag(runs, add or [], remove or [])
+        RunLibrary(database).change_tags(runs, add or [], remove or [])
 
 
 def rename_tag(
@@ -279,7 +281,7 @@ def rename_tag(
     from backend.services import RunLibrary
 
     with open_configured_database(load_settings(data=data, station=station)) as database:
-        renamed = RunLibrary(database).rename(before, after)
+        renamed = RunLibrary(database).rename_tag(before, after)
     console.print(f"renamed on {renamed} runs", highlight=False, markup=False)
 
 
@@ -295,9 +297,9 @@ def save_search(
     with open_configured_database(load_settings(data=data, station=station)) as database:
         library = RunLibrary(database)
         if where.strip():
-            library.keep_search(name, where, current_user())
+            library.save_search(name, where, current_user())
         else:
-            library.drop_search(name, current_user())
+            library.remove_search(name, current_user())
 
 
 def searches(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
@@ -305,7 +307,7 @@ def searches(data: DataFolder = None, station: StationName = None, as_json: AsJs
     from backend.services import RunLibrary
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
-        found = RunLibrary(database).saved_searches()
+        found = RunLibrary(database).list_saved_searches()
     if as_json:
         print_json([one.model_dump() for one in found.searches])
         return

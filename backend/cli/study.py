@@ -63,7 +63,7 @@ def run(
         studies = Studies(database)
         if resume is None:
             assert file is not None
-            resume = studies.begin(
+            resume = studies.create(
                 read_text_file(file), current_user(), load_plant_parameters(settings, database), tuning
             ).id
         else:
@@ -72,7 +72,7 @@ def run(
             console.print(f"study {resume}: sinew study run --resume {resume} goes on with it", highlight=False)
         with _show_progress(hidden=as_json) as notify:
             is_complete = run_study(database, resume, _choose_executor(jobs, scheduler), notify, again=again)
-        _print_study(studies.detail(resume, 0), as_json=as_json)
+        _print_study(studies.build_detail(resume, 0), as_json=as_json)
     if not is_complete:
         fail(f"study {resume} was stopped: sinew study run --resume {resume} goes on with it")
 
@@ -83,7 +83,7 @@ def list_studies(data: DataFolder = None, station: StationName = None, as_json: 
     from backend.services import Studies
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
-        found = Studies(database).all()
+        found = Studies(database).list_newest()
     if as_json:
         print_json([study.model_dump(mode="json") for study in found])
         return
@@ -114,7 +114,7 @@ def show(
     from backend.services import Studies
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
-        found = Studies(database).detail(study, None if rows or as_json else 0)
+        found = Studies(database).build_detail(study, None if rows or as_json else 0)
     _print_study(found, as_json=as_json)
 
 
@@ -124,7 +124,7 @@ def stop(study: Number, data: DataFolder = None, station: StationName = None, as
     from backend.services import Studies
 
     with open_configured_database(load_settings(data=data, station=station)) as database:
-        found = Studies(database).stop(study)
+        found = Studies(database).request_stop(study)
     if as_json:
         print_json(found.model_dump(mode="json"))
     else:
@@ -158,11 +158,11 @@ def map_metric(
     from dataclasses import asdict
 
     from backend.experiments import parse_canonical
-    from backend.services import Studies, axis_symbol, axis_unit
+    from backend.services import Studies, get_axis_symbol, get_axis_unit
     from backend.studies import SHARES, STATISTIC_LABELS, UNSTABLE, format_axis_labels, list_metric_names
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
-        found, design = Studies(database).map(study, figure, pick, over)
+        found, design = Studies(database).build_map(study, figure, pick, over)
     metrics = list_metric_names(parse_canonical(design.base.experiment)) | SHARES
     if figure not in metrics:
         fail(f"there is no figure {figure}; known are {', '.join(metrics)}", status=2)
@@ -178,8 +178,8 @@ def map_metric(
     ]
     (x, at_x), (y, at_y) = (
         (
-            _format_label(axis_symbol(name, design), axis_unit(name, design)),
-            format_axis_labels(values, axis_unit(name, design), angle_unit()),
+            _format_label(get_axis_symbol(name, design), get_axis_unit(name, design)),
+            format_axis_labels(values, get_axis_unit(name, design), angle_unit()),
         )
         for name, values in ((found.x, found.x_values), (found.y, found.y_values))
     )

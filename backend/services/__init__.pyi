@@ -9,14 +9,14 @@ from .fault_injection import apply_fault, clear_faults, describe_faults
 from .identifications import StoredIdentifications
 from .jobs import JobManager, describe_identification_kinds
 from .library import ExperimentCheck, OwnExperiments, RunLibrary, StoredPreferences
-from .lineage import History
+from .lineage import RunHistory
 from .live_stream import LIVE_STREAM_PART, LiveStream, StreamClient
-from .maintenance import MAINTENANCE_PART, Maintenance, Retention, Soundness
+from .maintenance import MAINTENANCE_PART, DatabaseMonitor, Maintenance, Retention
 from .parameters import (
-    Applied,
     AppliedVersion,
     ParametersApplied,
-    changed_sections,
+    ParameterService,
+    build_identified_sections,
     find_last_applicant,
     list_parameter_versions,
     load_active_parameters,
@@ -33,9 +33,9 @@ from .runs import (
     StoredTimeline,
     read_planned_run,
 )
-from .signals import Formulas, RangeAsked, RecordedFigures
+from .signals import Formulas, RangeAnalysis, RangeQuery
 from .state import LiveState, ServiceState
-from .studies import Studies, StudyScheduler, axis_symbol, axis_unit
+from .studies import Studies, StudyScheduler, get_axis_symbol, get_axis_unit
 from .triggers import Triggers
 from .tuning import SavedTunings
 from .tuning_state import ActiveTuning, RobustnessCache, TuningStore, default_tuning
@@ -46,30 +46,31 @@ __all__ = [
     "MAINTENANCE_PART",
     "ActiveTuning",
     "ActuatorService",
-    "Applied",
     "AppliedVersion",
     "ChartSheets",
     "CommissioningService",
+    "DatabaseMonitor",
     "Downloads",
     "DryRuns",
     "Evaluations",
     "EventLog",
     "ExperimentCheck",
     "Formulas",
-    "History",
     "JobManager",
     "LiveState",
     "LiveStream",
     "Maintenance",
     "MarkAdded",
     "OwnExperiments",
+    "ParameterService",
     "ParametersApplied",
-    "RangeAsked",
-    "RecordedFigures",
+    "RangeAnalysis",
+    "RangeQuery",
     "RejectionLog",
     "ReplayView",
     "Retention",
     "RobustnessCache",
+    "RunHistory",
     "RunLibrary",
     "RunQuery",
     "RunReevaluated",
@@ -78,7 +79,6 @@ __all__ = [
     "SavedTunings",
     "ServiceState",
     "SessionRuns",
-    "Soundness",
     "StoredBanks",
     "StoredIdentifications",
     "StoredPreferences",
@@ -92,10 +92,8 @@ __all__ = [
     "TuningStore",
     "WorkLimiter",
     "apply_fault",
-    "axis_symbol",
-    "axis_unit",
     "background_work",
-    "changed_sections",
+    "build_identified_sections",
     "clear_faults",
     "default_tuning",
     "describe_faults",
@@ -103,6 +101,8 @@ __all__ = [
     "describe_recording",
     "downloads",
     "find_last_applicant",
+    "get_axis_symbol",
+    "get_axis_unit",
     "import_run_file",
     "list_parameter_versions",
     "load_active_parameters",

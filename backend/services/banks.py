@@ -15,7 +15,7 @@ from backend.schemas import (
     BankView,
     EntryLineage,
 )
-from backend.services.runs import bank_view
+from backend.services.runs import build_bank_view
 from backend.storage import (
     Bank,
     BankEntry,
@@ -32,7 +32,7 @@ from backend.workers import NUMERIC_LIBRARIES, WorkerProcess
 from plant import PlantParameters
 
 
-class TuningInForce(Protocol):
+class TuningContext(Protocol):
     """What a bank is compared with and judged at."""
 
     @property
@@ -62,49 +62,49 @@ class StoredBanks:
     Plain methods wait for the database: the event loop calls them in a thread.
     """
 
-    def __init__(self, database: Database, worker: WorkerProcess, tuning: Callable[[], TuningInForce]) -> None:
+    def __init__(self, database: Database, worker: WorkerProcess, tuning: Callable[[], TuningContext]) -> None:
         self._database = database
         self._worker = worker
         self._tuning = tuning
 
-    def prepare(self) -> None:
+    def preload(self) -> None:
         """Load what looks at banks, in the process for such work; called in the event loop."""
         self._worker.preload(compute_entry_figures, *NUMERIC_LIBRARIES)
 
-    def banks(self) -> list[BankView]:
+    def list_banks(self) -> list[BankView]:
         """Return all versions of all banks, newest first."""
         with self._database.reading() as session:
             runs_of = identifications.find_estimate_runs(session)
             found = banks.find(session)
-            positions = identifications.joint_positions(session, _estimates(*found))
-            return [self._listed(bank, runs_of, positions) for bank in found]
+            positions = identifications.joint_positions(session, _list_identification_ids(*found))
+            return [self._build_view(bank, runs_of, positions) for bank in found]
 
-    def bank(self, bank_id: int) -> BankView:
+    def load_bank(self, bank_id: int) -> BankView:
         """Return one version of a bank. Raises UnknownRecordError."""
         with self._database.reading() as session:
             bank = banks.get(session, bank_id)
-            positions = identifications.joint_positions(session, _estimates(bank))
-            return bank_view(bank, identifications.find_estimate_runs(session), positions, self._in_use())
+            positions = identifications.joint_positions(session, _list_identification_ids(bank))
+            return build_bank_view(bank, identifications.find_estimate_runs(session), positions, self._get_active_id())
 
-    def stored_bank(self, bank_id: int) -> Bank:
+    def load_stored_bank(self, bank_id: int) -> Bank:
         """Return one version of a bank as it is stored. Raises UnknownRecordError."""
         with self._database.reading() as session:
             return banks.get(session, bank_id)
 
-    def existing(self, numbers: Collection[int]) -> list[Bank]:
+    def find_existing(self, numbers: Collection[int]) -> list[Bank]:
         """Return the banks of these numbers that there are."""
         with self._database.reading() as session:
             return [bank for bank in banks.find(session) if bank.id in numbers]
 
-    def build(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
+    def build_bank(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
         """Build the next version of a bank from identification runs. Raises BankError, UnknownRecordError."""
         parameters = self._tuning().parameters
-        return self.bank(builder.build_bank(self._database, parameters, name, run_ids, who).id)
+        return self.load_bank(builder.build_bank(self._database, parameters, name, run_ids, who).id)
 
-    async def detail(self, bank_id: int) -> BankDetail:
+    async def compute_detail(self, bank_id: int) -> BankDetail:
         """Return gains, M_s at the λ in force, and lineage of every entry. Raises UnknownRecordError, TuningError."""
         tuning = self._tuning()
-        bank, lineage = await asyncio.to_thread(self._with_lineage, bank_id)
+        bank, lineage = await asyncio.to_thread(self._load_with_lineage, bank_id)
         figures = await self._worker.run(compute_entry_figures, tuning.parameters, tuning.lambdas, bank.entries)
         return BankDetail(
             lam_q=tuning.lambdas.lam_q,
@@ -114,13 +114,15 @@ class StoredBanks:
             ],
         )
 
-    async def difference(self, bank_id: int | None, other: int | None, run_ids: Sequence[int]) -> BankDifference:
+    async def compute_difference(
+        self, bank_id: int | None, other: int | None, run_ids: Sequence[int]
+    ) -> BankDifference:
         """Compare a bank, None for gains from geometry, with another one or with itself after identifying again.
 
         Raises UnknownRecordError, BankError, TuningError.
         """
         tuning = self._tuning()
-        before, after = await asyncio.to_thread(self._compared, bank_id, other, run_ids)
+        before, after = await asyncio.to_thread(self._load_compared_entries, bank_id, other, run_ids)
         changes = await self._worker.run(compare_entries, tuning.parameters, tuning.lambdas, before, after)
         return BankDifference(
             lam_q=tuning.lambdas.lam_q,
@@ -128,50 +130,52 @@ class StoredBanks:
             entries=list(changes),
         )
 
-    def file(self, bank_id: int) -> BankFile:
+    def export_bank(self, bank_id: int) -> BankFile:
         """Return a bank as a file. Raises UnknownRecordError."""
-        return BankFile.model_validate(builder.build_bank_document(self.stored_bank(bank_id)))
+        return BankFile.model_validate(builder.build_bank_document(self.load_stored_bank(bank_id)))
 
-    def bring_in(self, file: BankFile, who: str) -> BankView:
+    def import_bank(self, file: BankFile, who: str) -> BankView:
         """Store a bank from its file as the next version of its name. Raises BankError."""
         document = file.model_dump(exclude_none=True)
-        return self.bank(builder.import_bank(self._database, self._tuning().parameters, document, who).id)
+        return self.load_bank(builder.import_bank(self._database, self._tuning().parameters, document, who).id)
 
-    def _listed(self, bank: Bank, runs_of: dict[int, int | None], positions: dict[int, float]) -> BankView:
+    def _build_view(self, bank: Bank, runs_of: dict[int, int | None], positions: dict[int, float]) -> BankView:
         """Return a bank as the list shows it: one that cannot be read says so, and the others are there."""
         try:
-            return bank_view(bank, runs_of, positions, self._in_use())
+            return build_bank_view(bank, runs_of, positions, self._get_active_id())
         except UnreadableDocumentError as error:
-            return bank_view(replace(bank, entries=(), note=str(error)), runs_of, positions, self._in_use())
+            return build_bank_view(
+                replace(bank, entries=(), note=str(error)), runs_of, positions, self._get_active_id()
+            )
 
-    def _with_lineage(self, bank_id: int) -> tuple[Bank, list[EntryLineage | None]]:
+    def _load_with_lineage(self, bank_id: int) -> tuple[Bank, list[EntryLineage | None]]:
         with self._database.reading() as session:
             bank = banks.get(session, bank_id)
-            return bank, [_lineage(session, entry) for entry in bank.entries]
+            return bank, [_build_entry_lineage(session, entry) for entry in bank.entries]
 
-    def _compared(
+    def _load_compared_entries(
         self, bank_id: int | None, other: int | None, run_ids: Sequence[int]
     ) -> tuple[tuple[BankEntry, ...], tuple[BankEntry, ...]]:
         with self._database.reading() as session:
-            before = self._from_geometry() if bank_id is None else banks.get(session, bank_id).entries
+            before = self._build_geometric_entries() if bank_id is None else banks.get(session, bank_id).entries
             if other is not None:
                 return before, banks.get(session, other).entries
             again = [builder.build_entry(identifications.of_run(session, run_id)) for run_id in run_ids]
             return before, merge_entries(before, again)
 
-    def _from_geometry(self) -> tuple[BankEntry, ...]:
+    def _build_geometric_entries(self) -> tuple[BankEntry, ...]:
         """Return the models in use without a bank, as entries to compare with."""
         return tuple(
             BankEntry(point.S_nominal, {name: getattr(point, name) for name in MODEL_NAMES})
             for point in self._tuning().previewer.points
         )
 
-    def _in_use(self) -> int | None:
+    def _get_active_id(self) -> int | None:
         bank = self._tuning().bank
         return None if bank is None else bank.id
 
 
-def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
+def _build_entry_lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
     if entry.identification_id is None:
         return None
     found = identifications.get(session, entry.identification_id)
@@ -192,5 +196,5 @@ def _lineage(session: Session, entry: BankEntry) -> EntryLineage | None:
     )
 
 
-def _estimates(*found: Bank) -> set[int]:
+def _list_identification_ids(*found: Bank) -> set[int]:
     return {entry.identification_id for bank in found for entry in bank.entries if entry.identification_id is not None}

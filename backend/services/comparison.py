@@ -33,7 +33,7 @@ from backend.schemas import (
     RunComparison,
     RunDifference,
 )
-from backend.services.lineage import marks_of
+from backend.services.lineage import load_marks
 from backend.storage import (
     NONE,
     All,
@@ -65,7 +65,7 @@ from plant import ErrorCode
 
 
 @dataclass(frozen=True)
-class Aligned:
+class Alignment:
     """The moment ``at_s`` [s] of a run, and what its times are shifted by; None and why where there is none."""
 
     at_s: float | None
@@ -73,21 +73,21 @@ class Aligned:
     reason: str
 
 
-def aligned(session: Session, numbers: list[int], reference: int, asked: ComparisonAsked) -> dict[int, Aligned]:
+def align_runs(session: Session, numbers: list[int], reference: int, asked: ComparisonAsked) -> dict[int, Alignment]:
     """Return by run how it comes onto the time axis of the reference. Raises UnknownRecordError."""
-    moments = {number: _moment(session, number, asked) for number in numbers}
+    moments = {number: _find_moment(session, number, asked) for number in numbers}
     own, why = moments[reference]
     found = {}
     for number, (at_s, reason) in moments.items():
         if own is None and number != reference:
-            found[number] = Aligned(at_s, None, reason or f"the reference cannot be aligned: {why}")
+            found[number] = Alignment(at_s, None, reason or f"the reference cannot be aligned: {why}")
         else:
             offset_s = 0.0 if number == reference else None if at_s is None or own is None else own - at_s
-            found[number] = Aligned(at_s, offset_s, reason)
+            found[number] = Alignment(at_s, offset_s, reason)
     return found
 
 
-def _moment(session: Session, run_id: int, asked: ComparisonAsked) -> tuple[float | None, str]:
+def _find_moment(session: Session, run_id: int, asked: ComparisonAsked) -> tuple[float | None, str]:
     """Return the moment [s from the run's first sample], or None and why there is none."""
     runs.get(session, run_id)
     try:
@@ -101,14 +101,14 @@ def _moment(session: Session, run_id: int, asked: ComparisonAsked) -> tuple[floa
             at_s, count = find_jump(session, run_id, asked.step, asked.number)
             what = f"step of {asked.step}"
         case AlignBy.EVENT:
-            times = [mark.t for mark in marks_of(session, run_id).marks if mark.kind == asked.event]
+            times = [mark.t for mark in load_marks(session, run_id).marks if mark.kind == asked.event]
             count = len(times)
             at_s = times[asked.number - 1] if count >= asked.number else None
             what = f"event of the kind {asked.event}"
-    return at_s, "" if at_s is not None else f"run {run_id} has {_counted(count, what)}, not {asked.number}"
+    return at_s, "" if at_s is not None else f"run {run_id} has {_format_count(count, what)}, not {asked.number}"
 
 
-def _counted(count: int, what: str) -> str:
+def _format_count(count: int, what: str) -> str:
     return f"no {what}" if count == 0 else f"{count} {what}" if count == 1 else f"{count} {_plural(what)}"
 
 
@@ -122,12 +122,12 @@ def _plural(what: str) -> str:
 # Runs beside each other by their metrics, and one metric over the dates of its runs.
 
 
-MOST_RUNS = 20
-MOST_POINTS = 5000
+MAX_RUNS = 20
+MAX_POINTS = 5000
 _ABSENT = "the run has no such metric"
 
 
-def chosen_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
+def select_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
     """Return the runs that are compared, each once, and which of them is the reference.
 
     Raises OutOfRangeError, RequestRejectedError.
@@ -137,7 +137,7 @@ def chosen_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
         "runs",
         len(numbers),
         minimum=2,
-        maximum=MOST_RUNS,
+        maximum=MAX_RUNS,
         unit="1",
         remedy="name other runs to compare",
         words="number of runs",
@@ -152,33 +152,34 @@ def chosen_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
     return numbers, chosen
 
 
-def compare(session: Session, asked: ComparisonAsked) -> RunComparison:
+def compare_runs(session: Session, asked: ComparisonAsked) -> RunComparison:
     """Return the metrics of runs with their differences to a reference, one of them (None: the first).
 
     Raises OutOfRangeError, RequestRejectedError, UnknownRecordError.
     """
-    numbers, chosen = chosen_runs(asked)
+    numbers, chosen = select_runs(asked)
     found = [runs.get(session, number) for number in numbers]
-    judged = [_judged(session, run) for run in found]
-    placed = aligned(session, numbers, chosen, asked)
+    judged = [_load_result(session, run) for run in found]
+    placed = align_runs(session, numbers, chosen, asked)
     return RunComparison(
         reference=chosen,
         runs=[
-            _named(run, result, problem, placed[run.id]) for run, (result, problem) in zip(found, judged, strict=True)
+            _build_compared_run(run, result, problem, placed[run.id])
+            for run, (result, problem) in zip(found, judged, strict=True)
         ],
-        metrics=_metrics(
-            [_figures(result) for result, _ in judged], [problem for _, problem in judged], numbers.index(chosen)
+        metrics=_build_metrics(
+            [_list_figures(result) for result, _ in judged], [problem for _, problem in judged], numbers.index(chosen)
         ),
-        settings=_differing(session, found),
+        settings=_find_differing_settings(session, found),
     )
 
 
-def _differing(session: Session, found: Sequence[Run]) -> list[ComparedSetting]:
+def _find_differing_settings(session: Session, found: Sequence[Run]) -> list[ComparedSetting]:
     """Return what not all runs were set to alike."""
     each = []
     for run in found:
         bank = None if run.bank_id is None else banks.get(session, run.bank_id)
-        each.append({(item.name, item.unit): _plain(item.value) for item in iterate_configuration(run, bank)})
+        each.append({(item.name, item.unit): _to_plain_value(item.value) for item in iterate_configuration(run, bank)})
     settings = []
     for name, unit in dict.fromkeys(key for one in each for key in one):
         values = [one.get((name, unit)) for one in each]
@@ -187,11 +188,11 @@ def _differing(session: Session, found: Sequence[Run]) -> list[ComparedSetting]:
     return settings
 
 
-def _plain(value: Any) -> bool | float | str:
+def _to_plain_value(value: Any) -> bool | float | str:
     return value if isinstance(value, bool | int | float | str) else json.dumps(value)
 
 
-def _judged(session: Session, run: Run) -> tuple[Result | None, str]:
+def _load_result(session: Session, run: Run) -> tuple[Result | None, str]:
     """Return the newest result of a run, or None and why."""
     try:
         result = results.newest(session, run.id)
@@ -200,11 +201,11 @@ def _judged(session: Session, run: Run) -> tuple[Result | None, str]:
     return result, "" if result is not None else run.evaluation_problem or "the run has not been evaluated"
 
 
-def _figures(result: Result | None) -> dict[str, MeasuredFigure]:
+def _list_figures(result: Result | None) -> dict[str, MeasuredFigure]:
     return {} if result is None else {item.name: item for item in result.metrics.figures}
 
 
-def _named(run: Run, result: Result | None, problem: str, placed: Aligned) -> ComparedRun:
+def _build_compared_run(run: Run, result: Result | None, problem: str, placed: Alignment) -> ComparedRun:
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
     return ComparedRun(
         id=run.id,
@@ -220,7 +221,7 @@ def _named(run: Run, result: Result | None, problem: str, placed: Aligned) -> Co
     )
 
 
-def _metrics(
+def _build_metrics(
     figures: Sequence[dict[str, MeasuredFigure]], problems: Sequence[str], reference: int
 ) -> list[ComparedMetric]:
     """Return all metrics that any of the runs has, those of the reference first."""
@@ -235,7 +236,7 @@ def _metrics(
             definition=shown[name].definition,
             unit=shown[name].unit,
             values=[
-                _value(of_run.get(name), figures[reference].get(name), shown[name].unit, problem)
+                _build_value(of_run.get(name), figures[reference].get(name), shown[name].unit, problem)
                 for of_run, problem in zip(figures, problems, strict=True)
             ],
         )
@@ -243,7 +244,9 @@ def _metrics(
     ]
 
 
-def _value(figure: MeasuredFigure | None, reference: MeasuredFigure | None, unit: str, problem: str) -> ComparedValue:
+def _build_value(
+    figure: MeasuredFigure | None, reference: MeasuredFigure | None, unit: str, problem: str
+) -> ComparedValue:
     if figure is None:
         return ComparedValue(value=None, reason=problem or _ABSENT, difference=None, percent=None)
     if figure.unit != unit:
@@ -257,18 +260,18 @@ def _value(figure: MeasuredFigure | None, reference: MeasuredFigure | None, unit
     return ComparedValue(value=figure.value, reason=figure.reason, difference=difference, percent=percent)
 
 
-def metric_history(session: Session, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
+def build_metric_history(session: Session, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
     """Return a metric ("": the first there is) of the runs of a kind that fit ``where``. Raises QueryError."""
     of_kind = Compare(Value("kind", 0), Op.EQUAL, (Value(kind, 0),))
     asked: Query = All((of_kind, parse_query(where)))
-    judged = All((asked, Compare(Value("verdict", 0), Op.EQUAL, tuple(Value(v, 0) for v in _JUDGED))))
-    known = _known_metrics(session, judged, metric, everywhere=everywhere)
+    judged = All((asked, Compare(Value("verdict", 0), Op.EQUAL, tuple(Value(v, 0) for v in _JUDGED_VERDICTS))))
+    known = _find_metrics(session, judged, metric, everywhere=everywhere)
     chosen = next((one for one in known if one.name == metric or not metric), None)
     if chosen is None:
         if metric:
             raise QueryError(0, f"runs of kind {kind} have no metric {metric!r}", [one.name for one in known], metric)
         return MetricHistory(kind=kind, metric=None, metrics=[], points=[], without=0, left_out=0)
-    found = search.metric_points(session, asked, chosen.name, everywhere=everywhere, limit=MOST_POINTS)
+    found = search.metric_points(session, asked, chosen.name, everywhere=everywhere, limit=MAX_POINTS)
     return MetricHistory(
         kind=kind,
         metric=chosen,
@@ -279,28 +282,28 @@ def metric_history(session: Session, kind: str, metric: str, where: str, *, ever
     )
 
 
-_JUDGED = ("passed", "failed", "neutral", "incomplete")
-_LOOKED_AT = 20
+_JUDGED_VERDICTS = ("passed", "failed", "neutral", "incomplete")
+_MAX_SEARCHED = 20
 """Newest runs of a kind in which its metrics are looked for."""
 
 
-def _known_metrics(session: Session, asked: Query, wanted: str, *, everywhere: bool) -> list[MetricName]:
+def _find_metrics(session: Session, asked: Query, wanted: str, *, everywhere: bool) -> list[MetricName]:
     """Return the metrics of the newest runs, and the one that is wanted where an older run alone has it."""
-    newest = search.search(session, asked, everywhere=everywhere, limit=_LOOKED_AT).run_ids
-    known = _named_metrics(session, newest)
+    newest = search.search(session, asked, everywhere=everywhere, limit=_MAX_SEARCHED).run_ids
+    known = _list_metrics(session, newest)
     if wanted and wanted not in known:
         measured = Compare(Value(f"{ValueSource.METRIC}.{wanted}", 0), Op.UNLIKE, (Value(NONE, 0),))
         with suppress(QueryError):  # no run at all has one of this name
             older = search.search(session, All((asked, measured)), everywhere=everywhere, limit=1).run_ids
-            known |= {name: item for name, item in _named_metrics(session, older).items() if name == wanted}
+            known |= {name: item for name, item in _list_metrics(session, older).items() if name == wanted}
     return list(known.values())
 
 
-def _named_metrics(session: Session, run_ids: Sequence[int]) -> dict[str, MetricName]:
+def _list_metrics(session: Session, run_ids: Sequence[int]) -> dict[str, MetricName]:
     """Return the metrics of runs by name, as the first of them calls each."""
     found: dict[str, MetricName] = {}
     for run in runs.of_numbers(session, run_ids):
-        for item in _figures(_judged(session, run)[0]).values():
+        for item in _list_figures(_load_result(session, run)[0]).values():
             found.setdefault(item.name, MetricName(name=item.name, label=item.label, unit=item.unit))
     return found
 
@@ -313,7 +316,7 @@ def _named_metrics(session: Session, run_ids: Sequence[int]) -> dict[str, Metric
 
 Array = NDArray[np.float64]
 
-_EXACT = 1e-3
+_TIME_TOLERANCE = 1e-3
 """Share of a period within which a sample is taken for that of the moment asked for."""
 
 
@@ -325,9 +328,9 @@ class Curve:
     y: Array
     period_s: float
 
-    def at(self, times: Array) -> Array:
+    def interpolate(self, times: Array) -> Array:
         """Return the values at ``times``, straight between neighbouring samples; nan where either is missing."""
-        slack = _EXACT * self.period_s
+        slack = _TIME_TOLERANCE * self.period_s
         after = np.searchsorted(self.t, times - slack)
         there = np.minimum(after, self.t.size - 1)
         before = np.maximum(there - 1, 0)
@@ -353,14 +356,14 @@ class AlignedRuns:
     reasons: dict[int, str]
 
 
-def beside(session: Session, asked: DifferencesAsked) -> AlignedRuns:
+def align_signals(session: Session, asked: DifferencesAsked) -> AlignedRuns:
     """Read a signal of all runs, onto the axis of the reference.
 
     Raises RequestRejectedError, UnknownRecordError, UnknownSignalError.
     """
-    numbers, reference = chosen_runs(asked)
-    placed = aligned(session, numbers, reference, asked)
-    own = _curve(session, reference, asked.signal)
+    numbers, reference = select_runs(asked)
+    placed = align_runs(session, numbers, reference, asked)
+    own = _read_curve(session, reference, asked.signal)
     count = round(float(own.t[-1]) / own.period_s) + 1
     first, last = (min(count, int(np.ceil(s / own.period_s - 0.5))) for s in (asked.from_s, asked.to_s))
     grid = np.asarray(np.arange(first, last) * own.period_s, np.float64)
@@ -372,7 +375,7 @@ def beside(session: Session, asked: DifferencesAsked) -> AlignedRuns:
         if offset_s is None:
             others[number], reasons[number] = np.full(grid.size, np.nan), placed[number].reason
         else:
-            others[number] = _curve(session, number, asked.signal).at(grid - offset_s)
+            others[number] = _read_curve(session, number, asked.signal).interpolate(grid - offset_s)
             reasons[number] = ""
     offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
     made = select_derived(session, [asked.signal])
@@ -382,23 +385,23 @@ def beside(session: Session, asked: DifferencesAsked) -> AlignedRuns:
         unit=unit,
         period_s=own.period_s,
         t=grid,
-        own=own.at(grid),
+        own=own.interpolate(grid),
         others=others,
         offsets=offsets,
         reasons=reasons,
     )
 
 
-def samples_of(database: Database, run_ids: Sequence[int]) -> int:
+def count_samples(database: Database, run_ids: Sequence[int]) -> int:
     """Return how many samples runs have, all together."""
     with database.reading() as session:
         return sum(0 if one is None else one.count for _, one in recordings.of_runs(session, run_ids).values())
 
 
-def differences(database: Database, asked: DifferencesAsked) -> Differences:
+def compute_differences(database: Database, asked: DifferencesAsked) -> Differences:
     """Return the differences of a signal to the reference. Raises as ``beside`` does."""
     with database.reading() as session:
-        found = beside(session, asked)
+        found = align_signals(session, asked)
     first = round(float(found.t[0]) / found.period_s) if found.t.size else 0
     width = max(1, -(-found.t.size // asked.points))
     buckets = (first + np.arange(found.t.size)) // width
@@ -411,13 +414,13 @@ def differences(database: Database, asked: DifferencesAsked) -> Differences:
         width_s=width * found.period_s,
         t=(buckets[starts] * width * found.period_s).tolist(),
         runs=[
-            _difference(number, values - found.own, found, starts, asked.band)
+            _build_difference(number, values - found.own, found, starts, asked.band)
             for number, values in found.others.items()
         ],
     )
 
 
-def _curve(session: Session, run_id: int, signal: str) -> Curve:
+def _read_curve(session: Session, run_id: int, signal: str) -> Curve:
     samples = read_samples(session, run_id, [signal])
     if samples.t.size == 0:
         raise UnknownRecordError(f"there is no recording of run {run_id}")
@@ -425,7 +428,9 @@ def _curve(session: Session, run_id: int, signal: str) -> Curve:
     return Curve(samples.t, samples.columns[signal].astype(np.float64), period_s)
 
 
-def _difference(run: int, apart: Array, found: AlignedRuns, starts: NDArray[np.int64], band: float) -> RunDifference:
+def _build_difference(
+    run: int, apart: Array, found: AlignedRuns, starts: NDArray[np.int64], band: float
+) -> RunDifference:
     compared = np.isfinite(apart)
     count = int(np.count_nonzero(compared))
     outside = np.abs(apart) > band  # never where there is no number
@@ -435,24 +440,24 @@ def _difference(run: int, apart: Array, found: AlignedRuns, starts: NDArray[np.i
     return RunDifference(
         run=run,
         reason=found.reasons[run] or nothing,
-        minimum=_numbers(np.fmin.reduceat(apart, starts) if starts.size else apart),
-        maximum=_numbers(np.fmax.reduceat(apart, starts) if starts.size else apart),
+        minimum=_replace_nan(np.fmin.reduceat(apart, starts) if starts.size else apart),
+        maximum=_replace_nan(np.fmax.reduceat(apart, starts) if starts.size else apart),
         compared_s=count * found.period_s,
         missing_s=(apart.size - count) * found.period_s,
         left_at_s=float(found.t[left[0]]) if left.size else None,
         outside_s=left.size * found.period_s,
-        longest_s=max((end - begin for begin, end in _unbroken(outside)), default=0) * found.period_s,
+        longest_s=max((end - begin for begin, end in _iterate_intervals(outside)), default=0) * found.period_s,
         largest=None if largest is None else float(apart[largest]),
         largest_at_s=None if largest is None else float(found.t[largest]),
     )
 
 
-def _unbroken(outside: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+def _iterate_intervals(outside: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(outside.astype(np.int8), prepend=0, append=0))
     return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
-def _numbers(values: Array) -> list[float | None]:
+def _replace_nan(values: Array) -> list[float | None]:
     return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
@@ -468,7 +473,7 @@ _ROWS = 20_000
 _TABLE = ("what", "name", "label", "unit", "run", "value", "difference", "percent", "remark")
 
 
-def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
+def stream_curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
     """Yield a signal of all runs on the reference's samples, and its differences; nan where a run has none.
 
     Raises RequestRejectedError, UnknownRecordError, UnknownSignalError, before the first piece.
@@ -477,7 +482,7 @@ def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
     import pyarrow.csv
 
     with database.reading() as session:
-        compared, found = compare(session, asked), beside(session, asked)
+        compared, found = compare_runs(session, asked), align_signals(session, asked)
     # signals are written as finely as they were stored, times and differences in full
     own = found.own.astype(np.float32)
     meaning = next((f"{field.symbol}: {field.meaning}" for field in FIELDS if field.name == asked.signal), "")
@@ -492,7 +497,7 @@ def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
         words = f"run {run} minus run {found.reference}"
         columns[f"d_{name}_run_{run}"] = values - found.own, unit, words
     lines = [
-        *_head(compared, asked),
+        *_build_header(compared, asked),
         *(format_csv_comment(f"{name} [{unit}] {words}") for name, (_, unit, words) in columns.items()),
     ]
     yield ("\n".join([*lines, ",".join(columns)]) + "\n").encode()
@@ -504,16 +509,18 @@ def curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
         yield buffer.getvalue()
 
 
-def table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
+def stream_table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
     """Yield a line for each metric and differing setting of each run.
 
     Raises RequestRejectedError, UnknownRecordError.
     """
     with database.reading() as session:
-        found = compare(session, asked)
+        found = compare_runs(session, asked)
     text = io.StringIO()
     text.write(
-        "\n".join([*_head(found, asked), format_csv_comment("differences are to the reference, percent is of it")])
+        "\n".join(
+            [*_build_header(found, asked), format_csv_comment("differences are to the reference, percent is of it")]
+        )
         + "\n"
     )
     lines = csv.writer(text, lineterminator="\n")
@@ -530,15 +537,15 @@ def table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
     yield text.getvalue().encode()
 
 
-def _head(found: RunComparison, asked: ComparisonAsked) -> Iterator[str]:
-    said = f"comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad; {_aligned(asked)}"
-    yield format_csv_comment(said)
+def _build_header(found: RunComparison, asked: ComparisonAsked) -> Iterator[str]:
+    title = f"comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad"
+    yield format_csv_comment(f"{title}; {_describe_alignment(asked)}")
     for run in found.runs:
         where = run.not_aligned or f"t is its own time {run.offset_s or 0.0:+.6g} s"
         yield format_csv_comment(f"run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}")
 
 
-def _aligned(asked: ComparisonAsked) -> str:
+def _describe_alignment(asked: ComparisonAsked) -> str:
     match asked.by:
         case AlignBy.BEGIN:
             return "aligned by the begin of each run"

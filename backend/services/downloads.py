@@ -28,7 +28,7 @@ from backend.plain_text import escape_line
 from backend.recording import AT_HAND_SAMPLES, read_flight_columns
 from backend.reports import RunData, load_series, load_source, render_report, render_series_report
 from backend.schemas import Differences, DifferencesAsked
-from backend.services.comparison import curves_file, differences, samples_of, table_file
+from backend.services.comparison import compute_differences, count_samples, stream_curves_file, stream_table_file
 from backend.storage import Database, EndState, Run, RunKind, results, runs
 from backend.units import AngleUnit
 from backend.workers import DRAWING_LIBRARIES, WorkerProcess, stream_from_process
@@ -52,17 +52,17 @@ def import_run_file(database: Database, file: Path, who: str, folder: Path, name
     called = escape_line(name or file.name)
     if file.suffix.lower() == ".zip":
         return importer.import_bundle(
-            database=database, file=file, who=who, folder=folder, name=called, check_run=look_over
+            database=database, file=file, who=who, folder=folder, name=called, check_run=check_run_settings
         )
-    return importer.import_export(database, file, who, called, look_over)
+    return importer.import_export(database, file, who, called, check_run_settings)
 
 
-def look_over(run: Run) -> None:
+def check_run_settings(run: Run) -> None:
     """Raise ImportRefusedError for a run whose plan or tuning no request could have ordered."""
     try:
         kept = run.set_to
         if kept.experiment is not None:
-            _require_experiment(kept.experiment)
+            _check_experiment(kept.experiment)
         if kept.plan is not None:
             parse_stored_plan(run.kind, kept.plan)
         LoopSettings.from_values(kept.loop.known())
@@ -73,7 +73,7 @@ def look_over(run: Run) -> None:
         ) from None
 
 
-def _require_experiment(kept: str) -> None:
+def _check_experiment(kept: str) -> None:
     """Raise ExperimentError for an experiment that would not be accepted if somebody sent it now."""
     if len(kept) > _LONGEST_EXPERIMENT:
         raise ExperimentError(f"the experiment has {len(kept)} characters, at most {_LONGEST_EXPERIMENT} are accepted")
@@ -98,7 +98,7 @@ def stream_bundle(database: Database, run_id: int, folder: Path) -> Iterator[byt
     with database.reading() as session:
         run = runs.get(session, run_id)
         try:
-            look_over(run)
+            check_run_settings(run)
         except ImportRefusedError as error:
             raise ExportError(f"run {run_id}: {error}") from None
         kept = results.newest_report(session, run_id, "html")
@@ -117,12 +117,12 @@ def stream_bundle(database: Database, run_id: int, folder: Path) -> Iterator[byt
 # stutter.
 
 
-COMPUTING_S = 60.0
+RESULT_TIMEOUT_S = 60.0
 """A run that ended longer ago [s] and has no result will not get one: its report says so."""
-AT_ONCE = 6
+MAX_DOWNLOADS = 6
 """Downloads of samples under way at a time, each with a process of its own."""
 
-_LOG = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 _REPORTS = "backend.reports.build", "backend.reports.model", "backend.reports.pdf"
 
 
@@ -139,69 +139,71 @@ class Downloads:
         self._evaluate = evaluate
         self._worker = worker
         self._folder = folder
-        self._under_way = 0
+        self._active_count = 0
 
-    def prepare(self) -> None:
+    def preload(self) -> None:
         """Load what reports need ahead of the first one."""
         self._worker.preload(render_report, *DRAWING_LIBRARIES, *_REPORTS)
 
-    async def report_html(self, run_id: int, angles: AngleUnit) -> bytes:
+    async def render_html_report(self, run_id: int, angles: AngleUnit) -> bytes:
         """Return the report as one self-contained page. Raises UnknownRecordError, RequestRejectedError."""
-        return await self._report(run_id, "html", angles)
+        return await self._render_report(run_id, "html", angles)
 
-    async def report_pdf(self, run_id: int, angles: AngleUnit) -> bytes:
+    async def render_pdf_report(self, run_id: int, angles: AngleUnit) -> bytes:
         """Return the report as PDF. Raises UnknownRecordError, RequestRejectedError."""
-        return await self._report(run_id, "pdf", angles)
+        return await self._render_report(run_id, "pdf", angles)
 
-    async def series(self, run_ids: Sequence[int], kind: str, angles: AngleUnit) -> bytes:
+    async def render_series(self, run_ids: Sequence[int], kind: str, angles: AngleUnit) -> bytes:
         """Return a report of many runs as "html" or "pdf"; it is not kept.
 
         Raises UnknownRecordError, RequestRejectedError.
         """
-        await self._catch_up(run_ids)
+        await self._evaluate_pending(run_ids)
         sources = await asyncio.to_thread(load_series, self._database, run_ids, angles)
         return await self._worker.run(render_series_report, sources, kind)
 
-    async def data(self, run_id: int, kind: DataFormat, derived: Sequence[str] = ()) -> AsyncGenerator[bytes]:
+    async def stream_run(self, run_id: int, kind: DataFormat, derived: Sequence[str] = ()) -> AsyncGenerator[bytes]:
         """Return all samples in a format, piece by piece, those of ``derived`` signals behind the recorded ones.
 
         Raises UnknownRecordError, ExportError, RequestRejectedError.
         """
-        return await self._streamed(_run_pieces, run_id, derived, self._folder, kind)
+        return await self._start_stream(_stream_run, run_id, derived, self._folder, kind)
 
-    async def flight(self, event_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
+    async def stream_flight_record(self, event_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
         """Return a flight record in a format, piece by piece. Raises UnknownRecordError, RequestRejectedError."""
-        return await self._streamed(_flight_pieces, event_id, self._folder, kind)
+        return await self._start_stream(_stream_flight, event_id, self._folder, kind)
 
-    async def bundle(self, run_id: int) -> AsyncGenerator[bytes]:
+    async def stream_bundle(self, run_id: int) -> AsyncGenerator[bytes]:
         """Return a run with all that it came from. Raises UnknownRecordError, ExportError, RequestRejectedError."""
-        return await self._streamed(stream_bundle, run_id, self._folder)
+        return await self._start_stream(stream_bundle, run_id, self._folder)
 
-    async def differences(self, asked: DifferencesAsked) -> Differences:
+    async def compute_differences(self, asked: DifferencesAsked) -> Differences:
         """Return the differences of runs to one.
 
         Raises RequestRejectedError, UnknownRecordError, UnknownSignalError.
         """
-        if await asyncio.to_thread(samples_of, self._database, asked.run) <= AT_HAND_SAMPLES:
-            return await asyncio.to_thread(differences, self._database, asked)
-        return await self._worker.run(differences, self._database, asked)
+        if await asyncio.to_thread(count_samples, self._database, asked.run) <= AT_HAND_SAMPLES:
+            return await asyncio.to_thread(compute_differences, self._database, asked)
+        return await self._worker.run(compute_differences, self._database, asked)
 
-    async def comparison(self, content: Literal["curves", "table"], asked: DifferencesAsked) -> AsyncGenerator[bytes]:
+    async def stream_comparison(
+        self, content: Literal["curves", "table"], asked: DifferencesAsked
+    ) -> AsyncGenerator[bytes]:
         """Return a comparison as text, piece by piece. Raises as ``differences`` does."""
-        return await self._streamed(curves_file if content == "curves" else table_file, asked)
+        return await self._start_stream(stream_curves_file if content == "curves" else stream_table_file, asked)
 
-    async def _streamed(self, work: Callable[..., Iterator[bytes]], *asked: object) -> AsyncGenerator[bytes]:
-        if self._under_way >= AT_ONCE:
+    async def _start_stream(self, work: Callable[..., Iterator[bytes]], *asked: object) -> AsyncGenerator[bytes]:
+        if self._active_count >= MAX_DOWNLOADS:
             raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"{AT_ONCE} downloads are under way: wait for one of them", retry_after_s=5
+                ErrorCode.TOO_MANY, f"{MAX_DOWNLOADS} downloads are under way: wait for one of them", retry_after_s=5
             )
-        stream = self._counted(stream_from_process(work, self._database, *asked))
+        stream = self._count_stream(stream_from_process(work, self._database, *asked))
         await anext(stream)
         return stream
 
-    async def _counted(self, stream: AsyncGenerator[bytes]) -> AsyncGenerator[bytes]:
+    async def _count_stream(self, stream: AsyncGenerator[bytes]) -> AsyncGenerator[bytes]:
         """Yield nothing when the first piece is there: all that can be refused has been by then; then the pieces."""
-        self._under_way += 1
+        self._active_count += 1
         try:
             async with aclosing(stream):
                 first = await anext(stream, b"")
@@ -210,60 +212,60 @@ class Downloads:
                 async for piece in stream:
                     yield piece
         finally:
-            self._under_way -= 1
+            self._active_count -= 1
 
-    async def _report(self, run_id: int, kind: str, angles: AngleUnit) -> bytes:
-        await self._catch_up([run_id])
-        source = await asyncio.to_thread(self._source, run_id, angles)
+    async def _render_report(self, run_id: int, kind: str, angles: AngleUnit) -> bytes:
+        await self._evaluate_pending([run_id])
+        source = await asyncio.to_thread(self._load_source, run_id, angles)
         content = await self._worker.run(render_report, source, kind)
-        await asyncio.to_thread(self._keep, run_id, kind, content)
+        await asyncio.to_thread(self._store_report, run_id, kind, content)
         return content
 
-    async def _catch_up(self, run_ids: Sequence[int]) -> None:
+    async def _evaluate_pending(self, run_ids: Sequence[int]) -> None:
         for run_id in await asyncio.to_thread(find_pending_runs, self._database, run_ids):
             try:
                 await self._evaluate(run_id)
             except RequestRejectedError:  # it is under way
                 raise
             except Exception as error:
-                _LOG.info("Run %d has no result: %s", run_id, error)  # kept with the run: the report says so
+                _log.info("Run %d has no result: %s", run_id, error)  # kept with the run: the report says so
 
-    def _source(self, run_id: int, angles: AngleUnit) -> RunData:
+    def _load_source(self, run_id: int, angles: AngleUnit) -> RunData:
         source = load_source(self._database, run_id, angles)
         if source.run.end_state == EndState.RUNNING:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, f"run {run_id} is not over yet: its report follows when it is"
             )
-        if source.result is None and source.run.kind != RunKind.SESSION and _is_awaited(source):
+        if source.result is None and source.run.kind != RunKind.SESSION and _is_result_pending(source):
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, f"the result of run {run_id} is being computed: its report follows in a moment"
             )
         return source
 
-    def _keep(self, run_id: int, kind: str, content: bytes) -> None:
+    def _store_report(self, run_id: int, kind: str, content: bytes) -> None:
         with self._database.session() as session:
             newest = results.newest_report(session, run_id, kind)
             if newest is None or newest.content != content:
                 results.add_report(session, run_id, kind, content)
 
 
-def _is_awaited(source: RunData) -> bool:
+def _is_result_pending(source: RunData) -> bool:
     ended = source.run.ended_at
     return (
         source.run.evaluation_problem == ""
         and source.run.end_state != EndState.SERVICE_DIED
         and ended is not None
-        and (datetime.now(UTC) - ended).total_seconds() < COMPUTING_S
+        and (datetime.now(UTC) - ended).total_seconds() < RESULT_TIMEOUT_S
     )
 
 
-def _run_pieces(
+def _stream_run(
     database: Database, run_id: int, derived: Sequence[str], folder: Path, kind: DataFormat
 ) -> Iterator[bytes]:
     return stream_export(export_run(database, run_id, derived), kind, folder)
 
 
-def _flight_pieces(database: Database, event_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
+def _stream_flight(database: Database, event_id: int, folder: Path, kind: DataFormat) -> Iterator[bytes]:
     return stream_export(
         export_columns(read_flight_columns(database, event_id), f"flight record {event_id}"), kind, folder
     )

@@ -20,8 +20,8 @@ from backend.schemas import (
     Trend,
     UnseenView,
 )
-from backend.services.banks import TuningInForce
-from backend.services.runs import message_of
+from backend.services.banks import TuningContext
+from backend.services.runs import build_run_message
 from backend.storage import (
     Database,
     Identification,
@@ -41,11 +41,11 @@ from plant import SIDES
 # From stored identifications to what the interface shows of them; no record is changed here.
 
 
-def identification_view(run: Run, estimate: Identification | None, progress: float) -> IdentificationView:
+def build_identification_view(run: Run, estimate: Identification | None, progress: float) -> IdentificationView:
     """Return an identification run with its models, where it has any."""
     kind = run.kind.removesuffix("_identification")
     actuator = estimate if kind == "actuator" else None
-    told, problem = _told(run)
+    told, problem = _read_settings(run)
     tension_N = told.get("tension_N")
     return IdentificationView(
         id=run.id,
@@ -59,30 +59,30 @@ def identification_view(run: Run, estimate: Identification | None, progress: flo
         settings=told,
         estimate=None if estimate is None else estimate.id,
         usable=estimate is not None and estimate.usable,
-        G_q=None if actuator is None else _model_view(actuator, "G_q"),
-        G_S=None if actuator is None else _model_view(actuator, "G_S"),
-        motors=_motors(estimate) if estimate is not None and kind == "motor" else [],
-        springs=_springs(estimate) if estimate is not None and kind == "spring" else [],
-        message=problem or (message_of(run, None) if estimate is None else estimate.verdict),
+        G_q=None if actuator is None else _build_model_view(actuator, "G_q"),
+        G_S=None if actuator is None else _build_model_view(actuator, "G_S"),
+        motors=_build_motor_views(estimate) if estimate is not None and kind == "motor" else [],
+        springs=_build_spring_views(estimate) if estimate is not None and kind == "spring" else [],
+        message=problem or (build_run_message(run, None) if estimate is None else estimate.verdict),
     )
 
 
-def spring_table_view(found: Identification) -> SpringTableView:
+def build_spring_table_view(found: Identification) -> SpringTableView:
     """Return a spring that was identified from a table."""
     return SpringTableView(
         id=found.id,
         file=escape_line(found.table.file),
         sha256=found.table.sha256,
-        read=None if found.table.read is None else _reading(found.table.read),
+        read=None if found.table.read is None else _build_reading_view(found.table.read),
         created=found.created_at,
         who=found.who,
         usable=found.usable,
-        spring=_springs(found)[0],
+        spring=_build_spring_views(found)[0],
         message=found.verdict,
     )
 
 
-def _reading(read: TableReading) -> SpringTableReading:
+def _build_reading_view(read: TableReading) -> SpringTableReading:
     return SpringTableReading.model_validate(
         {
             **{name: read.layout[name] for name in SpringTableReading.model_fields if name in read.layout},
@@ -94,7 +94,7 @@ def _reading(read: TableReading) -> SpringTableReading:
     )
 
 
-def _told(run: Run) -> tuple[dict[str, SettingValue], str]:
+def _read_settings(run: Run) -> tuple[dict[str, SettingValue], str]:
     """Return plan and tuning by name; nothing, and why, where they cannot be read."""
     try:
         return dict(run.set_to.told()), ""
@@ -102,7 +102,7 @@ def _told(run: Run) -> tuple[dict[str, SettingValue], str]:
         return {}, str(error)
 
 
-def _model_view(estimate: Identification, name: ChannelName) -> ModelView:
+def _build_model_view(estimate: Identification, name: ChannelName) -> ModelView:
     channel = estimate.actuator.channel(name)
     model, quality = channel.model, channel.quality
     return ModelView(
@@ -111,7 +111,7 @@ def _model_view(estimate: Identification, name: ChannelName) -> ModelView:
         parameters=model.parameters,
         std_errors=model.std_errors,
         fit_percent=quality.fit_percent,
-        gain_geometry=_needed(quality.gain_geometry, estimate, "gain_geometry"),
+        gain_geometry=_require_value(quality.gain_geometry, estimate, "gain_geometry"),
         K=model.first_order.K,
         T=model.first_order.T,
         K_std=model.first_order.K_std,
@@ -122,7 +122,7 @@ def _model_view(estimate: Identification, name: ChannelName) -> ModelView:
     )
 
 
-def _motors(estimate: Identification) -> list[MotorView]:
+def _build_motor_views(estimate: Identification) -> list[MotorView]:
     views = []
     for side in SIDES:
         found = estimate.motors.side(side)
@@ -130,14 +130,14 @@ def _motors(estimate: Identification) -> list[MotorView]:
         views.append(
             MotorView(
                 side=side,
-                u_c=_needed(model.parameters.u_c, estimate, "u_c"),
-                u_c_std=_needed(model.std_errors.u_c, estimate, "std_errors.u_c"),
-                fitted=_motor_estimate(model.parameters, estimate),
-                std_errors=_motor_estimate(model.std_errors, estimate),
-                rule_mean=_motor_estimate(model.rule_mean, estimate),
-                rule_spread=_motor_estimate(model.rule_spread, estimate),
-                before=_motor_estimate(model.before, estimate),
-                rms_counts=_needed(quality.rms_counts, estimate, "rms_counts"),
+                u_c=_require_value(model.parameters.u_c, estimate, "u_c"),
+                u_c_std=_require_value(model.std_errors.u_c, estimate, "std_errors.u_c"),
+                fitted=_build_motor_estimate(model.parameters, estimate),
+                std_errors=_build_motor_estimate(model.std_errors, estimate),
+                rule_mean=_build_motor_estimate(model.rule_mean, estimate),
+                rule_spread=_build_motor_estimate(model.rule_spread, estimate),
+                before=_build_motor_estimate(model.before, estimate),
+                rms_counts=_require_value(quality.rms_counts, estimate, "rms_counts"),
                 refused=[f"{item.voltage:g} V: {item.reason}" for item in quality.refused],
                 grade=quality.grade,
                 verdict=quality.verdict,
@@ -146,17 +146,17 @@ def _motors(estimate: Identification) -> list[MotorView]:
     return views
 
 
-def _motor_estimate(found: Fitted | Pair, estimate: Identification) -> MotorEstimate:
-    return MotorEstimate(K_m=_needed(found.K_m, estimate, "K_m"), T_m=_needed(found.T_m, estimate, "T_m"))
+def _build_motor_estimate(found: Fitted | Pair, estimate: Identification) -> MotorEstimate:
+    return MotorEstimate(K_m=_require_value(found.K_m, estimate, "K_m"), T_m=_require_value(found.T_m, estimate, "T_m"))
 
 
-def _needed(value: float | None, estimate: Identification, name: str) -> float:
+def _require_value(value: float | None, estimate: Identification, name: str) -> float:
     if value is None:
         raise UnreadableDocumentError(f"run {estimate.run_id}: the estimate {estimate.id} has no figure for {name}")
     return value
 
 
-def _springs(estimate: Identification) -> list[SpringView]:
+def _build_spring_views(estimate: Identification) -> list[SpringView]:
     return [
         SpringView(
             name=name,
@@ -178,7 +178,7 @@ def _springs(estimate: Identification) -> list[SpringView]:
 
 _log = logging.getLogger(__name__)
 
-IDENTIFICATIONS = (
+IDENTIFICATION_KINDS = (
     RunKind.ACTUATOR_IDENTIFICATION,
     RunKind.MOTOR_IDENTIFICATION,
     RunKind.SPRING_IDENTIFICATION,
@@ -197,83 +197,83 @@ class StoredIdentifications:
         database: Database,
         progress: Callable[[Run], float],
         worker: WorkerProcess,
-        tuning: Callable[[], TuningInForce],
+        tuning: Callable[[], TuningContext],
     ) -> None:
         self._database = database
         self._progress = progress
         self._worker = worker
         self._tuning = tuning
 
-    async def unseen(self, run_id: int, of: int) -> UnseenView:
+    async def validate(self, run_id: int, of: int) -> UnseenView:
         """Set a model beside the record of the run ``of``. Raises UnknownRecordError, NotComparableError."""
         return UnseenView.model_validate(await self._worker.run(validate_on_run, self._database, run_id, of))
 
-    async def trend(self) -> Trend:
+    async def compute_trend(self) -> Trend:
         """Return identified gains and lags over S beside what is predicted."""
         tuning = self._tuning()
         computed = self._worker.run(compute_trend, self._database, tuning.parameters, tuning.lambdas.lam_motor)
         return Trend.model_validate(await computed)
 
-    def identifications(self) -> list[IdentificationView]:
+    def list_identifications(self) -> list[IdentificationView]:
         """Return all identification runs, newest first."""
         with self._database.reading() as session:
             estimates = {estimate.run_id: estimate for estimate in reversed(identifications.find(session))}
-            found = runs.find(session, kinds=IDENTIFICATIONS, limit=500)
-            return [self._listed(run, estimates.get(run.id)) for run in found]
+            found = runs.find(session, kinds=IDENTIFICATION_KINDS, limit=500)
+            return [self._build_view(run, estimates.get(run.id)) for run in found]
 
-    def _listed(self, run: Run, estimate: Identification | None) -> IdentificationView:
+    def _build_view(self, run: Run, estimate: Identification | None) -> IdentificationView:
         """Return a run as the list shows it: one that cannot be read says so, and the others are there."""
         try:
-            return identification_view(run, estimate, self._progress(run))
+            return build_identification_view(run, estimate, self._progress(run))
         except UnreadableDocumentError as error:
-            view = identification_view(run, None, self._progress(run))
+            view = build_identification_view(run, None, self._progress(run))
             return view.model_copy(update={"message": str(error)})
 
-    def identification(self, run_id: int) -> IdentificationView:
+    def load_identification(self, run_id: int) -> IdentificationView:
         """Return one identification run. Raises UnknownRecordError."""
         with self._database.reading() as session:
             run = runs.get(session, run_id)
-            if run.kind not in IDENTIFICATIONS:
+            if run.kind not in IDENTIFICATION_KINDS:
                 raise UnknownRecordError(f"run {run_id} is no identification but {run.kind}")
             estimates = identifications.find(session, run_id=run_id)
             result = results.newest(session, run_id)
-        view = identification_view(run, estimates[0] if estimates else None, self._progress(run))
+        view = build_identification_view(run, estimates[0] if estimates else None, self._progress(run))
         problem = "" if result is None else result.metrics.problem
         return view.model_copy(update={"message": problem}) if problem else view
 
-    def curves(self, run_id: int) -> IdentificationCurves:
+    def build_curves(self, run_id: int) -> IdentificationCurves:
         """Return what can be drawn of the newest estimate of a run. Raises UnknownRecordError."""
         with self._database.reading() as session:
             found = identifications.of_run(session, run_id)
         return IdentificationCurves.model_validate(build_curves(found))
 
-    def spring_tables(self) -> list[SpringTableView]:
+    def list_spring_tables(self) -> list[SpringTableView]:
         """Return springs identified from tables, newest first."""
         with self._database.reading() as session:
             found = identifications.find(session, kind="spring")
         shown = []
         for table in found:
             try:
-                shown += [spring_table_view(table)] if table.run_id is None else []
+                shown += [build_spring_table_view(table)] if table.run_id is None else []
             except UnreadableDocumentError as error:  # the others are there
                 _log.warning("The list of spring tables leaves one out: %s", error)
         return shown
 
-    def spring_table(self, number: int) -> SpringTableView:
+    def load_spring_table(self, number: int) -> SpringTableView:
         """Return one spring identified from a table. Raises UnknownRecordError."""
-        return spring_table_view(self._spring_table(number))
+        return build_spring_table_view(self._load_spring_table(number))
 
-    def spring_table_curves(self, number: int) -> IdentificationCurves:
+    def build_spring_table_curves(self, number: int) -> IdentificationCurves:
         """Return what can be drawn of a spring identified from a table. Raises UnknownRecordError."""
-        return IdentificationCurves.model_validate(build_curves(self._spring_table(number)))
+        return IdentificationCurves.model_validate(build_curves(self._load_spring_table(number)))
 
     def add_spring_table(self, new: NewIdentification) -> SpringTableView:
         """Store a spring that was identified from a measured table."""
         with self._database.session() as session:
             stored = identifications.add(session, new)
-        return spring_table_view(stored)
+        return build_spring_table_view(stored)
 
-    def _spring_table(self, number: int) -> Identification:
+    def _load_spring_table(self, number: int) -> Identification:
         with self._database.reading() as session:
             found = identifications.get(session, number)
         if found.kind != "spring" or found.run_id is not None:

@@ -78,7 +78,7 @@ from backend.schemas import (
 from backend.services.actuator import ActuatorService, SafeStop
 from backend.services.background_work import Compute, IsDisconnected, TextWork
 from backend.services.banks import StoredBanks
-from backend.services.library import ExperimentCheck, OwnExperiments, view_of
+from backend.services.library import ExperimentCheck, OwnExperiments, build_own_experiment
 from backend.services.queue import DryRuns, ExperimentQueue
 from backend.services.state import LiveState
 from backend.services.tuning_state import ResolvedTuning
@@ -593,33 +593,33 @@ class JobManager:
         """
         checked = await self._check_text(asked.text, person, is_disconnected)
         if not asked.play:
-            return checked.view({}, "it was looked over only")
+            return checked.build_view({}, "it was looked over only")
         try:
             played = await self._run_dry(
                 RunRequest(checked.plan, self._loop_settings(), person.name), person, is_disconnected
             )
         except (RequestRejectedError, InvalidValueError) as error:
             busy = isinstance(error, RequestRejectedError) and error.category is ErrorCode.TOO_MANY
-            return checked.view({}, str(error), busy=busy)
-        return checked.view({item.name: item.value for item in played.metrics}, dry_run=played)
+            return checked.build_view({}, str(error), busy=busy)
+        return checked.build_view({item.name: item.value for item in played.metrics}, dry_run=played)
 
     async def store_experiment(self, written: str, person: User, is_disconnected: IsDisconnected) -> OwnExperiment:
         """Keep an own experiment as the next version of its name. Raises ExperimentError."""
         checked = await self._check_text(written, person, is_disconnected)
         kept = await asyncio.to_thread(self._experiments.store, checked, written, person.name)
-        return view_of(kept, checked.title)
+        return build_own_experiment(kept, checked.title)
 
     async def _check_text(self, written: str, person: User, is_disconnected: IsDisconnected) -> ExperimentCheck:
         here = self._actuator.live_state.tuning.parameters, self._loop_settings().tuning
-        return await self._text_work.run(person, is_disconnected, self._experiments.checked, written, *here)
+        return await self._text_work.run(person, is_disconnected, self._experiments.check, written, *here)
 
     async def dry_run(self, request: ExperimentRequest, person: User, is_disconnected: IsDisconnected) -> DryRunView:
         """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
         asked = request.name, self._loop_settings(), request.settings
         if request.name in experiments_by_name():
-            _, plan, wanted = await asyncio.to_thread(self._experiments.plan, *asked)
+            _, plan, wanted = await asyncio.to_thread(self._experiments.build_plan, *asked)
         else:
-            _, plan, wanted = await self._text_work.run(person, is_disconnected, self._experiments.plan, *asked)
+            _, plan, wanted = await self._text_work.run(person, is_disconnected, self._experiments.build_plan, *asked)
         return await self._run_dry(RunRequest(plan, wanted, person.name), person, is_disconnected)
 
     async def _run_dry(self, order: RunRequest, person: User, is_disconnected: IsDisconnected) -> DryRunView:
@@ -627,7 +627,7 @@ class JobManager:
         others = list_plan_banks(order.plan) - {0 if bank is None else bank.id}
         used = [
             *([] if bank is None else [bank]),
-            *(await asyncio.to_thread(self._banks.existing, others) if others else ()),
+            *(await asyncio.to_thread(self._banks.find_existing, others) if others else ()),
         ]
         return await self._dry_runs.play(
             self._actuator.live_state.tuning.parameters, order, used, person, is_disconnected
@@ -757,7 +757,9 @@ class JobManager:
         """Return the tunings that an order puts into use while it plays, by their numbers from 1 on."""
         choices = list_plan_tunings(order.plan, order.loop_settings.tuning)
         numbers = {choice.bank for choice in choices}
-        there = {bank.id: bank for bank in await asyncio.to_thread(self._banks.existing, numbers)} if choices else {}
+        there = (
+            {bank.id: bank for bank in await asyncio.to_thread(self._banks.find_existing, numbers)} if choices else {}
+        )
         return [ResolvedTuning(choice, there.get(choice.bank)) for choice in choices]
 
     async def _make_progress_callback(self, orders: Sequence[RunRequest], position: int, run: Run) -> ProgressCallback:
@@ -773,14 +775,14 @@ class JobManager:
             raise SettingError("seed", wanted.seed, remedy)
 
     async def _load_bank(self, wanted: LoopSettings) -> Bank | None:
-        return await asyncio.to_thread(self._banks.stored_bank, wanted.bank) if wanted.bank else None
+        return await asyncio.to_thread(self._banks.load_stored_bank, wanted.bank) if wanted.bank else None
 
     async def _parse_request(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
         """Return what is asked for, of an own one its version; the operator's tuning where nothing else is said."""
         asked = request.name, self._loop_settings(), request.settings
         if request.name in experiments_by_name():  # no text of a person's: as costly as Sinew's own
-            return await asyncio.to_thread(self._experiments.plan, *asked)
-        return await self._text_work.run_for_operator(self._experiments.plan, *asked)
+            return await asyncio.to_thread(self._experiments.build_plan, *asked)
+        return await self._text_work.run_for_operator(self._experiments.build_plan, *asked)
 
     def _loop_settings(self) -> LoopSettings:
         return LoopSettings(**self._actuator.live_state.operator_tuning.choice.to_document(), seed=self._seed)
@@ -789,7 +791,7 @@ class JobManager:
 def _list_experiment_kinds(
     known: OwnExperiments, in_force: LoopSettings, tuning: TuningView, plant: PlantKind
 ) -> list[ExperimentKind]:
-    return list_experiment_kinds(known.all(), in_force, tuning, plant)
+    return list_experiment_kinds(known.list_definitions(), in_force, tuning, plant)
 
 
 def _require_playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> None:

@@ -45,7 +45,7 @@ from backend.schemas import (
     check_preferences,
 )
 from backend.services import comparison
-from backend.services.runs import recorded_experiment
+from backend.services.runs import build_recorded_experiment
 from backend.storage import (
     ENDS,
     VERDICTS,
@@ -84,7 +84,7 @@ class ExperimentCheck:
     document: dict[str, Any]
     parts: list[PlayedPart]
 
-    def view(
+    def build_view(
         self,
         figures: Mapping[str, float | None],
         not_predicted: str = "",
@@ -118,46 +118,48 @@ class OwnExperiments:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def all(self) -> list[ExperimentDefinition]:
+    def list_definitions(self) -> list[ExperimentDefinition]:
         """Return every experiment that is offered, own ones in their newest version, after the ready-made."""
         with self._database.reading() as session:
             own = stored.newest(session)
         ready_made = (entry for entry in experiments_by_name().values() if not entry.instead)
-        return [*ready_made, *(entry for kept in own if (entry := _readable(kept)) is not None)]
+        return [*ready_made, *(entry for kept in own if (entry := _try_build_definition(kept)) is not None)]
 
-    def views(self) -> list[OwnExperiment]:
+    def list_own(self) -> list[OwnExperiment]:
         """Return the newest version of each own experiment."""
         with self._database.reading() as session:
-            return [view_of(kept) for kept in stored.newest(session)]
+            return [build_own_experiment(kept) for kept in stored.newest(session)]
 
-    def versions(self, name: str) -> list[OwnExperiment]:
+    def list_versions(self, name: str) -> list[OwnExperiment]:
         """Return all versions of an own experiment, the newest first; none where there is no such name."""
         with self._database.reading() as session:
-            return [view_of(kept) for kept in stored.versions(session, name)]
+            return [build_own_experiment(kept) for kept in stored.versions(session, name)]
 
     def has_own(self) -> bool:
         """Whether any own experiment is kept."""
         with self._database.reading() as session:
             return bool(stored.newest(session))
 
-    def plan(self, name: str, in_force: LoopSettings, settings: Mapping[str, Any]) -> tuple[str, Plan, LoopSettings]:
+    def build_plan(
+        self, name: str, in_force: LoopSettings, settings: Mapping[str, Any]
+    ) -> tuple[str, Plan, LoopSettings]:
         """Return what an order asks for, of an own experiment its version; ``in_force`` where nothing else is said.
 
         Raises SettingError, OutOfRangeError, ExperimentError.
         """
-        entry = self.entry(name)
+        entry = self.find_definition(name)
         return entry.name, *split_values(entry.settings, entry.make, {**asdict(in_force), **complete_motion(settings)})
 
-    def written(self, name: str) -> WrittenExperiment:
+    def load_text(self, name: str) -> WrittenExperiment:
         """Return an experiment as its text: ready-made, "name" or "name@2". Raises UnknownRecordError."""
-        written = library.text_of(name) if name in library.NAMES else self._stored(name).text
+        written = library.text_of(name) if name in library.NAMES else self._load_stored(name).text
         return WrittenExperiment(text=written, document=parser.document_of(written, stored=True)[0])
 
-    def as_run(self, run_id: int) -> RecordedExperiment:
+    def build_from_run(self, run_id: int) -> RecordedExperiment:
         """Return the recorded references of a run as an experiment. Raises UnknownRecordError, ExperimentError."""
-        return recorded_experiment(self._database, run_id)
+        return build_recorded_experiment(self._database, run_id)
 
-    def entry(self, name: str) -> ExperimentDefinition:
+    def find_definition(self, name: str) -> ExperimentDefinition:
         """Return the experiment of this name: ready-made, own, or a version of an own one, "name@2".
 
         Raises SettingError with those there are, ExperimentError for a text that an older Sinew took.
@@ -165,23 +167,25 @@ class OwnExperiments:
         if name in experiments_by_name():
             return ready(name)
         try:
-            kept = self._stored(name)
+            kept = self._load_stored(name)
         except UnknownRecordError:
-            known = tuple(entry.name for entry in self.all())
+            known = tuple(entry.name for entry in self.list_definitions())
             why = f"there is no such experiment; known: {', '.join(known)}"
             raise SettingError("name", name, why, legal=known) from None
-        return _entry_of(kept)
+        return _build_definition(kept)
 
-    def keep(self, written: str, who: str, parameters: PlantParameters, tuning: TuningSettings) -> StoredExperiment:
+    def check_and_store(
+        self, written: str, who: str, parameters: PlantParameters, tuning: TuningSettings
+    ) -> StoredExperiment:
         """Keep an experiment that can be played on this plant. Raises ExperimentError."""
-        return self.store(self.checked(written, parameters, tuning), written, who)
+        return self.store(self.check(written, parameters, tuning), written, who)
 
     def store(self, checked: ExperimentCheck, written: str, who: str) -> StoredExperiment:
         """Keep an experiment that was looked over, as the next version of its name."""
         with self._database.session() as session:
             return stored.add(session, checked.name, written, who)
 
-    def checked(self, written: str, parameters: PlantParameters, tuning: TuningSettings) -> ExperimentCheck:
+    def check(self, written: str, parameters: PlantParameters, tuning: TuningSettings) -> ExperimentCheck:
         """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
         experiment, lines = parser.read(written)
         if fold_name(experiment.name) in map(fold_name, experiments_by_name()):
@@ -202,7 +206,7 @@ class OwnExperiments:
             parts=list_played_parts(plan.laid),
         )
 
-    def _stored(self, name: str) -> StoredExperiment:
+    def _load_stored(self, name: str) -> StoredExperiment:
         base, at, number = name.partition("@")
         if at and not (number.isdecimal() and len(number) < 10):
             raise UnknownRecordError(f"there is no experiment {name}")
@@ -210,23 +214,23 @@ class OwnExperiments:
             return stored.get(session, base, int(number) if at else None)
 
 
-def view_of(kept: StoredExperiment, title: str | None = None) -> OwnExperiment:
+def build_own_experiment(kept: StoredExperiment, title: str | None = None) -> OwnExperiment:
     """Return an own experiment as it is listed; without its ``title`` its text is read."""
     if title is None:
-        entry = _readable(kept)
+        entry = _try_build_definition(kept)
         title = "" if entry is None else entry.title
     return OwnExperiment(name=kept.name, version=kept.version, title=title, who=kept.who, created=kept.created_at)
 
 
-def _entry_of(kept: StoredExperiment) -> ExperimentDefinition:
+def _build_definition(kept: StoredExperiment) -> ExperimentDefinition:
     experiment, lines = parser.read(kept.text, stored=True)
     return build_library_entry(experiment, lines, name=f"{kept.name}@{kept.version}")
 
 
-def _readable(kept: StoredExperiment) -> ExperimentDefinition | None:
+def _try_build_definition(kept: StoredExperiment) -> ExperimentDefinition | None:
     """Return the entry of an own experiment; one that this version of Sinew does not take any more is not offered."""
     try:
-        return _entry_of(kept)
+        return _build_definition(kept)
     except ExperimentError:
         return None
 
@@ -242,28 +246,28 @@ class StoredPreferences:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def of(self, person: User) -> Preferences:
+    def load(self, person: User) -> Preferences:
         """Return how ``person`` likes the page; defaults for somebody new."""
         with self._database.reading() as session:
-            stored = settings.newest(session, _setting_of(person))
+            stored = settings.newest(session, _name_preferences_setting(person))
         # what was stored before a preference existed lacks it
-        return NEW_HERE if stored is None else _read(stored)
+        return NEW_HERE if stored is None else _parse_preferences(stored)
 
-    def put(self, person: User, preferences: Preferences) -> Preferences:
+    def save(self, person: User, preferences: Preferences) -> Preferences:
         """Remember how ``person`` likes the page. Raises RequestRejectedError for a layout that cannot be drawn."""
         with self._database.reading() as session:
             known = formulas.ever(session)
         check_preferences(preferences.layouts, known)
         with self._database.session() as session:
-            settings.save(session, _setting_of(person), preferences.model_dump(), person.name)
+            settings.save(session, _name_preferences_setting(person), preferences.model_dump(), person.name)
         return preferences
 
 
-def _read(stored: StoredSetting) -> Preferences:
+def _parse_preferences(stored: StoredSetting) -> Preferences:
     return Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value}, context=STORED_CONTEXT)
 
 
-def _setting_of(person: User) -> str:
+def _name_preferences_setting(person: User) -> str:
     # By name and role: whoever holds the viewers' token may give any name, and must not change an operator's page.
     name = person.given_name or person.name
     return f"preferences/{name}" if person.role is Role.OPERATOR else f"viewer-preferences/{name}"
@@ -275,7 +279,7 @@ def _setting_of(person: User) -> str:
 # over their dates.
 
 
-_SEARCH = "search/"
+_SEARCH_PREFIX = "search/"
 
 
 class RunLibrary:
@@ -284,7 +288,7 @@ class RunLibrary:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def words(self) -> SearchWords:
+    def list_search_words(self) -> SearchWords:
         """Return what runs can be searched by."""
         with self._database.reading() as session:
             known = search.known_words(session)
@@ -299,25 +303,25 @@ class RunLibrary:
             values={source: list(names) for source, names in known.values.items()},
         )
 
-    def saved_searches(self) -> SavedSearchList:
+    def list_saved_searches(self) -> SavedSearchList:
         """Return the saved searches of the station."""
         with self._database.reading() as session:
-            kept = settings.newest_under(session, _SEARCH)
+            kept = settings.newest_under(session, _SEARCH_PREFIX)
         found = [
-            SavedSearch(name=one.name.removeprefix(_SEARCH), where=one.value["where"], who=one.who)
+            SavedSearch(name=one.name.removeprefix(_SEARCH_PREFIX), where=one.value["where"], who=one.who)
             for one in kept
             if one.value is not None
         ]
         return SavedSearchList(searches=found)
 
-    def where_of(self, name: str) -> str:
+    def find_saved_search(self, name: str) -> str:
         """Return the text of a saved search. Raises UnknownRecordError."""
-        known = {one.name: one.where for one in self.saved_searches().searches}
+        known = {one.name: one.where for one in self.list_saved_searches().searches}
         if name not in known:
             raise UnknownRecordError(f"there is no saved search {name!r}; there are: {', '.join(known) or 'none'}")
         return known[name]
 
-    def keep_search(self, name: str, where: str, who: str) -> SavedSearchList:
+    def save_search(self, name: str, where: str, who: str) -> SavedSearchList:
         """Save a search that can be asked now under a name. Raises QueryError, RequestRejectedError."""
         called = name.strip()
         if not 1 <= len(called) <= SEARCH_NAME_MAX:
@@ -329,21 +333,21 @@ class RunLibrary:
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE, f"name of the search: {error}", code="bad_character"
             ) from None
-        require_distinct_name("a saved search", called, (one.name for one in self.saved_searches().searches))
+        require_distinct_name("a saved search", called, (one.name for one in self.list_saved_searches().searches))
         query = parse_query(where)
         with self._database.session() as session:
             search.search(session, query, everywhere=False, limit=1)
-            settings.save(session, f"{_SEARCH}{called}", {"where": where}, who)
-        return self.saved_searches()
+            settings.save(session, f"{_SEARCH_PREFIX}{called}", {"where": where}, who)
+        return self.list_saved_searches()
 
-    def drop_search(self, name: str, who: str) -> SavedSearchList:
+    def remove_search(self, name: str, who: str) -> SavedSearchList:
         """Take a search off the list; what it was stays in the database. Raises UnknownRecordError."""
-        self.where_of(name)
+        self.find_saved_search(name)
         with self._database.session() as session:
-            settings.save(session, f"{_SEARCH}{name}", None, who)
-        return self.saved_searches()
+            settings.save(session, f"{_SEARCH_PREFIX}{name}", None, who)
+        return self.list_saved_searches()
 
-    def tag(self, run_ids: Sequence[int], put: Sequence[str], taken: Sequence[str]) -> None:
+    def change_tags(self, run_ids: Sequence[int], put: Sequence[str], taken: Sequence[str]) -> None:
         """Put tags on runs and take others off, all or nothing. Raises TagError, UnknownRecordError."""
         with self._database.session() as session:
             for run_id in sorted(run_ids):  # in the order in which everybody locks them
@@ -352,17 +356,17 @@ class RunLibrary:
                 for one in taken:
                     tags.take(session, run_id, one)
 
-    def rename(self, before: str, after: str) -> int:
+    def rename_tag(self, before: str, after: str) -> int:
         """Call a tag otherwise; return on how many runs. Raises TagError, UnknownRecordError."""
         with self._database.session() as session:
             return tags.rename(session, before, after)
 
-    def compared(self, asked: ComparisonAsked) -> RunComparison:
+    def compare_runs(self, asked: ComparisonAsked) -> RunComparison:
         """Set runs beside each other. Raises RequestRejectedError, UnknownRecordError."""
         with self._database.reading() as session:
-            return comparison.compare(session, asked)
+            return comparison.compare_runs(session, asked)
 
-    def history(self, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
+    def build_metric_history(self, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
         """Return a metric of a kind of runs over their dates. Raises QueryError."""
         with self._database.reading() as session:
-            return comparison.metric_history(session, kind, metric, where, everywhere=everywhere)
+            return comparison.build_metric_history(session, kind, metric, where, everywhere=everywhere)

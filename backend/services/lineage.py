@@ -53,13 +53,13 @@ from plant import PlantChoice, PlantKind, PlantParameters
 # How far the set-up has got, and what no longer holds, told from what is stored.
 
 
-NEAR = 0.5
+SAME_POINT_S = 0.5
 """Two identifications closer than this in S [N·m/rad] are of the same point."""
 
-Found = Identification | None
+OptionalIdentification = Identification | None
 
 
-def checklist_steps(session: Session, parameters: Document, in_use: int | None) -> list[ChecklistStep]:
+def build_checklist(session: Session, parameters: Document, in_use: int | None) -> list[ChecklistStep]:
     """Return the steps in order, for the plant's present ``parameters`` and the number of the bank ``in_use``."""
     imported = origins.load_imported_numbers(session, origins.IDENTIFICATION)
     estimates = [one for one in identifications.find(session) if one.id not in imported]
@@ -67,58 +67,60 @@ def checklist_steps(session: Session, parameters: Document, in_use: int | None) 
     def run_of(estimate: Identification) -> Run | None:
         return None if estimate.run_id is None else runs.get(session, estimate.run_id)
 
-    motor, spring = _newest(estimates, "motor"), _newest(estimates, "spring")
-    actuator = _newest(estimates, "actuator")
+    motor, spring = _find_newest(estimates, "motor"), _find_newest(estimates, "spring")
+    actuator = _find_newest(estimates, "actuator")
     bank = banks.get(session, in_use) if in_use is not None else next(iter(banks.find(session)), None)
-    experiment = _newest_run(session, (RunKind.TRACKING, RunKind.COMPLIANCE))
+    experiment = _find_newest_run(session, (RunKind.TRACKING, RunKind.COMPLIANCE))
     return [
-        _pretension(next(iter(runs.find(session, limit=1)), None)),
-        _identified("motor", motor, run_of, parameters, ()),
-        _identified("spring", spring, run_of, parameters, ()),
-        _identified("actuator", actuator, run_of, parameters, (motor, spring)),
-        _bank(bank, in_use, estimates, run_of, parameters),
-        _tuning(session, bank, in_use),
-        _experiment(experiment, in_use),
-        _report(session, experiment),
+        _check_pretension(next(iter(runs.find(session, limit=1)), None)),
+        _check_identification("motor", motor, run_of, parameters, ()),
+        _check_identification("spring", spring, run_of, parameters, ()),
+        _check_identification("actuator", actuator, run_of, parameters, (motor, spring)),
+        _check_bank(bank, in_use, estimates, run_of, parameters),
+        _check_tuning(session, bank, in_use),
+        _check_experiment(experiment, in_use),
+        _check_report(session, experiment),
     ]
 
 
-def _pretension(run: Run | None) -> ChecklistStep:
+def _check_pretension(run: Run | None) -> ChecklistStep:
     if run is None:
-        return _step("pretension", ChecklistState.MISSING, "no run yet: wind both tendons up")
-    return _step("pretension", ChecklistState.DONE, f"last used in run {run.id}", run)
+        return _build_step("pretension", ChecklistState.MISSING, "no run yet: wind both tendons up")
+    return _build_step("pretension", ChecklistState.DONE, f"last used in run {run.id}", run)
 
 
-def _identified(
+def _check_identification(
     name: str,
-    estimate: Found,
+    estimate: OptionalIdentification,
     run_of: Callable[[Identification], Run | None],
     parameters: Document,
-    before: tuple[Found, ...],
+    before: tuple[OptionalIdentification, ...],
 ) -> ChecklistStep:
     if estimate is None:
-        return _step(name, ChecklistState.MISSING, "not identified yet")
+        return _build_step(name, ChecklistState.MISSING, "not identified yet")
     run = run_of(estimate)
     if not estimate.usable:
-        return _step(name, ChecklistState.UNUSABLE, estimate.verdict, run)
-    if run is not None and _numbers(run.parameters, name) != _numbers(parameters, name):
-        return _step(
+        return _build_step(name, ChecklistState.UNUSABLE, estimate.verdict, run)
+    if run is not None and _select_relevant_parameters(run.parameters, name) != _select_relevant_parameters(
+        parameters, name
+    ):
+        return _build_step(
             name, ChecklistState.OUTDATED, f"made with other parameters of the plant ({run.parameters_name})", run
         )
     for other in before:
         if other is not None and other.created_at > estimate.created_at:
-            return _step(name, ChecklistState.OUTDATED, f"older than the identification of the {other.kind}", run)
-    return _step(name, ChecklistState.DONE, estimate.verdict, run)
+            return _build_step(name, ChecklistState.OUTDATED, f"older than the identification of the {other.kind}", run)
+    return _build_step(name, ChecklistState.DONE, estimate.verdict, run)
 
 
-def _numbers(parameters: Document, name: str) -> Document:
+def _select_relevant_parameters(parameters: Document, name: str) -> Document:
     """Return what an identification rests on: motors and springs are measured whatever the controller knows of them."""
     if name == "actuator":
         return parameters
     return {section: entries for section, entries in parameters.items() if not section.startswith("identified")}
 
 
-def _bank(
+def _check_bank(
     bank: Bank | None,
     in_use: int | None,
     estimates: list[Identification],
@@ -126,7 +128,7 @@ def _bank(
     parameters: Document,
 ) -> ChecklistStep:
     if bank is None:
-        return _step("bank", ChecklistState.MISSING, "none built: the gains follow from geometry")
+        return _build_step("bank", ChecklistState.MISSING, "none built: the gains follow from geometry")
     title = f"{bank.name} v{bank.version}"
     by_id = {estimate.id: estimate for estimate in estimates}
     sources = [by_id[entry.identification_id] for entry in bank.entries if entry.identification_id in by_id]
@@ -135,34 +137,34 @@ def _bank(
         if run is not None and run.parameters != parameters:
             entry = next(stored_entry_name(one) for one in bank.entries if one.identification_id == source.id)
             detail = f"{title} is older than the plant's parameters: its {entry} entry, run {run.id}, is of others"
-            return _step("bank", ChecklistState.OUTDATED, detail, at=bank)
-        newer = next((one for one in estimates if replaces(one, source)), None)
+            return _build_step("bank", ChecklistState.OUTDATED, detail, at=bank)
+        newer = next((one for one in estimates if is_newer_at_same_point(one, source)), None)
         if newer is not None:
             detail = f"{title} is older than the identification of run {newer.run_id} at the same point"
-            return _step("bank", ChecklistState.OUTDATED, detail, at=bank)
+            return _build_step("bank", ChecklistState.OUTDATED, detail, at=bank)
     if bank.id != in_use:
-        return _step("bank", ChecklistState.MISSING, f"{title} is built but not in use: activate it", at=bank)
-    return _step("bank", ChecklistState.DONE, f"{title} in use", at=bank)
+        return _build_step("bank", ChecklistState.MISSING, f"{title} is built but not in use: activate it", at=bank)
+    return _build_step("bank", ChecklistState.DONE, f"{title} in use", at=bank)
 
 
-def replaces(one: Identification, source: Identification) -> bool:
+def is_newer_at_same_point(one: Identification, source: Identification) -> bool:
     """Return whether ``one`` is a newer usable identification at the point of ``source``."""
     if one.kind != source.kind or not one.usable or one.created_at <= source.created_at:
         return False
     try:
-        return abs(one.actuator.model.S_nominal - source.actuator.model.S_nominal) < NEAR
+        return abs(one.actuator.model.S_nominal - source.actuator.model.S_nominal) < SAME_POINT_S
     except UnreadableDocumentError:
         return False
 
 
-def _tuning(session: Session, bank: Bank | None, in_use: int | None) -> ChecklistStep:
+def _check_tuning(session: Session, bank: Bank | None, in_use: int | None) -> ChecklistStep:
     """Return whether somebody has saved λ for the bank in use."""
     if bank is None or bank.id != in_use:
-        return _step("tuning", ChecklistState.MISSING, "needs a bank in use")
+        return _build_step("tuning", ChecklistState.MISSING, "needs a bank in use")
     title = f"{bank.name} v{bank.version}"
     stored = settings.newest(session, saved_tuning_key(bank.id))
     if stored is None:
-        return _step("tuning", ChecklistState.MISSING, f"{title} has the default λ: choose them, and press Save")
+        return _build_step("tuning", ChecklistState.MISSING, f"{title} has the default λ: choose them, and press Save")
     parts = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”").known()
     told = ", ".join(
         f"λ_{name} = {float(parts[key]):g} s" for name, key in (("q", "lam_q"), ("S", "lam_S")) if key in parts
@@ -171,35 +173,35 @@ def _tuning(session: Session, bank: Bank | None, in_use: int | None) -> Checklis
     return ChecklistStep(name="tuning", state=ChecklistState.DONE, detail=detail, run=None, at=stored.at)
 
 
-def _experiment(run: Run | None, in_use: int | None) -> ChecklistStep:
+def _check_experiment(run: Run | None, in_use: int | None) -> ChecklistStep:
     if run is None:
-        return _step("experiment", ChecklistState.MISSING, "none completed yet")
+        return _build_step("experiment", ChecklistState.MISSING, "none completed yet")
     if run.bank_id != in_use:
-        return _step("experiment", ChecklistState.OUTDATED, f"run {run.id} was made with another bank", run)
-    return _step("experiment", ChecklistState.DONE, f"{run.kind}, run {run.id}", run)
+        return _build_step("experiment", ChecklistState.OUTDATED, f"run {run.id} was made with another bank", run)
+    return _build_step("experiment", ChecklistState.DONE, f"{run.kind}, run {run.id}", run)
 
 
-def _report(session: Session, run: Run | None) -> ChecklistStep:
+def _check_report(session: Session, run: Run | None) -> ChecklistStep:
     if run is None:
-        return _step("report", ChecklistState.MISSING, "needs an experiment")
+        return _build_step("report", ChecklistState.MISSING, "needs an experiment")
     kept = [one for form in ("html", "pdf") if (one := results.newest_report(session, run.id, form)) is not None]
     if not kept:
-        return _step("report", ChecklistState.MISSING, f"run {run.id} has no report yet: open it", run)
-    return _step("report", ChecklistState.DONE, f"made of run {run.id}", run)
+        return _build_step("report", ChecklistState.MISSING, f"run {run.id} has no report yet: open it", run)
+    return _build_step("report", ChecklistState.DONE, f"made of run {run.id}", run)
 
 
-def _newest(estimates: list[Identification], kind: str) -> Found:
+def _find_newest(estimates: list[Identification], kind: str) -> OptionalIdentification:
     """Return the newest usable estimate of a kind, else the newest at all."""
     of_kind = [estimate for estimate in estimates if estimate.kind == kind]
     return next((estimate for estimate in of_kind if estimate.usable), next(iter(of_kind), None))
 
 
-def _newest_run(session: Session, kinds: tuple[RunKind, ...]) -> Run | None:
+def _find_newest_run(session: Session, kinds: tuple[RunKind, ...]) -> Run | None:
     found = runs.find(session, kinds=kinds, ended=EndState.COMPLETED, limit=1)
     return found[0] if found else None
 
 
-def _step(
+def _build_step(
     name: str, state: ChecklistState, detail: str, run: Run | None = None, *, at: Bank | None = None
 ) -> ChecklistStep:
     when = at.created_at if at is not None else None if run is None else run.started_at
@@ -215,10 +217,10 @@ def _step(
 # the same digest have the same content, in any database. A box whose content is out of date says so.
 
 
-READ_AT_ONCE_BYTES = 30_000_000
+MAX_DIGEST_BYTES = 30_000_000
 """Stored recordings up to this size are read through while somebody waits: twenty minutes, in half a second."""
-_REMEMBERED = 500
-_TOLD = 3
+_MAX_CACHED = 500
+_MAX_NAMED = 3
 """Parameters that are named where more of them differ."""
 _CALIBRATED = {PlantChoice(kind).name for kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD)}
 
@@ -233,7 +235,7 @@ class SampleDigests:
         self._largest_bytes = largest_bytes
         self._known: OrderedDict[tuple[int, int], str] = OrderedDict()
 
-    def of(self, session: Session, run: Run) -> Digest:
+    def compute_digest(self, session: Session, run: Run) -> Digest:
         """Return the digest of a run's samples."""
         if run.end_state == EndState.RUNNING:
             return None, "the run is not over"
@@ -244,7 +246,7 @@ class SampleDigests:
                 if recording.size_bytes > self._largest_bytes:
                     return None, f"too long to be read through here: sinew runs lineage {run.id} does"
                 self._known[key] = compute_recording_digest(session, run.id)
-                if len(self._known) > _REMEMBERED:
+                if len(self._known) > _MAX_CACHED:
                     self._known.popitem(last=False)
             return self._known[key], ""
         except (UnknownRecordError, CodecError) as error:
@@ -264,13 +266,13 @@ class LineageGraph:
         self._nodes: dict[str, LineageNode] = {}
         self._station = ""
 
-    def of(self, run: Run, built: Sequence[Bank]) -> list[LineageNode]:
+    def build_nodes(self, run: Run, built: Sequence[Bank]) -> list[LineageNode]:
         """Return the boxes of a run, itself first, and of the banks that were built from it."""
         self._station = run.station
-        origins = [self._gains(run), self._parameters(run), *self._calibration(run)]
+        origins = [self._add_gains(run), self._add_parameters(run), *self._add_calibration(run)]
         found = identifications.find(self._session, run_id=run.id)
-        mine = self._samples.of(self._session, run)
-        own = self._node(
+        mine = self._samples.compute_digest(self._session, run)
+        own = self._add_node(
             kind=LineageKind.RUN,
             node=f"run-{run.id}",
             title=f"Run {run.id}",
@@ -280,13 +282,13 @@ class LineageGraph:
             run=run.id,
         )
         for estimate in found:
-            self._identification(estimate, "", [own])
+            self._add_identification(estimate, "", [own])
         for bank in built:
-            made_of = [f"identification-{one.id}" for one in found if one.id in _sources(bank)]
-            self._bank(bank, made_of)
+            made_of = [f"identification-{one.id}" for one in found if one.id in _list_sources(bank)]
+            self._add_bank(bank, made_of)
         return [self._nodes.pop(own), *self._nodes.values()]
 
-    def _node(
+    def _add_node(
         self,
         kind: LineageKind,
         node: str,
@@ -312,53 +314,53 @@ class LineageGraph:
         )
         return node
 
-    def _gains(self, run: Run) -> str:
+    def _add_gains(self, run: Run) -> str:
         try:
             loop = run.set_to.loop.known()
         except UnreadableDocumentError as error:
-            return self._node(
+            return self._add_node(
                 kind=LineageKind.GAINS,
                 node="gains",
                 title="Gains",
                 detail="",
                 digest=(None, str(error)),
-                origins=[self._parameters(run)],
+                origins=[self._add_parameters(run)],
             )
         way = origins.load_banks_during_run(self._session, run)
         used = [banks.get(self._session, number) for number in sorted(way.numbers - {run.bank_id})]
         if run.bank_id is None:
-            made_of, content = [self._parameters(run)], document_digest(run.parameters)
+            made_of, content = [self._add_parameters(run)], document_digest(run.parameters)
         else:
             bank = banks.get(self._session, run.bank_id)
-            made_of, content = [self._whole_bank(bank)], document_digest(_content(bank))
-        made_of += [self._whole_bank(one) for one in used]
-        detail = ", ".join(f"{_SYMBOLS.get(name, name)} {_shown(value)}" for name, value in loop.items())
+            made_of, content = [self._add_bank_with_sources(bank)], document_digest(_extract_content(bank))
+        made_of += [self._add_bank_with_sources(one) for one in used]
+        detail = ", ".join(f"{_SYMBOLS.get(name, name)} {_format_value(value)}" for name, value in loop.items())
         # The number of a bank is another one in each database; its content stands beside.
         choice = {name: value for name, value in loop.items() if name != "bank"}
-        later = {"on_the_way": sorted(document_digest(_content(one)) for one in used)} if used else {}
+        later = {"on_the_way": sorted(document_digest(_extract_content(one)) for one in used)} if used else {}
         digest: Digest = document_digest({"loop": choice, "from": content, **later}), ""
-        if origins.BANKS in self._carried(run):
+        if origins.BANKS in self._read_embedded(run):
             digest = None, "its bank was not imported with it: a bundle has it"
         elif way.computed:
             digest = None, f"it computes the numbers of its banks: {', '.join(way.computed)}"
-        return self._node(
+        return self._add_node(
             kind=LineageKind.GAINS, node="gains", title="Gains", detail=detail, digest=digest, origins=made_of
         )
 
-    def _carried(self, run: Run) -> Document:
+    def _read_embedded(self, run: Run) -> Document:
         origin = origins.of_runs(self._session, [run.id]).get(run.id)
         return {} if origin is None else origin.carried
 
-    def _whole_bank(self, bank: Bank) -> str:
+    def _add_bank_with_sources(self, bank: Bank) -> str:
         """Return the box of a bank, with those of all it came from."""
         made_of = []
         for entry in bank.entries:
             if entry.identification_id is not None:
                 estimate = identifications.get(self._session, entry.identification_id)
-                made_of.append(self._identification(estimate, stored_entry_name(entry)))
-        return self._bank(bank, made_of)
+                made_of.append(self._add_identification(estimate, stored_entry_name(entry)))
+        return self._add_bank(bank, made_of)
 
-    def _bank(self, bank: Bank, made_of: Sequence[str]) -> str:
+    def _add_bank(self, bank: Bank, made_of: Sequence[str]) -> str:
         node = f"bank-{bank.id}"
         if node in self._nodes:
             return node
@@ -366,9 +368,9 @@ class LineageGraph:
         marks = [f"version {newest} of it is newer"] if newest > bank.version else []
         marks += ["an entry was identified again" for one in made_of if self._nodes[one].out_of_date][:1]
         title, entries = f"{bank.name} v{bank.version}", f"{len(bank.entries)} entries"
-        detail = entries if _sources(bank) else f"{entries}, imported"
-        digest = document_digest(_content(bank)), ""
-        return self._node(
+        detail = entries if _list_sources(bank) else f"{entries}, imported"
+        digest = document_digest(_extract_content(bank)), ""
+        return self._add_node(
             kind=LineageKind.BANK,
             node=node,
             title=title,
@@ -379,17 +381,22 @@ class LineageGraph:
             bank=bank.id,
         )
 
-    def _identification(self, estimate: Identification, name: str, origins: Sequence[str] | None = None) -> str:
+    def _add_identification(self, estimate: Identification, name: str, origins: Sequence[str] | None = None) -> str:
         node = f"identification-{estimate.id}"
         if node in self._nodes:
             return node
         newer = next(
-            (one for one in identifications.of_kind_after(self._session, estimate) if replaces(one, estimate)), None
+            (
+                one
+                for one in identifications.of_kind_after(self._session, estimate)
+                if is_newer_at_same_point(one, estimate)
+            ),
+            None,
         )
         mark = "" if newer is None else f"identified again in run {newer.run_id}"
         if not estimate.usable:
             mark = "; ".join(filter(None, (mark, "it is not usable")))
-        made_of = self._data(estimate) if origins is None else list(origins)
+        made_of = self._add_data(estimate) if origins is None else list(origins)
         content = {
             "data": estimate.data,
             "method": estimate.method,
@@ -399,7 +406,7 @@ class LineageGraph:
         title = f"Identification{': ' + name if name else ''}"
         detail = f"{estimate.kind}, {estimate.method}"
         digest = document_digest(content), ""
-        return self._node(
+        return self._add_node(
             kind=LineageKind.IDENTIFICATION,
             node=node,
             title=title,
@@ -410,13 +417,13 @@ class LineageGraph:
             identification=estimate.run_id,
         )
 
-    def _data(self, estimate: Identification) -> list[str]:
+    def _add_data(self, estimate: Identification) -> list[str]:
         if estimate.run_id is None:
             name, sha256 = estimate.data.get("file"), estimate.data.get("sha256")
             kept: Digest = (sha256, "") if isinstance(sha256, str) else (None, "its file was not kept")
             node = f"file-{estimate.id}"
             return [
-                self._node(
+                self._add_node(
                     kind=LineageKind.DATA,
                     node=node,
                     title="Imported data",
@@ -428,10 +435,10 @@ class LineageGraph:
         run = runs.get(self._session, estimate.run_id)
         node = f"data-{run.id}"
         if node not in self._nodes:
-            made_of = [self._parameters(run), *self._calibration(run)]
-            digest, started = self._samples.of(self._session, run), f"{run.started_at:%Y-%m-%d %H:%M} UTC"
-            mark = self._missing(run)
-            self._node(
+            made_of = [self._add_parameters(run), *self._add_calibration(run)]
+            digest, started = self._samples.compute_digest(self._session, run), f"{run.started_at:%Y-%m-%d %H:%M} UTC"
+            mark = self._describe_missing_samples(run)
+            self._add_node(
                 kind=LineageKind.DATA,
                 node=node,
                 title=f"Samples of run {run.id}",
@@ -443,20 +450,20 @@ class LineageGraph:
             )
         return [node]
 
-    def _missing(self, run: Run) -> str:
+    def _describe_missing_samples(self, run: Run) -> str:
         try:
             recording = recordings.get(self._session, run.id)
         except UnknownRecordError as error:
             return str(error)
         return "" if recording.removed_at is None else "the samples were deleted"
 
-    def _parameters(self, run: Run) -> str:
+    def _add_parameters(self, run: Run) -> str:
         digest = document_digest(run.parameters)
         node = f"parameters-{digest[:16]}"
         if node not in self._nodes:
             elsewhere = self._station != session_station(self._session)
-            mark = "" if elsewhere else _difference(run.parameters, self._now)
-            self._node(
+            mark = "" if elsewhere else _describe_difference(run.parameters, self._now)
+            self._add_node(
                 kind=LineageKind.PARAMETERS,
                 node=node,
                 title=f"Parameters {run.parameters_name}",
@@ -467,20 +474,20 @@ class LineageGraph:
             )
         return node
 
-    def _calibration(self, run: Run) -> list[str]:
+    def _add_calibration(self, run: Run) -> list[str]:
         """Return the box of what was calibrated when a run on a rig began."""
         if run.plant not in _CALIBRATED:
             return []
         origin = origins.of_runs(self._session, [run.id]).get(run.id)
         if origin is not None:
-            return self._carried_calibration(origin)
+            return self._add_embedded_calibration(origin)
         kept = commissioning.calibrations(self._session, run.station)
         then = {one.step: one for one in kept if one.at <= run.started_at}
         later = sorted({one.step for one in kept if one.at > run.started_at})
         if not then:
             none = None, "nothing was calibrated before the run"
             return [
-                self._node(
+                self._add_node(
                     kind=LineageKind.CALIBRATION,
                     node="calibration-none",
                     title="Calibration",
@@ -495,7 +502,7 @@ class LineageGraph:
         digest = document_digest(content)
         node = f"calibration-{digest[:16]}"
         return [
-            self._node(
+            self._add_node(
                 kind=LineageKind.CALIBRATION,
                 node=node,
                 title="Calibration",
@@ -506,13 +513,13 @@ class LineageGraph:
             )
         ]
 
-    def _carried_calibration(self, origin: Origin) -> list[str]:
+    def _add_embedded_calibration(self, origin: Origin) -> list[str]:
         """Return the box of what was calibrated at the rig that made an imported run."""
         content = origin.carried.get(origins.CALIBRATIONS)
         digest: Digest = (document_digest(content), "") if content else (None, "nothing came with the run")
         node = f"calibration-{(digest[0] or 'none')[:16]}"
         return [
-            self._node(
+            self._add_node(
                 kind=LineageKind.CALIBRATION,
                 node=node,
                 title="Calibration",
@@ -523,15 +530,15 @@ class LineageGraph:
         ]
 
 
-def _sources(bank: Bank) -> set[int]:
+def _list_sources(bank: Bank) -> set[int]:
     return {entry.identification_id for entry in bank.entries if entry.identification_id is not None}
 
 
-def _content(bank: Bank) -> list[dict[str, Any]]:
+def _extract_content(bank: Bank) -> list[dict[str, Any]]:
     return [{"S_nominal": entry.S_nominal, "model": entry.model} for entry in bank.entries]
 
 
-def _difference(then: Document, now: Document) -> str:
+def _describe_difference(then: Document, now: Document) -> str:
     """Return in words which numbers of the plant are others now."""
     if then == now:
         return ""
@@ -539,12 +546,15 @@ def _difference(then: Document, now: Document) -> str:
     differing = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name)]
     if not differing:
         return "the plant has others now: their sources or texts differ"
-    told = ", ".join(f"{name} {_shown(before.get(name))}, now {_shown(after.get(name))}" for name in differing[:_TOLD])
-    more = f" and {len(differing) - _TOLD} more" if len(differing) > _TOLD else ""
+    told = ", ".join(
+        f"{name} {_format_value(before.get(name))}, now {_format_value(after.get(name))}"
+        for name in differing[:_MAX_NAMED]
+    )
+    more = f" and {len(differing) - _MAX_NAMED} more" if len(differing) > _MAX_NAMED else ""
     return f"the plant has others now: {told}{more}"
 
 
-def _shown(value: float | str | None) -> str:
+def _format_value(value: float | str | None) -> str:
     if value is None:
         return "not there"
     return f"{value:.6g}" if type(value) is float else str(value)
@@ -558,7 +568,7 @@ def _shown(value: float | str | None) -> str:
 _RUNS_SHOWN = 20
 
 
-class History:
+class RunHistory:
     """``bank_in_use`` tells the number of the active bank; longer recordings than ``largest_bytes`` have no digest."""
 
     def __init__(
@@ -566,18 +576,18 @@ class History:
         database: Database,
         parameters: PlantParameters,
         bank_in_use: Callable[[], int | None],
-        largest_bytes: int = READ_AT_ONCE_BYTES,
+        largest_bytes: int = MAX_DIGEST_BYTES,
     ) -> None:
         self._database = database
-        self.use(parameters)
+        self.set_parameters(parameters)
         self._bank_in_use = bank_in_use
         self._samples = SampleDigests(largest_bytes)
 
-    def use(self, parameters: PlantParameters) -> None:
+    def set_parameters(self, parameters: PlantParameters) -> None:
         """Compare runs with these parameters from now on."""
         self._parameters = parameters.to_document()
 
-    def lineage(self, run_id: int) -> Lineage:
+    def build_lineage(self, run_id: int) -> Lineage:
         """Return what a run came from and what came of it. Raises UnknownRecordError."""
         with self._database.reading() as session:
             run = runs.get(session, run_id)
@@ -589,25 +599,25 @@ class History:
                 software=run.software,
                 parameters=run.parameters_name,
                 parameters_as_now=run.parameters == self._parameters,
-                bank=None if bank is None else _named(bank),
-                entries=[] if bank is None else _entries(session, bank),
-                banks_built=[_named(one) for one in built],
+                bank=None if bank is None else _build_bank_link(bank),
+                entries=[] if bank is None else _build_entries(session, bank),
+                banks_built=[_build_bank_link(one) for one in built],
                 runs_with_them=runs.with_banks(session, [one.id for one in built], limit=_RUNS_SHOWN),
-                nodes=LineageGraph(session, self._parameters, self._samples).of(run, built),
+                nodes=LineageGraph(session, self._parameters, self._samples).build_nodes(run, built),
             )
 
-    def marks(self, run_id: int) -> RunMarks:
+    def load_marks(self, run_id: int) -> RunMarks:
         """Return what happened during a run. Raises UnknownRecordError."""
         with self._database.reading() as session:
-            return marks_of(session, run_id)
+            return load_marks(session, run_id)
 
-    def checklist(self) -> Checklist:
+    def build_checklist(self) -> Checklist:
         """Return how far the set-up is."""
         with self._database.reading() as session:
-            return Checklist(steps=checklist_steps(session, self._parameters, self._bank_in_use()))
+            return Checklist(steps=build_checklist(session, self._parameters, self._bank_in_use()))
 
 
-def marks_of(session: Session, run_id: int) -> RunMarks:
+def load_marks(session: Session, run_id: int) -> RunMarks:
     """Return what happened during a run, on its own time axis. Raises UnknownRecordError."""
     run = runs.get(session, run_id)
     try:
@@ -631,11 +641,11 @@ def marks_of(session: Session, run_id: int) -> RunMarks:
     return RunMarks(marks=marks)
 
 
-def _named(bank: Bank) -> LineageBank:
+def _build_bank_link(bank: Bank) -> LineageBank:
     return LineageBank(id=bank.id, name=bank.name, version=bank.version)
 
 
-def _entries(session: Session, bank: Bank) -> list[LineageEntry]:
+def _build_entries(session: Session, bank: Bank) -> list[LineageEntry]:
     run_of = {estimate.id: estimate.run_id for estimate in identifications.find(session)}
     return [
         LineageEntry(

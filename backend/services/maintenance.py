@@ -56,7 +56,7 @@ class Maintenance:
         self._data = data
         self._supervisor = supervisor
 
-    def view(self) -> SystemView:
+    def describe_system(self) -> SystemView:
         """Return what the System page shows beside the state."""
         ring = self._supervisor.ring
         edges_us = [1e6 * edge for edge in LATENESS_EDGES_S]
@@ -67,48 +67,48 @@ class Maintenance:
                 LatenessClass(from_us=low, to_us=high if high < float("inf") else None, ticks=ticks)
                 for (low, high), ticks in zip(pairwise(edges_us), count_lateness(ring), strict=True)
             ],
-            versions=_versions(),
-            database=self._database_view(),
-            backups=[_backup_view(copy) for copy in copies],
+            versions=_list_versions(),
+            database=self._build_database_view(),
+            backups=[_build_backup_view(copy) for copy in copies],
         )
 
-    def check(self) -> DatabaseCheck:
+    def check_database(self) -> DatabaseCheck:
         """Check the whole database."""
         return DatabaseCheck(problems=find_database_errors(self._database.engine))
 
-    def backup(self, who: str) -> BackupView:
+    def back_up_database(self, who: str) -> BackupView:
         """Copy the database to the data folder. Raises BackupError."""
         target = next_backup_path(self._data)
         backup_database(self._database.engine, target)
         # a database that takes nothing more is one to make copies of: the copy counts
         with suppress(StorageError), self._database.session() as session:
             events.add(session, EventKind.BACKUP, f"database copied to {target.name}", who=who)
-        return _backup_view(target)
+        return _build_backup_view(target)
 
-    def _database_view(self) -> DatabaseView:
+    def _build_database_view(self) -> DatabaseView:
         engine = self._database.engine
         file = engine.url.database if engine.dialect.name == "sqlite" else None
         return DatabaseView(
             kind=engine.dialect.name,
             schema_revision=read_revision(engine),
-            size_bytes=_size_with_log(Path(file)) if file else None,
+            size_bytes=_measure_database_size(Path(file)) if file else None,
             disk_free_bytes=shutil.disk_usage(self._data).free,
         )
 
 
 @cache
-def _versions() -> dict[str, str]:
+def _list_versions() -> dict[str, str]:
     own = {"Sinew": __version__, "Python": platform.python_version(), "Linux": platform.release()}
     return own | {name: version(name) for name in _PACKAGES}
 
 
-def _size_with_log(file: Path) -> int:
+def _measure_database_size(file: Path) -> int:
     """Size of an SQLite file with what still stands in its write-ahead log."""
     log = file.with_name(f"{file.name}-wal")
     return file.stat().st_size + (log.stat().st_size if log.is_file() else 0)
 
 
-def _backup_view(copy: Path) -> BackupView:
+def _build_backup_view(copy: Path) -> BackupView:
     known = copy.stat()
     return BackupView(name=copy.name, at=datetime.fromtimestamp(known.st_mtime, UTC), size_bytes=known.st_size)
 
@@ -121,7 +121,7 @@ def _backup_view(copy: Path) -> BackupView:
 
 MAINTENANCE_PART = Part("The look at the room that recordings take", "Recordings may pass their limit unseen.")
 
-LOOK_S = 600.0
+CHECK_PERIOD_S = 600.0
 """How often the sizes are added up [s]: a recording grows by 80 MB an hour."""
 
 
@@ -137,20 +137,20 @@ class Retention:
         """Look from time to time until cancelled."""
         while True:
             try:
-                await asyncio.to_thread(self.view)
+                await asyncio.to_thread(self.summarize_recordings)
             except StorageError as error:
                 self.problem = f"the size of the recordings is not known: {error}"
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_PERIOD_S)
 
-    def view(self) -> RecordingsView:
+    def summarize_recordings(self) -> RecordingsView:
         """Return what recordings take and which may go. Raises StorageError."""
-        return self._seen(summarise_retention(self._database, self._rule))
+        return self._build_view(summarise_retention(self._database, self._rule))
 
-    def remove(self, run_ids: list[int], who: str) -> RecordingsView:
+    def delete_samples(self, run_ids: list[int], who: str) -> RecordingsView:
         """Delete the samples of exactly these runs. Raises NotRemovableError, StorageError."""
-        return self._seen(delete_recordings(self._database, self._rule, run_ids, who))
+        return self._build_view(delete_recordings(self._database, self._rule, run_ids, who))
 
-    def _seen(self, found: Overview) -> RecordingsView:
+    def _build_view(self, found: Overview) -> RecordingsView:
         self.problem = found.describe
         return RecordingsView(
             total_bytes=found.total_bytes,
@@ -181,7 +181,7 @@ NICENESS = 10
 _log = logging.getLogger(__name__)
 
 
-class Soundness:
+class DatabaseMonitor:
     """Looks after the database of one data folder. ``problem`` says what is wrong with its pages."""
 
     def __init__(self, database: Database, data: Path) -> None:
@@ -191,25 +191,25 @@ class Soundness:
         self._is_due = database.file is not None
         self._thread: threading.Thread | None = None
 
-    def before_start(self) -> None:
+    def check_small_database(self) -> None:
         """Check all of a small database. Raises DamagedError, with the way back."""
         if self._database.file is not None and is_quick_to_check(self._database.file):
             require_intact_database(self._database, self._data)
             self._is_due = False
 
-    def start(self) -> None:
+    def start_check(self) -> None:
         """Check all of a large database while the service works."""
         if self._is_due:
             # A thread of its own, as its niceness stays with it; nobody waits for it when the service ends.
-            self._thread = threading.Thread(target=self._look, name="database check", daemon=True)
+            self._thread = threading.Thread(target=self._check_database, name="database check", daemon=True)
             self._thread.start()
 
-    def wait(self, timeout_s: float) -> None:
+    def wait_for_check(self, timeout_s: float) -> None:
         """Wait for the check of a large database."""
         if self._thread is not None:
             self._thread.join(timeout_s)
 
-    def displaced(self) -> str:
+    def describe_displacement(self) -> str:
         """Return why what is written is not kept where anybody finds it, "" while all is well."""
         try:
             self._database.require_in_place()
@@ -217,7 +217,7 @@ class Soundness:
             return str(error)
         return ""
 
-    def _look(self) -> None:
+    def _check_database(self) -> None:
         with suppress(PermissionError):  # of this thread alone: the recorder comes first
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         try:

@@ -28,7 +28,7 @@ from plant import SIDES, ErrorCode, ParameterError, PlantParameters, Side, Sinew
 # as its file says.
 
 
-NAME = "identified in force"
+SETTING_NAME = "identified in force"
 
 
 class NotApplicableError(SinewError, ValueError):
@@ -59,11 +59,11 @@ def list_parameter_versions(database: Database, base: PlantParameters) -> list[A
     Raises UnreadableDocumentError, ParameterError.
     """
     with database.reading() as session:
-        stored = [(APPLIED.read(one.value, f"version of {one.who}"), one) for one in settings.history(session, NAME)]
+        stored = [(APPLIED.read(one.value, f"version of {one.who}"), one) for one in settings.history(session, SETTING_NAME)]
     mine = tuning_settings.compute_parameters_digest(base)
     made = [(applied, one) for applied, one in reversed(stored) if applied.base == mine]
     found = [
-        AppliedVersion(number, _over(base, applied), applied, one.who, one.at)
+        AppliedVersion(number, _apply_to(base, applied), applied, one.who, one.at)
         for number, (applied, one) in enumerate(made, start=1)
     ]
     return [*reversed(found), AppliedVersion(0, base)]
@@ -77,11 +77,11 @@ def load_active_parameters(database: Database, base: PlantParameters) -> PlantPa
 def find_last_applicant(database: Database) -> str:
     """Return who applied something last, to whatever file; empty for nobody."""
     with database.reading() as session:
-        last = settings.newest(session, NAME)
+        last = settings.newest(session, SETTING_NAME)
     return "" if last is None else last.who
 
 
-def proposal(base: PlantParameters, now: PlantParameters, found: Identification) -> AppliedParameters:
+def build_proposal(base: PlantParameters, now: PlantParameters, found: Identification) -> AppliedParameters:
     """Return what applying an identification would put in force, over what is ``now``.
 
     Raises NotApplicableError, and ParameterError for a value outside its bounds.
@@ -92,9 +92,11 @@ def proposal(base: PlantParameters, now: PlantParameters, found: Identification)
     if not found.usable:
         raise NotApplicableError(f"{named} is not usable: {found.verdict}")
     source = f"{found.kind} identification of {named}"
-    sections = identified_sections(now)
+    sections = select_identified_sections(now)
     for side in SIDES:
-        entries = dict(_motor(found, side) if found.kind == "motor" else _spring(found, side))
+        entries = dict(
+            _iterate_motor_values(found, side) if found.kind == "motor" else _iterate_spring_values(found, side)
+        )
         own = sections.setdefault(f"identified_{side}", {})
         if "k" in entries:
             own.pop("points", None)
@@ -106,12 +108,12 @@ def proposal(base: PlantParameters, now: PlantParameters, found: Identification)
         "run": found.run_id or 0,
     }
     applied = APPLIED.read(document, source)
-    if not differences(now, _over(base, applied)):
+    if not find_changes(now, _apply_to(base, applied)):
         raise NotApplicableError(f"{named} says what is in force already: nothing would change")
     return applied
 
 
-def undoing(database: Database, base: PlantParameters) -> AppliedParameters:
+def build_undo(database: Database, base: PlantParameters) -> AppliedParameters:
     """Return what puts the former version in force again. Raises NotApplicableError where there is none."""
     found = list_parameter_versions(database, base)
     if len(found) == 1:
@@ -129,43 +131,43 @@ def undoing(database: Database, base: PlantParameters) -> AppliedParameters:
 
 def store_parameters(session: Session, applied: AppliedParameters, who: str) -> None:
     """Store a new version: it is the one in force from now on."""
-    settings.save(session, NAME, APPLIED.write(applied), who)
+    settings.save(session, SETTING_NAME, APPLIED.write(applied), who)
 
 
-def changed_sections(applied: AppliedParameters) -> dict[str, dict[str, dict[str, Any]]]:
+def build_identified_sections(applied: AppliedParameters) -> dict[str, dict[str, dict[str, Any]]]:
     """Return what is put over the file, as its document says it."""
     return {section: {name: asdict(one) for name, one in held.items()} for section, held in applied.identified.items()}
 
 
-def identified_sections(parameters: PlantParameters) -> dict[str, dict[str, dict[str, Any]]]:
+def select_identified_sections(parameters: PlantParameters) -> dict[str, dict[str, dict[str, Any]]]:
     """Return the sections of what the controller knows."""
     held = parameters.to_document().items()
     return {section: entries for section, entries in held if section.startswith("identified")}
 
 
-def differences(before: PlantParameters, after: PlantParameters) -> list[ParameterChange]:
+def find_changes(before: PlantParameters, after: PlantParameters) -> list[ParameterChange]:
     """Return the entries that differ, side by side."""
-    return [change for side in SIDES for change in _compared(before, after, side) if change.before != change.after]
+    return [change for side in SIDES for change in _compare_side(before, after, side) if change.before != change.after]
 
 
-def _compared(before: PlantParameters, after: PlantParameters, side: Side) -> Iterator[ParameterChange]:
+def _compare_side(before: PlantParameters, after: PlantParameters, side: Side) -> Iterator[ParameterChange]:
     was, now = before.select_identified(side), after.select_identified(side)
-    yield _change("K_m", side, "rad/(V·s)", was.K_m, now.K_m)
-    yield _change("T_m", side, "s", was.T_m, now.T_m)
+    yield _build_change("K_m", side, "rad/(V·s)", was.K_m, now.K_m)
+    yield _build_change("T_m", side, "s", was.T_m, now.T_m)
     for power, (old, new) in enumerate(zip_longest(was.k, now.k)):
-        yield _change(f"k{power}", side, ("N", "N/m", "N/m²", "N/m³", "N/m⁴", "N/m⁵")[power], old, new)
+        yield _build_change(f"k{power}", side, ("N", "N/m", "N/m²", "N/m³", "N/m⁴", "N/m⁵")[power], old, new)
 
 
-def _change(name: str, side: Side, unit: str, before: float | None, after: float | None) -> ParameterChange:
+def _build_change(name: str, side: Side, unit: str, before: float | None, after: float | None) -> ParameterChange:
     percent = 100.0 * (after / before - 1.0) if before and after is not None else None
     return ParameterChange(name=name, side=side, unit=unit, before=before, after=after, percent=percent)
 
 
-def _over(base: PlantParameters, applied: AppliedParameters) -> PlantParameters:
-    return base.with_identified(changed_sections(applied))
+def _apply_to(base: PlantParameters, applied: AppliedParameters) -> PlantParameters:
+    return base.with_identified(build_identified_sections(applied))
 
 
-def _motor(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, str]]]:
+def _iterate_motor_values(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, str]]]:
     known = found.motors.side(side).model.parameters
     if known.K_m is None or known.T_m is None:
         raise NotApplicableError(f"run {found.run_id} has no K_m and T_m of motor {side}: evaluate it again")
@@ -173,7 +175,7 @@ def _motor(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, 
     yield "T_m", (known.T_m, "s")
 
 
-def _spring(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, str]]]:
+def _iterate_spring_values(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, str]]]:
     """Give each spring its own polynomial, and both that of a table."""
     spring = found.springs.get(side) or found.springs.get("table")
     if spring is None:
@@ -190,7 +192,7 @@ def _spring(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any,
 # undoes says which version, so that two who undo at once do not undo each other.
 
 
-class _Wanted(NamedTuple):
+class _PreparedChange(NamedTuple):
     """What is to come into force, and a tuning that is safe on it in place of the one ``before``."""
 
     applied: AppliedParameters
@@ -206,7 +208,7 @@ class ParametersApplied:
     parameters: PlantParameters
 
 
-class Applied:
+class ParameterService:
     """Versions over ``base``, the parameter file. Publishes ParametersApplied."""
 
     def __init__(
@@ -221,7 +223,7 @@ class Applied:
         self._actuator, self._supervisor, self._database = actuator, supervisor, database
         self._tuning_store, self._base, self._events = tuning_store, base, events
 
-    def view(self, estimate: int | None = None) -> ParametersView:
+    def build_view(self, estimate: int | None = None) -> ParametersView:
         """Return what is in force and was, and what applying an estimate would change. Raises UnknownRecordError."""
         try:
             found = list_parameter_versions(self._database, self._base)
@@ -232,15 +234,17 @@ class Applied:
         before = [*found[1:], found[-1]]
         return ParametersView(
             name=self._base.name,
-            versions=[_version_view(one, former) for one, former in zip(found, before, strict=True)],
-            proposal=None if estimate is None else self._proposal_view(estimate, found[0].parameters),
+            versions=[_build_version_view(one, former) for one, former in zip(found, before, strict=True)],
+            proposal=None if estimate is None else self._build_proposal_view(estimate, found[0].parameters),
         )
 
     async def apply(self, estimate: int, who: str) -> ParametersView:
         """Put in force what was identified. Raises RequestRejectedError, UnknownRecordError; nothing changes then."""
         async with self._actuator.start_lock:
-            await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._proposal(estimate)), who)
-        return await asyncio.to_thread(self.view)
+            await self._apply_change(
+                await asyncio.to_thread(self._prepare_change, lambda: self._build_proposal(estimate)), who
+            )
+        return await asyncio.to_thread(self.build_view)
 
     async def undo(self, version: int, who: str) -> ParametersView:
         """Put what was before ``version``, the newest, in force again.
@@ -249,22 +253,26 @@ class Applied:
         with: so it does for a loop that is not there, too.
         """
         async with self._actuator.start_lock:
-            await self._take_up(await asyncio.to_thread(self._wanted, lambda: self._undoing(version)), who)
-        return await asyncio.to_thread(self.view)
+            await self._apply_change(
+                await asyncio.to_thread(self._prepare_change, lambda: self._build_undo(version)), who
+            )
+        return await asyncio.to_thread(self.build_view)
 
-    def _wanted(self, propose: Callable[[], AppliedParameters]) -> _Wanted:
+    def _prepare_change(self, propose: Callable[[], AppliedParameters]) -> _PreparedChange:
         try:
             if load_parameters(self._supervisor.setup.parameters) != self._base:  # a loop that starts reads it anew
                 raise RequestRejectedError(
                     ErrorCode.NOT_NOW, "the parameter file has changed: start the service anew first"
                 )
             applied, before = propose(), self._actuator.live_state.operator_tuning
-            parameters = self._base.with_identified(changed_sections(applied))
-            return _Wanted(applied, parameters, before, self._tuning_store.choose_for_parameters(before, parameters))
+            parameters = self._base.with_identified(build_identified_sections(applied))
+            return _PreparedChange(
+                applied, parameters, before, self._tuning_store.choose_for_parameters(before, parameters)
+            )
         except (NotApplicableError, ParameterError, TuningError) as error:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, f"it cannot be applied: {error}") from None
 
-    async def _take_up(self, wanted: _Wanted, who: str) -> None:
+    async def _apply_change(self, wanted: _PreparedChange, who: str) -> None:
         applied, parameters, before, tuning = wanted
 
         def take() -> None:
@@ -279,7 +287,7 @@ class Applied:
             live_state = self._actuator.live_state
             live_state.set_parameters(parameters, tuning)
             live_state.reset_undo(self._tuning_store.load_previous(tuning))
-            identified = changed_sections(applied)
+            identified = build_identified_sections(applied)
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
             self._events.publish(ParametersApplied(parameters))
 
@@ -308,28 +316,28 @@ class Applied:
                 ErrorCode.NOT_NOW, "the tuning was changed meanwhile: look at it, then try again"
             )
 
-    def _undoing(self, version: int) -> AppliedParameters:
+    def _build_undo(self, version: int) -> AppliedParameters:
         newest = list_parameter_versions(self._database, self._base)[0].number
         if newest not in (0, version):
             raise NotApplicableError(f"version {newest} is in force by now, not {version}: look at what it changed")
-        return undoing(self._database, self._base)
+        return build_undo(self._database, self._base)
 
-    def _proposal(self, estimate: int) -> AppliedParameters:
+    def _build_proposal(self, estimate: int) -> AppliedParameters:
         with self._database.reading() as session:
             found = identifications.get(session, estimate)
         now = load_active_parameters(self._database, self._base)
-        return proposal(self._base, now, found)
+        return build_proposal(self._base, now, found)
 
-    def _proposal_view(self, estimate: int, now: PlantParameters) -> ParameterProposal:
+    def _build_proposal_view(self, estimate: int, now: PlantParameters) -> ParameterProposal:
         try:
-            then = self._base.with_identified(changed_sections(self._proposal(estimate)))
+            then = self._base.with_identified(build_identified_sections(self._build_proposal(estimate)))
         except (NotApplicableError, ParameterError) as error:
             return ParameterProposal(estimate=estimate, problem=str(error), digest="", changes=[])
         digest = AppliedVersion(0, then).digest
-        return ParameterProposal(estimate=estimate, problem="", digest=digest, changes=differences(now, then))
+        return ParameterProposal(estimate=estimate, problem="", digest=digest, changes=find_changes(now, then))
 
 
-def _version_view(one: AppliedVersion, former: AppliedVersion) -> ParameterVersion:
+def _build_version_view(one: AppliedVersion, former: AppliedVersion) -> ParameterVersion:
     applied = one.applied
     return ParameterVersion(
         number=one.number,
@@ -339,5 +347,5 @@ def _version_view(one: AppliedVersion, former: AppliedVersion) -> ParameterVersi
         estimate=None if applied is None else applied.estimate or None,
         run=None if applied is None else applied.run or None,
         undone=applied is not None and applied.undone,
-        changes=differences(former.parameters, one.parameters),
+        changes=find_changes(former.parameters, one.parameters),
     )

@@ -13,7 +13,7 @@ from backend.exports import Facts, ImportRefusedError, writers
 from backend.faults import EXPLANATIONS, FAULTS
 from backend.realtime import MODES, SPEED_MAX, SPEED_MIN, Accepted, Command, PlayerMoved, PlayRecording
 from backend.schemas import PlayedRecording, PlayerOrder, PlayerView, RunMark
-from backend.services.lineage import marks_of
+from backend.services.lineage import load_marks
 from backend.storage import Database, EventKind, UnknownRecordError, runs
 from plant import ErrorCode, RecordedSamples, Signal, T_s, load_replay
 
@@ -56,7 +56,7 @@ def _load_marks(database: Database, number: int, facts: Facts) -> list[RunMark] 
         with database.reading() as session:
             if runs.get(session, number).started_at.isoformat() != facts.started_at:
                 return None
-            return marks_of(session, number).marks
+            return load_marks(session, number).marks
     except UnknownRecordError:
         return None
 

@@ -14,7 +14,7 @@ from backend.execution import RunPhase, RunRequest, dry_run, read_progress, warm
 from backend.experiments import LoopSettings, list_setting_values
 from backend.schemas import DryRunProgress, DryRunView, ExperimentRequest, QueuedView, QueueView
 from backend.services.background_work import IsDisconnected, WorkLimiter, run_while_connected
-from backend.services.runs import dry_run_view
+from backend.services.runs import build_dry_run_view
 from backend.services.tuning_state import RobustnessCache
 from backend.storage import Bank, Database, EndState, StorageError, queue
 from backend.supervision import Part, Supervision
@@ -100,7 +100,7 @@ class DryRuns:
                 # Here, not in the process: one that is killed clears up nothing.
                 shutil.rmtree(folder, ignore_errors=True)
         settings = {**list_setting_values(order.plan), **asdict(order.loop_settings)}
-        return dry_run_view(played.run, played.result, played.curves, duration_s, settings)
+        return build_dry_run_view(played.run, played.result, played.curves, duration_s, settings)
 
 
 def _prepare_process(parameters: PlantParameters, settings: LoopSettings) -> None:

@@ -69,7 +69,7 @@ from backend.schemas import (
     TaskView,
     Timeline,
 )
-from backend.services.lineage import marks_of
+from backend.services.lineage import load_marks
 from backend.storage import (
     All,
     Bank,
@@ -133,38 +133,38 @@ class Evaluations:
         self._database = database
         self._worker = worker
         self._task = task
-        self._under_way: set[int] = set()
+        self._active: set[int] = set()
 
-    def includes(self, run_id: int) -> bool:
+    def is_evaluating(self, run_id: int) -> bool:
         """Whether a run is being evaluated again."""
-        return run_id in self._under_way
+        return run_id in self._active
 
-    async def again(self, run_id: int) -> None:
+    async def evaluate_again(self, run_id: int) -> None:
         """Compute and store the result of a run; what keeps it from that is kept with the run, and raised.
 
         Raises UnknownRecordError, NotEvaluableError, WorkerDiedError, RequestRejectedError while it is being evaluated.
         """
-        require_evaluable(await asyncio.to_thread(self._run, run_id))
+        require_evaluable(await asyncio.to_thread(self._load_run, run_id))
         task = self._task()
-        if self.includes(run_id) or (task is not None and task.run == run_id):
+        if self.is_evaluating(run_id) or (task is not None and task.run == run_id):
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, f"run {run_id} is being evaluated: its result follows in a moment"
             )
-        self._under_way.add(run_id)
+        self._active.add(run_id)
         try:
             await self._worker.run(reevaluate_run, self._database, run_id)
         except Exception as error:
-            await asyncio.to_thread(self._keep_problem, run_id, f"{type(error).__name__}: {error}")
+            await asyncio.to_thread(self._store_problem, run_id, f"{type(error).__name__}: {error}")
             raise
         finally:
-            self._under_way.discard(run_id)
+            self._active.discard(run_id)
         self._events.publish(RunReevaluated(run_id))
 
-    def _run(self, run_id: int) -> Run:
+    def _load_run(self, run_id: int) -> Run:
         with self._database.reading() as session:
             return runs.get(session, run_id)
 
-    def _keep_problem(self, run_id: int, problem: str) -> None:
+    def _store_problem(self, run_id: int, problem: str) -> None:
         with self._database.session() as session:
             runs.set_evaluation_problem(session, run_id, problem)
 
@@ -174,7 +174,7 @@ class Evaluations:
 # What a stored run was going to play, from begin to end.
 
 
-NOTHING = Planned(t=[], lines=[], parts=[])
+EMPTY_PLAN = Planned(t=[], lines=[], parts=[])
 _UNITS = {field.name: field.unit for field in FIELDS}
 
 
@@ -188,36 +188,36 @@ def read_planned_run(database: Database, run_id: int) -> Planned:
         try:
             kept = run.set_to.plan
         except UnreadableDocumentError:
-            return NOTHING
+            return EMPTY_PLAN
         if kept is None:
-            return NOTHING
+            return EMPTY_PLAN
         plan = parse_stored_plan(run.kind, kept)
         followed = ("theta_A_ref", "theta_B_ref") if isinstance(plan, IdentificationPlan) else ("q_ref", "S_ref")
-        began = _at_first(session, run_id, *followed)
+        began = _read_first_references(session, run_id, *followed)
     if isinstance(plan, IdentificationPlan):
         try:
             told = forecast_identification(plan, parse_parameters(run.parameters_name, run.parameters), began)
         except ParameterError:
-            return NOTHING
+            return EMPTY_PLAN
         parts = [
             PlannedPart(title=f"{told.title(one)}, {one.stage}", start_s=one.begin * T_s, end_s=one.end * T_s)
             for one in told.stretches
         ]
-        return Planned(t=told.t.tolist(), lines=_lines(told.signals), parts=parts)
+        return Planned(t=told.t.tolist(), lines=_build_lines(told.signals), parts=parts)
     program = plan.program()
     if not program.segments:
-        return NOTHING
+        return EMPTY_PLAN
     first = program.segments[0]
     found = build_profile(program, *(began or (first.q_ref, first.S_ref)))
     pushed = {"F_push": found.F_push} if found.F_push.any() else {}
     return Planned(
         t=found.t.tolist(),
-        lines=_lines({"q_ref": found.q_ref, "S_ref": found.S_ref, **pushed}),
+        lines=_build_lines({"q_ref": found.q_ref, "S_ref": found.S_ref, **pushed}),
         parts=[PlannedPart(title=part.title, start_s=part.start_s, end_s=part.end_s) for part in plan.phases()],
     )
 
 
-def _lines(signals: dict[str, NDArray[np.float64]]) -> list[PlannedLine]:
+def _build_lines(signals: dict[str, NDArray[np.float64]]) -> list[PlannedLine]:
     return [
         PlannedLine(
             name=name,
@@ -228,7 +228,7 @@ def _lines(signals: dict[str, NDArray[np.float64]]) -> list[PlannedLine]:
     ]
 
 
-def _at_first(session: Session, run_id: int, one: str, other: str) -> tuple[float, float] | None:
+def _read_first_references(session: Session, run_id: int, one: str, other: str) -> tuple[float, float] | None:
     """Return the references that a run began with; None while nothing of it is recorded, or there were none."""
     try:
         samples = read_samples(session, run_id, (one, other), 0.0, T_s)
@@ -249,11 +249,11 @@ def _at_first(session: Session, run_id: int, one: str, other: str) -> tuple[floa
 _COLUMNS = ("q_ref", "S_ref", "F_push", "lam_q", "lam_S")
 _LAM = ("lam_q", "lam_S")
 _DECIMALS = 6
-_TOLD_AS_PARTS = ("push", "wall ", "no wall", "by the program: wall", "by the program: no wall")
+_EVENTS_OF_PARTS = ("push", "wall ", "no wall", "by the program: wall", "by the program: no wall")
 """How the events begin that come back as parts of the samples and of the kept walls."""
 
 
-def recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:
+def build_recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:
     """Return a run as an experiment of its own, and what of the run it does not repeat.
 
     Raises UnknownRecordError, ExperimentError where there are no references to follow.
@@ -261,20 +261,20 @@ def recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:
     with database.reading() as session:
         samples = read_samples(session, run_id, _COLUMNS)
         run = runs.get(session, run_id)
-        marks = marks_of(session, run_id).marks
-        bank = _bank(session, run)
+        marks = load_marks(session, run_id).marks
+        bank = _find_own_bank(session, run)
     columns = {name: column.astype(float) for name, column in samples.columns.items()}
     first, end = find_commanded_range(columns["q_ref"], columns["S_ref"])
     cut = {name: column[first:end] for name, column in columns.items()}
     t = samples.t[first:end]
-    made = _Made(t, cut, run, marks, bank)
-    found = follow_columns(cut["q_ref"], cut["S_ref"], np.nan_to_num(cut["F_push"]), made.changes())
-    made.leave_out_pushes(found, cut["F_push"])
+    made = _RunConversion(t, cut, run, marks, bank)
+    found = follow_columns(cut["q_ref"], cut["S_ref"], np.nan_to_num(cut["F_push"]), made.collect_changes())
+    made.report_missing_pushes(found, cut["F_push"])
     document = {
         "format": FORMAT,
         "name": f"as_run_{run_id}",
         "title": f"As run {run_id}",
-        "description": _described(run_id, found),
+        "description": _describe_recorded(run_id, found),
         **({} if made.law is Law.CASCADE else {"law": str(made.law)}),
         "phases": [{"name": "recorded", "title": "Recorded", "parts": found.parts}],
     }
@@ -282,7 +282,7 @@ def recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:
     return RecordedExperiment(text=text, document=document, left_out=made.left_out)
 
 
-def _described(run_id: int, found: RecordedParts) -> str:
+def _describe_recorded(run_id: int, found: RecordedParts) -> str:
     off = f"{found.off_q_rad:.2g} rad and {found.off_S:.2g} N·m/rad"
     pushed = f", pushes within {found.off_F_N:.2g} N" if any(part["do"] == "push" for part in found.parts) else ""
     late = f" Pushes, walls and the tuning come up to {found.late_ticks} ms late." if found.late_ticks else ""
@@ -292,7 +292,7 @@ def _described(run_id: int, found: RecordedParts) -> str:
     )
 
 
-def _bank(session: Session, run: Run) -> int | None:
+def _find_own_bank(session: Session, run: Run) -> int | None:
     """Return the number of the bank that a run began with, 0 for geometry; None where this station has none of it."""
     if run.set_to.loop.bank in (None, 0):
         return run.set_to.loop.bank
@@ -302,7 +302,7 @@ def _bank(session: Session, run: Run) -> int | None:
         return None
 
 
-class _Made:
+class _RunConversion:
     """What becomes of a run besides its references; ``left_out`` collects what cannot be repeated."""
 
     def __init__(
@@ -315,41 +315,41 @@ class _Made:
     ) -> None:
         self._t, self._columns, self._run, self._marks, self._bank = t, columns, run, marks, bank
         self.left_out: list[str] = []
-        self.law = _law(run)
+        self.law = _select_law(run)
         missing = round((t[-1] - t[0]) / T_s) + 1 - len(t)
         if missing > 0:
             self.left_out.append(f"{missing} samples are missing: their time is left out")
 
-    def changes(self) -> list[ReferenceChange]:
+    def collect_changes(self) -> list[ReferenceChange]:
         """Return tunings and walls in order of their ticks."""
-        tunings = self._within(self._tunings(), MAX_TUNINGS, "changes of the tuning")
-        walls = self._within(self._walls(), MAX_WALLS, "changes of the wall")
-        self._leave_out_marks()
-        self._leave_out_program()
+        tunings = self._limit_count(self._collect_tunings(), MAX_TUNINGS, "changes of the tuning")
+        walls = self._limit_count(self._collect_walls(), MAX_WALLS, "changes of the wall")
+        self._report_missing_marks()
+        self._report_missing_program()
         return sorted([*tunings, *walls], key=lambda change: change.tick)
 
-    def leave_out_pushes(self, found: RecordedParts, F_push: Column) -> None:
+    def report_missing_pushes(self, found: RecordedParts, F_push: Column) -> None:
         """Tell which pushes the experiment lacks."""
         for begin, end in found.unpushed:
             force, begins, ends = F_push[begin], self._t[begin], self._t[min(end, len(self._t) - 1)]
             why = "the references move meanwhile, and a push holds them"
             self.left_out.append(f"push of {force:.3g} N from {begins:.3f} s to {ends:.3f} s: {why}")
 
-    def _within(self, changes: list[ReferenceChange], most: int, what: str) -> list[ReferenceChange]:
+    def _limit_count(self, changes: list[ReferenceChange], most: int, what: str) -> list[ReferenceChange]:
         if len(changes) > most:
             self.left_out.append(f"the last {len(changes) - most} of {len(changes)} {what}: {most} are the most")
         return changes[:most]
 
-    def _tunings(self) -> list[ReferenceChange]:
+    def _collect_tunings(self) -> list[ReferenceChange]:
         """Return the tuning of the beginning, and every change: λ by the samples, the rest by what was noted."""
-        parts: dict[int, dict[str, Any]] = {0: self._first_tuning()}
+        parts: dict[int, dict[str, Any]] = {0: self._build_first_tuning()}
         for name in _LAM:
             column = np.round(self._columns[name], _DECIMALS)
             for change in np.flatnonzero(np.diff(column)) + 1:
                 parts.setdefault(int(change), {})[name] = float(column[change])
         for mark in self._marks:
             changed = parse_changes(mark.text) if mark.kind == EventKind.TUNING else None
-            tick = self._tick(mark.t)
+            tick = self._find_tick(mark.t)
             if changed is None or tick is None:
                 continue
             others = {name: value for name, value in changed.items() if name not in _LAM}
@@ -360,7 +360,7 @@ class _Made:
                 parts.setdefault(tick, {}).update(others)
         return [ReferenceChange(tick, {"do": "tuning", **parts[tick]}) for tick in sorted(parts) if parts[tick]]
 
-    def _first_tuning(self) -> dict[str, Any]:
+    def _build_first_tuning(self) -> dict[str, Any]:
         loop: StoredLoopSettings = self._run.set_to.loop
         known = {name: value for name, value in loop.known().items() if name != "seed"}
         if loop.motion == LAMBDA:
@@ -374,7 +374,7 @@ class _Made:
         first = {name: round(float(self._columns[name][0]), _DECIMALS) for name in _LAM}
         return {**known, **{name: value for name, value in first.items() if np.isfinite(value)}}
 
-    def _walls(self) -> list[ReferenceChange]:
+    def _collect_walls(self) -> list[ReferenceChange]:
         """Return the changes of the wall; one that would stand where the joint is asked to be is left out."""
         due: dict[int, KeptWall] = {}
         for kept in self._run.set_to.walls or ():
@@ -400,19 +400,19 @@ class _Made:
             stands = wall is not None
         return found
 
-    def _leave_out_marks(self) -> None:
+    def _report_missing_marks(self) -> None:
         """Tell what was noted and comes back by no part."""
         for mark in self._marks:
-            if mark.kind in (EventKind.MODE, EventKind.REFERENCES) or self._tick(mark.t) is None:
+            if mark.kind in (EventKind.MODE, EventKind.REFERENCES) or self._find_tick(mark.t) is None:
                 continue
-            told = mark.kind == EventKind.NOTE and mark.text.startswith(_TOLD_AS_PARTS)
+            told = mark.kind == EventKind.NOTE and mark.text.startswith(_EVENTS_OF_PARTS)
             told |= mark.kind == EventKind.TUNING and (
                 parse_changes(mark.text) is not None or mark.text.startswith("by the program")
             )
             if not told:
                 self.left_out.append(f"at {mark.t:.3f} s: {mark.text}")
 
-    def _leave_out_program(self) -> None:
+    def _report_missing_program(self) -> None:
         """Tell what the program of the run did and nothing records."""
         kept = self._run.set_to.plan
         if kept is None or self._run.set_to.experiment is None:
@@ -433,14 +433,14 @@ class _Made:
         if others:
             self.left_out.append(f"changes of {', '.join(sorted(others))} by the program: only λ is recorded")
 
-    def _tick(self, t: float) -> int | None:
+    def _find_tick(self, t: float) -> int | None:
         """Return the place of a time among the references, None for one outside of them."""
         if not self._t[0] - 0.5 * T_s <= t <= self._t[-1] + 0.5 * T_s:
             return None
         return min(int(np.searchsorted(self._t, t - 0.5 * T_s)), len(self._t) - 1)
 
 
-def _law(run: Run) -> Law:
+def _select_law(run: Run) -> Law:
     """Return the law under which an experiment plays what a run did."""
     if run.set_to.mode == Mode.COMPLIANCE:
         return Law.COMPLIANCE
@@ -454,7 +454,7 @@ def _law(run: Run) -> Law:
 # is seen.
 
 
-_NEEDED = ("q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "F_push", "F_ext_hat", "F_wall")
+_REPLAY_COLUMNS = ("q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "F_push", "F_ext_hat", "F_wall")
 
 
 class ReplayView:
@@ -467,11 +467,11 @@ class ReplayView:
         self._database = database
         self._shown: tuple[NDArray[np.float64] | None, Obstacle | None] = None, None
 
-    def row(self) -> NDArray[np.float64] | None:
+    def get_row(self) -> NDArray[np.float64] | None:
         """Return the moment shown, one value per field of a sample; None before the first."""
         return self._shown[0]
 
-    def wall(self) -> Obstacle | None:
+    def get_wall(self) -> Obstacle | None:
         """Return the wall that stood in the joint's way at the moment shown; None for none, and for none known."""
         return self._shown[1]
 
@@ -486,19 +486,22 @@ class ReplayView:
         columns = read_flight_columns(self._database, event_id)
         if columns["t"].size:
             nearest = int(np.argmin(np.abs(columns["t"] - t)))
-            self._shown = _row({name: columns[name][nearest] for name in _NEEDED if name in columns}), None
+            self._shown = (
+                _build_row({name: columns[name][nearest] for name in _REPLAY_COLUMNS if name in columns}),
+                None,
+            )
 
     def _read(self, run_id: int, t: float) -> tuple[NDArray[np.float64], Obstacle | None] | None:
         with self._database.reading() as session:
-            samples = read_samples(session, run_id, _NEEDED, t, t + T_s)
+            samples = read_samples(session, run_id, _REPLAY_COLUMNS, t, t + T_s)
             walls = runs.get(session, run_id).set_to.walls or ()
         if not len(samples.t):
             return None
-        row = _row({name: column[0] for name, column in samples.columns.items()})
+        row = _build_row({name: column[0] for name, column in samples.columns.items()})
         return row, find_wall_at(walls, float(samples.t[0]) + 0.5 * T_s)
 
 
-def _row(values: Mapping[str, float]) -> NDArray[np.float64]:
+def _build_row(values: Mapping[str, float]) -> NDArray[np.float64]:
     row = np.full(len(NAMES), np.nan)
     for name, value in values.items():
         row[INDEX[name]] = value
@@ -516,14 +519,14 @@ class StoredTimeline:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def page(self, asked: LogQuery, limit: int) -> Timeline:
+    def load_page(self, asked: LogQuery, limit: int) -> Timeline:
         """Return the newest of what is asked for."""
         with self._database.reading() as session:
             found, more_before = timeline.find(session, asked, limit)
             total = len(found) if more_before is None else timeline.count(session, asked)
         return Timeline(entries=found, total=total, more_before=more_before)
 
-    def remark(self, event_id: int, said: Remark, who: str) -> None:
+    def set_remark(self, event_id: int, said: Remark, who: str) -> None:
         """Put a note and tags on an event. Raises UnknownRecordError, TagError, RequestRejectedError."""
         with self._database.session() as session:
             timeline.remark(session, event_id, said.note.strip(), said.tags, who)
@@ -534,7 +537,7 @@ class StoredTimeline:
 # From stored records to what the interface shows of them; no record is changed here.
 
 
-def run_view(
+def build_run_view(
     run: Run,
     evaluation: EvaluationView,
     samples: int,
@@ -586,7 +589,7 @@ def run_view(
     )
 
 
-def samples_view(run_id: int, envelope: reader.SampleEnvelope, *, raw: bool) -> SamplesView:
+def build_samples_view(run_id: int, envelope: reader.SampleEnvelope, *, raw: bool) -> SamplesView:
     """Return an envelope of samples; nan is null."""
     return SamplesView(
         run=run_id,
@@ -596,15 +599,15 @@ def samples_view(run_id: int, envelope: reader.SampleEnvelope, *, raw: bool) -> 
         signals={
             name: SignalEnvelope(
                 unit=envelope.units[name],
-                minimum=_plain(envelope.minimum[name]),
-                maximum=_plain(envelope.maximum[name]),
+                minimum=_replace_nan(envelope.minimum[name]),
+                maximum=_replace_nan(envelope.maximum[name]),
             )
             for name in envelope.minimum
         },
     )
 
 
-def bank_view(
+def build_bank_view(
     bank: Bank, runs_of: Mapping[int, int | None], positions: Mapping[int, float], in_use: int | None
 ) -> BankView:
     """Return a bank; its estimates are mapped to the runs they came from and the joint positions they were made at."""
@@ -629,7 +632,7 @@ def bank_view(
     )
 
 
-def experiment_view(run: Run, result: Result | None, progress: float) -> ExperimentView:
+def build_experiment_view(run: Run, result: Result | None, progress: float) -> ExperimentView:
     """Return an experiment run with metrics and criteria, where they have been computed."""
     return ExperimentView(
         id=run.id,
@@ -639,12 +642,12 @@ def experiment_view(run: Run, result: Result | None, progress: float) -> Experim
         created=run.started_at,
         progress=progress,
         settings={name: value for name, value in run.set_to.told().items() if name != "experiment"},
-        **_judgement(run, result),
-        message=message_of(run, result),
+        **_build_judgement(run, result),
+        message=build_run_message(run, result),
     )
 
 
-def dry_run_view(
+def build_dry_run_view(
     run: Run,
     result: Result | None,
     curves: reader.SampleEnvelope | None,
@@ -652,18 +655,18 @@ def dry_run_view(
     settings: dict[str, SettingValue],
 ) -> DryRunView:
     """Return what a dry run with these settings gave; its run is stored nowhere."""
-    samples = None if curves is None else samples_view(run.id, curves, raw=False)
+    samples = None if curves is None else build_samples_view(run.id, curves, raw=False)
     return DryRunView(
         status=run.end_state,
-        message=message_of(run, result),
+        message=build_run_message(run, result),
         duration_s=duration_s,
         settings=settings,
-        **_judgement(run, result),
+        **_build_judgement(run, result),
         samples=samples,
     )
 
 
-def _judgement(run: Run, result: Result | None) -> dict[str, Any]:
+def _build_judgement(run: Run, result: Result | None) -> dict[str, Any]:
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
     running = "" if run.ended_at is not None else "the run is not over"
     found = judge_stored_run(metrics, criteria, run.evaluation_problem or running)
@@ -671,11 +674,11 @@ def _judgement(run: Run, result: Result | None) -> dict[str, Any]:
         "outcome": found.outcome,
         "verdict": found.sentence,
         "metrics": list(metrics.figures if metrics else ()),
-        "criteria": [_criterion(item) for item in criteria],
+        "criteria": [_build_criterion(item) for item in criteria],
     }
 
 
-def _criterion(item: RunCriterion) -> Criterion:
+def _build_criterion(item: RunCriterion) -> Criterion:
     return Criterion(
         name=item.name,
         label=item.title,
@@ -688,18 +691,18 @@ def _criterion(item: RunCriterion) -> Criterion:
     )
 
 
-def message_of(run: Run, result: Result | None) -> str:
+def build_run_message(run: Run, result: Result | None) -> str:
     """Return what is to be said of a run beside its verdict: how it ended, or why there is no result."""
     if result is None and run.evaluation_problem:
         return ". ".join(filter(None, (run.end_detail, f"not evaluated: {run.evaluation_problem}")))
     return run.end_detail or ("" if result is None else result.metrics.problem)
 
 
-def _plain(values: NDArray[np.float32]) -> list[float | None]:
+def _replace_nan(values: NDArray[np.float32]) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
-def flight_view(flight: Flight) -> FlightView:
+def build_flight_view(flight: Flight) -> FlightView:
     """Return a flight record with its extent around the trip or trigger."""
     before = flight.trip_tick - flight.first_tick
     return FlightView(
@@ -746,7 +749,7 @@ class RunQuery:
     limit: int = 100
     offset: int = 0
 
-    def query(self) -> Query:
+    def build_query(self) -> Query:
         """Return what is asked. Raises RequestRejectedError for an unknown kind, QueryError."""
         for unknown in (one for one in self.kinds if one not in set(RunKind)):
             raise RequestRejectedError(
@@ -779,54 +782,54 @@ class StoredRuns:
         self._task = task
         self._is_evaluated = is_evaluated
 
-    def found(self, asked: RunQuery) -> RunList:
+    def find_runs(self, asked: RunQuery) -> RunList:
         """Return a page of runs, newest first. Raises RequestRejectedError for an unknown kind, QueryError."""
-        query = asked.query()
+        query = asked.build_query()
         with self._database.reading() as session:
             page = run_search.search(
                 session, query, everywhere=asked.everywhere, limit=asked.limit, offset=asked.offset
             )
-            views = self._views(session, runs.of_numbers(session, page.run_ids))
+            views = self._build_views(session, runs.of_numbers(session, page.run_ids))
             return RunList(runs=views, total=page.total)
 
-    def run(self, run_id: int) -> RunView:
+    def load_run(self, run_id: int) -> RunView:
         """Return one run. Raises UnknownRecordError."""
         with self._database.reading() as session:
-            return self._views(session, [runs.get(session, run_id)])[0]
+            return self._build_views(session, [runs.get(session, run_id)])[0]
 
     def set_note(self, run_id: int, note: str) -> RunView:
         """Write the note of a run. Raises UnknownRecordError."""
         with self._database.session() as session:
             runs.set_note(session, run_id, note)
-        return self.run(run_id)
+        return self.load_run(run_id)
 
-    def flights(self) -> FlightList:
+    def list_flights(self) -> FlightList:
         """Return the newest flight records."""
         with self._database.reading() as session:
-            return FlightList(flights=[flight_view(flight) for flight in flights.find(session)])
+            return FlightList(flights=[build_flight_view(flight) for flight in flights.find(session)])
 
-    def experiment(self, run_id: int) -> ExperimentView:
+    def load_experiment(self, run_id: int) -> ExperimentView:
         """Return one experiment run with its result. Raises UnknownRecordError."""
         with self._database.reading() as session:
             run = runs.get(session, run_id)
-            return experiment_view(run, results.newest(session, run_id), self.progress(run))
+            return build_experiment_view(run, results.newest(session, run_id), self.compute_progress(run))
 
-    async def samples(self, asked: SampleSlice) -> SamplesView:
+    async def load_samples(self, asked: SampleSlice) -> SamplesView:
         """Return samples or their envelope. Raises UnknownRecordError, UnknownSignalError."""
-        envelope, raw = await self._envelope(asked)
-        return await asyncio.to_thread(partial(samples_view, asked.run, envelope, raw=raw))
+        envelope, raw = await self._read_envelope(asked)
+        return await asyncio.to_thread(partial(build_samples_view, asked.run, envelope, raw=raw))
 
-    async def packed_samples(self, asked: SampleSlice) -> bytes:
+    async def pack_samples(self, asked: SampleSlice) -> bytes:
         """Return the same, packed by ``backend.wire``. Raises UnknownRecordError, UnknownSignalError."""
-        envelope, raw = await self._envelope(asked)
-        return await asyncio.to_thread(_packed, envelope, raw, asked.signals)
+        envelope, raw = await self._read_envelope(asked)
+        return await asyncio.to_thread(_pack_envelope, envelope, raw, asked.signals)
 
-    async def _envelope(self, asked: SampleSlice) -> tuple[SampleEnvelope, bool]:
-        if self._worker is not None and await asyncio.to_thread(self._reads, asked) > AT_HAND_SAMPLES:
-            return await self._worker.run(envelope_of, self._database, asked)
-        return await asyncio.to_thread(envelope_of, self._database, asked)
+    async def _read_envelope(self, asked: SampleSlice) -> tuple[SampleEnvelope, bool]:
+        if self._worker is not None and await asyncio.to_thread(self._count_samples, asked) > AT_HAND_SAMPLES:
+            return await self._worker.run(read_slice_envelope, self._database, asked)
+        return await asyncio.to_thread(read_slice_envelope, self._database, asked)
 
-    def _reads(self, asked: SampleSlice) -> float:
+    def _count_samples(self, asked: SampleSlice) -> float:
         """Return how many samples have to be read one by one: none where the stored summaries tell it."""
         if all(name in STORED_NAMES for name in asked.signals):
             return 0.0
@@ -835,7 +838,7 @@ class StoredRuns:
         length_s = (span.end_tick - span.first_tick) * recording.period_s
         return (min(asked.to_s, length_s) - min(asked.from_s, length_s)) / recording.period_s
 
-    def _views(self, session: Session, found: Sequence[Run]) -> list[RunView]:
+    def _build_views(self, session: Session, found: Sequence[Run]) -> list[RunView]:
         """Return runs with their tags and the extent of what was recorded of them."""
         numbers = [run.id for run in found]
         newest, tagged = results.load_newest(session, numbers), tags.of_runs(session, numbers)
@@ -844,15 +847,15 @@ class StoredRuns:
 
         def view_of(run: Run) -> RunView:
             origin = imported[run.id].sentence if run.id in imported else ""
-            evaluation = self._evaluation(run, run.id in newest)
+            evaluation = self._get_evaluation_state(run, run.id in newest)
             tagged_with, result = tagged.get(run.id, []), newest.get(run.id)
-            told = partial(run_view, tags=tagged_with, origin=origin, result=result, fits=fits.get(run.id))
+            told = partial(build_run_view, tags=tagged_with, origin=origin, result=result, fits=fits.get(run.id))
             view = partial(told, run, evaluation)
-            return _with_extent(view, recorded.get(run.id))
+            return _add_extent(view, recorded.get(run.id))
 
         return [view_of(run) for run in found]
 
-    def _evaluation(self, run: Run, has_result: bool) -> EvaluationView:
+    def _get_evaluation_state(self, run: Run, has_result: bool) -> EvaluationView:
         task = self._task()
         if run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING:
             return EvaluationView.NONE
@@ -860,7 +863,7 @@ class StoredRuns:
             return EvaluationView.UNDER_WAY
         return EvaluationView.DONE if has_result else EvaluationView.MISSING
 
-    def progress(self, run: Run) -> float:
+    def compute_progress(self, run: Run) -> float:
         """Return how far a run is, from 0 to 1."""
         task = self._task()
         if task is None or task.run != run.id:
@@ -868,7 +871,7 @@ class StoredRuns:
         return min(0.99, task.elapsed_s / task.duration_s)
 
 
-def envelope_of(database: Database, asked: SampleSlice) -> tuple[SampleEnvelope, bool]:
+def read_slice_envelope(database: Database, asked: SampleSlice) -> tuple[SampleEnvelope, bool]:
     """Return what is asked of a recording, and whether its buckets are single samples. Raises like ``samples``."""
     with database.reading() as session:
         period_s = recordings.get(session, asked.run).period_s
@@ -883,13 +886,13 @@ def envelope_of(database: Database, asked: SampleSlice) -> tuple[SampleEnvelope,
     return envelope, envelope.width_s <= 1.5 * period_s
 
 
-def _packed(envelope: SampleEnvelope, raw: bool, signals: Sequence[str]) -> bytes:
+def _pack_envelope(envelope: SampleEnvelope, raw: bool, signals: Sequence[str]) -> bytes:
     first = round(float(envelope.t[0]) / envelope.width_s) if envelope.t.size else 0
     extremes = (envelope.minimum,) if raw else (envelope.minimum, envelope.maximum)
     return wire.pack_curves(first, envelope.width_s, [[part[name] for part in extremes] for name in signals])
 
 
-def _with_extent(view: Callable[..., RunView], recorded: tuple[Recording, Extent | None] | None) -> RunView:
+def _add_extent(view: Callable[..., RunView], recorded: tuple[Recording, Extent | None] | None) -> RunView:
     """Return the view of a run with the extent of its recording."""
     if recorded is None:
         return view(samples=0, duration_s=0.0, missed=0)

@@ -54,20 +54,20 @@ from plant import ErrorCode
 # Computes statistics, values, spectra and files of every sample of a range of a recorded run.
 
 
-AT_ONCE = 6
+MAX_RANGES = 6
 """Ranges that are read at a time."""
 
-AT_HAND_VALUES = 4_000_000
+IN_PROCESS_VALUES = 4_000_000
 """Samples times signals of which spectra are computed in the service itself: they take 32 MB."""
 
-MOST_VALUES = 30_000_000
+MAX_SPECTRUM_VALUES = 30_000_000
 """Samples times signals of which spectra are computed at once: they are held in memory, 240 MB."""
 
 _SYMBOLS = {one.name: one.symbol for one in FIELDS}
 
 
 @dataclass(frozen=True)
-class RangeAsked:
+class RangeQuery:
     """``signals`` of a run from ``from_s`` to ``to_s`` (both included) since its first sample; None: to its end."""
 
     run: int
@@ -76,10 +76,10 @@ class RangeAsked:
     signals: Sequence[str]
 
 
-Lines = Callable[[Database, RangeAsked], Iterator[bytes]]
+LineStream = Callable[[Database, RangeQuery], Iterator[bytes]]
 
 
-class RecordedFigures:
+class RangeAnalysis:
     """Computes beside the event loop: in threads, and in a process of its own where a range is long.
 
     What is under way ends when its generator is closed.
@@ -87,43 +87,47 @@ class RecordedFigures:
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self._under_way = 0
+        self._active_count = 0
 
-    async def statistics(self, asked: RangeAsked) -> AsyncGenerator[bytes]:
+    async def stream_statistics(self, asked: RangeQuery) -> AsyncGenerator[bytes]:
         """Return lines of ``StatisticsLine``. Raises UnknownRecordError, UnknownSignalError, refusals."""
-        return await self._begun(statistics_lines, asked)
+        return await self._start_stream(stream_statistics, asked)
 
-    async def spectra(self, asked: RangeAsked) -> AsyncGenerator[bytes]:
+    async def stream_spectra(self, asked: RangeQuery) -> AsyncGenerator[bytes]:
         """Return lines of ``SpectraLine``. Raises UnknownRecordError, UnknownSignalError, refusals."""
-        return await self._begun(spectra_lines, asked, AT_HAND_VALUES // max(1, len(asked.signals)))
+        return await self._start_stream(stream_spectra, asked, IN_PROCESS_VALUES // max(1, len(asked.signals)))
 
-    async def file(self, asked: RangeAsked) -> AsyncGenerator[bytes]:
+    async def stream_csv(self, asked: RangeQuery) -> AsyncGenerator[bytes]:
         """Return every sample as comma-separated text, in pieces. Raises like ``statistics``."""
-        return await self._begun(file_pieces, asked, at_hand=0)  # its library takes long to load
+        return await self._start_stream(stream_range_csv, asked, at_hand=0)  # its library takes long to load
 
-    def values(self, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
+    def read_values(self, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
         """Return the values at the samples at or before ``times_s``; waits for the disk. Raises like ``statistics``."""
-        return values_at(self._database, run, times_s, signals)
+        return read_values(self._database, run, times_s, signals)
 
-    async def _begun(self, lines: Lines, asked: RangeAsked, at_hand: int | None = None) -> AsyncGenerator[bytes]:
+    async def _start_stream(
+        self, lines: LineStream, asked: RangeQuery, at_hand: int | None = None
+    ) -> AsyncGenerator[bytes]:
         """Return a stream whose first piece is there: whatever is refused has been refused by then."""
-        if self._under_way >= AT_ONCE:
+        if self._active_count >= MAX_RANGES:
             raise RequestRejectedError(
-                ErrorCode.TOO_MANY, f"{AT_ONCE} ranges are being read: wait for one of them", retry_after_s=2
+                ErrorCode.TOO_MANY, f"{MAX_RANGES} ranges are being read: wait for one of them", retry_after_s=2
             )
         most = AT_HAND_SAMPLES if at_hand is None else min(at_hand, AT_HAND_SAMPLES)
-        stream = self._counted(lines, asked, most)
+        stream = self._count_stream(lines, asked, most)
         await anext(stream)
         return stream
 
-    async def _counted(self, lines: Lines, asked: RangeAsked, at_hand: int) -> AsyncGenerator[bytes]:
+    async def _count_stream(self, lines: LineStream, asked: RangeQuery, at_hand: int) -> AsyncGenerator[bytes]:
         """Yield nothing when the first piece is there, then the pieces."""
-        self._under_way += 1
+        self._active_count += 1
         try:
-            stretch = await asyncio.to_thread(_stretch, self._database, asked)
+            stretch = await asyncio.to_thread(_find_interval, self._database, asked)
             long = stretch.ticks > at_hand
             pieces = (
-                stream_from_process(lines, self._database, asked) if long else _in_threads(lines(self._database, asked))
+                stream_from_process(lines, self._database, asked)
+                if long
+                else _iterate_in_thread(lines(self._database, asked))
             )
             async with aclosing(pieces):
                 first = await anext(pieces, b"")
@@ -132,37 +136,37 @@ class RecordedFigures:
                 async for piece in pieces:
                     yield piece
         finally:
-            self._under_way -= 1
+            self._active_count -= 1
 
 
-async def _in_threads(pieces: Iterator[bytes]) -> AsyncGenerator[bytes]:
+async def _iterate_in_thread(pieces: Iterator[bytes]) -> AsyncGenerator[bytes]:
     while (piece := await asyncio.to_thread(next, pieces, None)) is not None:
         yield piece
 
 
-def statistics_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
+def stream_statistics(database: Database, asked: RangeQuery) -> Iterator[bytes]:
     """Yield lines of ``StatisticsLine`` while the range is read, the result in the last one."""
-    stretch, told, samples = _stretch(database, asked), _told(database, asked), 0
+    stretch, told, samples = _find_interval(database, asked), _describe_signals(database, asked), 0
     found = {name: Statistics() for name in asked.signals}
     for slab in read_slabs(database, stretch, asked.signals):
         add_slab(found, slab)
         samples += slab.ticks.size
-        yield _line(StatisticsLine(share=_share(slab, stretch)))
-    signals = {name: _statistics(told[name].unit, one, stretch.period_s) for name, one in found.items()}
-    result = RecordedStatistics(**_range(stretch, samples), signals=signals)
-    yield _line(StatisticsLine(share=1.0, result=result))
+        yield _encode_line(StatisticsLine(share=_compute_progress(slab, stretch)))
+    signals = {name: _build_statistics(told[name].unit, one, stretch.period_s) for name, one in found.items()}
+    result = RecordedStatistics(**_build_range_fields(stretch, samples), signals=signals)
+    yield _encode_line(StatisticsLine(share=1.0, result=result))
 
 
-def spectra_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
+def stream_spectra(database: Database, asked: RangeQuery) -> Iterator[bytes]:
     """Yield lines of ``SpectraLine`` while the range is read, the result in the last one."""
-    stretch, told, samples = _stretch(database, asked), _told(database, asked), 0
+    stretch, told, samples = _find_interval(database, asked), _describe_signals(database, asked), 0
     remedy = "choose a shorter range or fewer signals"
     words = "samples times signals of a spectrum"
     check_range(
         "range",
         stretch.ticks * len(asked.signals),
         minimum=None,
-        maximum=MOST_VALUES,
+        maximum=MAX_SPECTRUM_VALUES,
         unit="1",
         remedy=remedy,
         words=words,
@@ -172,12 +176,16 @@ def spectra_lines(database: Database, asked: RangeAsked) -> Iterator[bytes]:
         for name, column in slab.columns.items():
             values[name][slab.ticks - stretch.begin] = column
         samples += slab.ticks.size
-        yield _line(SpectraLine(share=0.9 * _share(slab, stretch)))
-    signals = {name: _spectrum(told[name].unit, column, samples, stretch.period_s) for name, column in values.items()}
-    yield _line(SpectraLine(share=1.0, result=RecordedSpectra(**_range(stretch, samples), signals=signals)))
+        yield _encode_line(SpectraLine(share=0.9 * _compute_progress(slab, stretch)))
+    signals = {
+        name: _build_spectrum(told[name].unit, column, samples, stretch.period_s) for name, column in values.items()
+    }
+    yield _encode_line(
+        SpectraLine(share=1.0, result=RecordedSpectra(**_build_range_fields(stretch, samples), signals=signals))
+    )
 
 
-def file_pieces(database: Database, asked: RangeAsked) -> Iterator[bytes]:
+def stream_range_csv(database: Database, asked: RangeQuery) -> Iterator[bytes]:
     """Yield every sample of a range as comma-separated text, with the digits that give each value back exactly.
 
     Columns of the recording are written as ``data.csv`` of the run has them; combined signals in double precision.
@@ -185,7 +193,7 @@ def file_pieces(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     import pyarrow as pa
     import pyarrow.csv
 
-    stretch, told = _stretch(database, asked), _told(database, asked)
+    stretch, told = _find_interval(database, asked), _describe_signals(database, asked)
     heading = [
         f"run {stretch.run_id} from {stretch.from_s:.3f} s to {stretch.to_s:.3f} s, Sinew {__version__}; every sample; "
         "SI units, angles in rad; t counts from the first sample of the run",
@@ -195,7 +203,10 @@ def file_pieces(database: Database, asked: RangeAsked) -> Iterator[bytes]:
     head = "\n".join([*map(format_csv_comment, heading), ",".join(map(format_csv_cell, names))]) + "\n"
     plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
     for slab in read_slabs(database, stretch, asked.signals):
-        columns = [slab.ticks * stretch.period_s, *(_as_stored(name, slab.columns[name]) for name in asked.signals)]
+        columns = [
+            slab.ticks * stretch.period_s,
+            *(_cast_to_stored(name, slab.columns[name]) for name in asked.signals),
+        ]
         buffer = io.BytesIO(head.encode())
         buffer.seek(0, io.SEEK_END)
         pyarrow.csv.write_csv(pa.table([pa.array(column) for column in columns], names=names), buffer, plain)
@@ -205,7 +216,7 @@ def file_pieces(database: Database, asked: RangeAsked) -> Iterator[bytes]:
         yield head.encode()
 
 
-def values_at(database: Database, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
+def read_values(database: Database, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
     """Return the values of signals at the samples at or before ``times_s``.
 
     Raises UnknownRecordError, UnknownSignalError, OutOfRangeError for a time outside the recording.
@@ -221,18 +232,20 @@ def values_at(database: Database, run: int, times_s: Sequence[float], signals: S
         run=run,
         period_s=whole.period_s,
         moments=[
-            Moment(at_s=at_s, t=tick * whole.period_s, values=_values(database, whole, tick, signals))
+            Moment(at_s=at_s, t=tick * whole.period_s, values=_read_values_at_tick(database, whole, tick, signals))
             for at_s, tick in zip(times_s, ticks, strict=True)
         ],
     )
 
 
-def _values(database: Database, whole: TickInterval, tick: int, signals: Sequence[str]) -> dict[str, float | None]:
+def _read_values_at_tick(
+    database: Database, whole: TickInterval, tick: int, signals: Sequence[str]
+) -> dict[str, float | None]:
     slab = next(read_slabs(database, TickInterval(whole.run_id, tick, tick + 1, whole.period_s), signals))
-    return {name: _number(float(column[0])) for name, column in slab.columns.items()}
+    return {name: _replace_nan(float(column[0])) for name, column in slab.columns.items()}
 
 
-def _stretch(database: Database, asked: RangeAsked) -> TickInterval:
+def _find_interval(database: Database, asked: RangeQuery) -> TickInterval:
     with database.reading() as session:
         read_samples(
             session, asked.run, [name for name in asked.signals if name not in COMBINED_SIGNAL_BY_NAME], 0.0, 0.0
@@ -240,16 +253,16 @@ def _stretch(database: Database, asked: RangeAsked) -> TickInterval:
         return find_tick_range(session, asked.run, asked.from_s, asked.to_s)
 
 
-def _told(database: Database, asked: RangeAsked) -> dict[str, Field | Following]:
+def _describe_signals(database: Database, asked: RangeQuery) -> dict[str, Field | Following]:
     with database.reading() as session:
         return describe_signals(session, asked.signals)
 
 
-def _share(slab: Slab, stretch: TickInterval) -> float:
+def _compute_progress(slab: Slab, stretch: TickInterval) -> float:
     return float(slab.ticks[-1] + 1 - stretch.begin) / stretch.ticks
 
 
-def _range(stretch: TickInterval, samples: int) -> dict[str, Any]:
+def _build_range_fields(stretch: TickInterval, samples: int) -> dict[str, Any]:
     return {
         "run": stretch.run_id,
         "from_s": stretch.from_s,
@@ -260,11 +273,11 @@ def _range(stretch: TickInterval, samples: int) -> dict[str, Any]:
     }
 
 
-def _line(line: StatisticsLine | SpectraLine) -> bytes:
+def _encode_line(line: StatisticsLine | SpectraLine) -> bytes:
     return line.model_dump_json().encode() + b"\n"
 
 
-def _statistics(unit: str, found: Statistics, period_s: float) -> SignalStatistics:
+def _build_statistics(unit: str, found: Statistics, period_s: float) -> SignalStatistics:
     def when(extreme: Extreme | None) -> float | None:
         return None if extreme is None else extreme.tick * period_s
 
@@ -281,7 +294,7 @@ def _statistics(unit: str, found: Statistics, period_s: float) -> SignalStatisti
     )
 
 
-def _spectrum(unit: str, values: NDArray[np.float64], samples: int, period_s: float) -> SignalSpectrum:
+def _build_spectrum(unit: str, values: NDArray[np.float64], samples: int, period_s: float) -> SignalSpectrum:
     found, reason = welch_spectrum(values, period_s), ""
     there = int(np.count_nonzero(np.isfinite(values)))
     if found is None:
@@ -301,11 +314,11 @@ def _spectrum(unit: str, values: NDArray[np.float64], samples: int, period_s: fl
     )
 
 
-def _number(value: float) -> float | None:
+def _replace_nan(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def _as_stored(name: str, column: NDArray[np.float64]) -> NDArray[np.float32] | NDArray[np.float64]:
+def _cast_to_stored(name: str, column: NDArray[np.float64]) -> NDArray[np.float32] | NDArray[np.float64]:
     return column if name in COMBINED_SIGNAL_BY_NAME else column.astype(np.float32)
 
 
@@ -314,7 +327,7 @@ def _as_stored(name: str, column: NDArray[np.float64]) -> NDArray[np.float32] | 
 # Derived signals of the station as the page writes them: checked and stored.
 
 
-MOST = 50
+MAX_FORMULAS = 50
 """So many formulas a station may have."""
 
 
@@ -324,12 +337,12 @@ class Formulas:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def all(self) -> FormulaList:
+    def list_formulas(self) -> FormulaList:
         """Return the formulas, by name."""
         with self._database.reading() as session:
-            return FormulaList(formulas=[_view(one) for one in formulas.find(session)])
+            return FormulaList(formulas=[_build_view(one) for one in formulas.find(session)])
 
-    def put(self, name: str, text: FormulaText, who: str) -> FormulaView:
+    def save(self, name: str, text: FormulaText, who: str) -> FormulaView:
         """Write a formula, or change the one of this name. Raises RequestRejectedError."""
         try:
             derived = parse_derived_signal(name, text.unit, text.expression)
@@ -337,9 +350,9 @@ class Formulas:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, str(error), code="bad_formula") from None
         with self._database.session() as session:
             others = [one.name for one in formulas.find(session) if one.name != name]
-            if len(others) >= MOST:
+            if len(others) >= MAX_FORMULAS:
                 raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"a station has {MOST} formulas at most: remove one first"
+                    ErrorCode.BAD_VALUE, f"a station has {MAX_FORMULAS} formulas at most: remove one first"
                 )
             alike = next((one for one in others if one.lower() == name.lower()), None)
             if alike is not None:
@@ -347,7 +360,7 @@ class Formulas:
                     ErrorCode.BAD_VALUE, f"{name!r} differs from {alike!r} by case only", code="bad_formula"
                 )
             steps = [asdict(step) for step in derived.steps]
-            return _view(
+            return _build_view(
                 formulas.save(
                     session=session,
                     name=name,
@@ -365,7 +378,7 @@ class Formulas:
             formulas.remove(session, name, who)
 
 
-def _view(one: Formula) -> FormulaView:
+def _build_view(one: Formula) -> FormulaView:
     derived = build_derived_signal(one)
     return FormulaView(
         name=one.name,

@@ -51,10 +51,10 @@ from plant import ErrorCode, PlantParameters
 # maps.
 
 
-LISTED = 100
-_GONE = "who computed it died without a word: resume it, what is computed is kept"
+MAX_LISTED = 100
+_RUNNER_LOST = "who computed it died without a word: resume it, what is computed is kept"
 """Of a study that nobody computes although nobody has let go of it: killed, or its machine lost."""
-ROWS_SHOWN = 200
+MAX_ROWS = 200
 """Rows of a table that the page is given; the command line has all."""
 
 
@@ -64,13 +64,15 @@ class Studies:
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def begin(self, written: str, who: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> StudyView:
+    def create(self, written: str, who: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> StudyView:
         """Keep a study, with the plant and the tuning as they are now. Raises ExperimentError, SettingError."""
         own = OwnExperiments(self._database)
-        new = create_study(written, StudyContext(own.entry, parameters, tuning, make_bank_loader(self._database)), who)
+        new = create_study(
+            written, StudyContext(own.find_definition, parameters, tuning, make_bank_loader(self._database)), who
+        )
         with self._database.session() as session:
             kept = studies.add(session, new)
-        return self.view(kept.id)
+        return self.load_view(kept.id)
 
     def check(self, written: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> CheckedStudy:
         """Return what a text says, and whether it is a study that could be begun. Nothing is kept."""
@@ -80,27 +82,27 @@ class Studies:
             document = said if isinstance(said, dict) else None
             own = OwnExperiments(self._database)
             new = create_study(
-                written, StudyContext(own.entry, parameters, tuning, make_bank_loader(self._database)), ""
+                written, StudyContext(own.find_definition, parameters, tuning, make_bank_loader(self._database)), ""
             )
         except InvalidValueError as error:
             return CheckedStudy(document=document, points=None, problem=str(error), path=list(error.path))
         return CheckedStudy(document=document, points=new.points, problem="", path=[])
 
-    def all(self) -> list[StudyView]:
+    def list_newest(self) -> list[StudyView]:
         """Return the newest studies, newest first."""
         with self._database.reading() as session:
-            return [_view(kept, studies.states(session, kept.id)) for kept in studies.newest(session, LISTED)]
+            return [_build_view(kept, studies.states(session, kept.id)) for kept in studies.newest(session, MAX_LISTED)]
 
-    def view(self, study_id: int) -> StudyView:
+    def load_view(self, study_id: int) -> StudyView:
         """Return one. Raises UnknownRecordError."""
         with self._database.reading() as session:
-            return _view(studies.get(session, study_id), studies.states(session, study_id))
+            return _build_view(studies.get(session, study_id), studies.states(session, study_id))
 
-    def stop(self, study_id: int) -> StudyView:
+    def request_stop(self, study_id: int) -> StudyView:
         """Have whoever computes it stop when the runs in hand are done. Raises UnknownRecordError."""
         with self._database.session() as session:
             studies.ask_to_stop(session, study_id)
-        return self.view(study_id)
+        return self.load_view(study_id)
 
     def resume(self, study_id: int) -> StudyView:
         """Have what is missing computed by whoever comes. Raises UnknownRecordError, OtherSoftwareError, TakenError."""
@@ -110,11 +112,11 @@ class Studies:
             if kept.stop_asked and is_being_computed(kept):
                 raise TakenError(kept)
             studies.want(session, study_id)
-        return self.view(study_id)
+        return self.load_view(study_id)
 
-    def detail(self, study_id: int, rows: int | None = ROWS_SHOWN, pick: str = maps.WORST) -> StudyDetail:
+    def build_detail(self, study_id: int, rows: int | None = MAX_ROWS, pick: str = maps.WORST) -> StudyDetail:
         """Return a study with its maps, by ``pick``, and the first rows of its table; all ``rows`` for None."""
-        kept, points, design = self._read(study_id)
+        kept, points, design = self._load(study_id)
         named = maps.list_metric_names(parser.parse_canonical(design.base.experiment))
         figures = maps.summarize_distributions(points, named.values())
         axes = dict(design.axes)
@@ -122,11 +124,14 @@ class Studies:
         names = [item.name for item in figures] + (list(maps.SHARES) if points else [])
         shown = [] if drawn is None else [maps.build_map(points, axes, *drawn, name, pick) for name in names]
         return StudyDetail(
-            study=self.view(study_id),
+            study=self.load_view(study_id),
             text=kept.text,
             axes=[
                 StudyAxis(
-                    name=name, symbol=axis_symbol(name, design), unit=axis_unit(name, design), values=list(values)
+                    name=name,
+                    symbol=get_axis_symbol(name, design),
+                    unit=get_axis_unit(name, design),
+                    values=list(values),
                 )
                 for name, values in design.axes
             ],
@@ -136,20 +141,22 @@ class Studies:
             rows=points[:rows],
         )
 
-    def map(self, study_id: int, figure: str, pick: str, over: tuple[str, str] | None = None) -> tuple[Map, Design]:
+    def build_map(
+        self, study_id: int, figure: str, pick: str, over: tuple[str, str] | None = None
+    ) -> tuple[Map, Design]:
         """Return the map of a figure, by ``pick``, ``over`` x and y. Raises SettingError, UnknownRecordError."""
-        _, points, design = self._read(study_id)
+        _, points, design = self._load(study_id)
         axes = dict(design.axes)
         x, y = over or maps.choose_map_axes(axes) or ("", "")
         return maps.build_map(points=points, axes=axes, x=x, y=y, figure=figure, pick=pick), design
 
-    def _read(self, study_id: int) -> tuple[StoredStudy, list[StudyPoint], Design]:
+    def _load(self, study_id: int) -> tuple[StoredStudy, list[StudyPoint], Design]:
         with self._database.reading() as session:
             kept = studies.get(session, study_id)
             return kept, studies.points(session, study_id), parse_design(kept)
 
 
-def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
+def _build_view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
     done, computed = sum(ends.values()), is_being_computed(kept)
     state = "done" if done == kept.points else "stopped"
     if computed:
@@ -166,24 +173,24 @@ def _view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
         done=done,
         ends=ends,
         left_s=estimate_remaining_s(done, kept.begun_with, kept.points, lasted_s) if computed else None,
-        problem=kept.problem or (_GONE if kept.runner and state == "stopped" else ""),
+        problem=kept.problem or (_RUNNER_LOST if kept.runner and state == "stopped" else ""),
     )
 
 
-def axis_unit(name: str, design: Design) -> str:
+def get_axis_unit(name: str, design: Design) -> str:
     """Return the SI unit of what is varied: a number of the plant, or a setting."""
     if "." in name:
         section, entry, *_ = name.split(".")
         return str(design.base.parameters[section][entry]["unit"])
-    return _settings(design).get(name, ("", "1"))[1]
+    return _describe_axes(design).get(name, ("", "1"))[1]
 
 
-def axis_symbol(name: str, design: Design) -> str:
+def get_axis_symbol(name: str, design: Design) -> str:
     """Return the symbol of a setting that is varied; a number of the plant has its section and entry."""
-    return _settings(design).get(name, (name, ""))[0]
+    return _describe_axes(design).get(name, (name, ""))[0]
 
 
-def _settings(design: Design) -> dict[str, tuple[str, str]]:
+def _describe_axes(design: Design) -> dict[str, tuple[str, str]]:
     """Symbol and unit of each setting of the experiment and of the loop, by name."""
     written = parser.parse_canonical(design.base.experiment).settings
     found = {item.name: (item.symbol or item.name, item.unit) for item in written}
@@ -198,13 +205,13 @@ def _settings(design: Design) -> dict[str, tuple[str, str]]:
 # when somebody resumes it.
 
 
-_LOG = logging.getLogger(__name__)
+_log = logging.getLogger(__name__)
 WAITING = "waiting"
 """State of a study whose turn comes after that of another one."""
-WAITING_MAX = 20
+MAX_WAITING = 20
 """Studies under way or waiting, at most."""
-COMPUTED = ("running", "stopping")
-REST = 9.0
+COMPUTING_STATES = ("running", "stopping")
+REFRESH_FACTOR = 9.0
 """The table of a study that is computed is read anew after so many times what that takes: of 100 000 rows, seconds."""
 
 
@@ -227,34 +234,36 @@ class StudyScheduler:
     ) -> None:
         self._database, self._parameters, self._tuning = database, parameters, tuning
         self._computing, self._reading, self._texts = computing, reading, texts
-        self._kept = Studies(database)
-        self._turn, self._door = asyncio.Lock(), asyncio.Lock()
-        self._looked_at: dict[tuple[int, str], tuple[float, StudyDetail]] = {}
+        self._studies = Studies(database)
+        self._computing_lock, self._start_lock = asyncio.Lock(), asyncio.Lock()
+        self._detail_cache: dict[tuple[int, str], tuple[float, StudyDetail]] = {}
         self._waiting: dict[int, asyncio.Task[None]] = {}
-        self._live_state: dict[int, asyncio.Task[None]] = {}
+        self._running: dict[int, asyncio.Task[None]] = {}
 
-    def use(self, parameters: PlantParameters) -> None:
+    def set_parameters(self, parameters: PlantParameters) -> None:
         """Begin studies around these parameters from now on."""
         self._parameters = parameters
 
-    async def all(self) -> StudyList:
+    async def list_newest(self) -> StudyList:
         """Return the newest studies, newest first."""
-        return StudyList(studies=[self._told(study) for study in await asyncio.to_thread(self._kept.all)])
+        return StudyList(
+            studies=[self._mark_waiting(study) for study in await asyncio.to_thread(self._studies.list_newest)]
+        )
 
-    async def detail(self, study_id: int, pick: str) -> StudyDetail:
+    async def build_detail(self, study_id: int, pick: str) -> StudyDetail:
         """Return a study with its maps, by ``pick``, and the first rows of its table. Raises UnknownRecordError.
 
         The table of one that is computed may be that of before, see REST.
         """
-        study = await asyncio.to_thread(self._kept.view, study_id)
-        due, found = self._looked_at.get((study_id, pick), (0.0, None))
-        if found is None or study.state not in COMPUTED or time.monotonic() >= due:
+        study = await asyncio.to_thread(self._studies.load_view, study_id)
+        due, found = self._detail_cache.get((study_id, pick), (0.0, None))
+        if found is None or study.state not in COMPUTING_STATES or time.monotonic() >= due:
             begun = time.monotonic()
             found = await self._reading.run(_detail, self._database, study_id, pick)
             study, ended = found.study, time.monotonic()
-            resting = {other: kept for other, kept in self._looked_at.items() if kept[0] > ended}
-            self._looked_at = resting | {(study_id, pick): (ended + REST * (ended - begun), found)}
-        return found.model_copy(update={"study": self._told(study)})
+            resting = {other: kept for other, kept in self._detail_cache.items() if kept[0] > ended}
+            self._detail_cache = resting | {(study_id, pick): (ended + REFRESH_FACTOR * (ended - begun), found)}
+        return found.model_copy(update={"study": self._mark_waiting(study)})
 
     async def check(self, text: str, person: User, is_disconnected: IsDisconnected) -> CheckedStudy:
         """Return what a text says and whether it could be begun.
@@ -265,72 +274,72 @@ class StudyScheduler:
             person, is_disconnected, _check, self._database, text, self._parameters, self._tuning()
         )
 
-    def numbers(self) -> PlantNumbers:
+    def list_plant_numbers(self) -> PlantNumbers:
         """Return the numbers of the plant that a study can vary."""
         return PlantNumbers(numbers=[PlantNumber(**vars(number)) for number in list_variable_numbers(self._parameters)])
 
-    async def begin(self, text: str, who: str) -> StudyView:
+    async def start(self, text: str, who: str) -> StudyView:
         """Keep a study and have it computed.
 
         Raises ExperimentError, SettingError, and RequestRejectedError for one too many.
         """
-        async with self._door:
-            self._require_place()
+        async with self._start_lock:
+            self._require_capacity()
             tuning = self._tuning()
             study = await self._texts.run_for_operator(_begin, self._database, text, who, self._parameters, tuning)
-            return self._have_computed(study)
+            return self._schedule(study)
 
     async def resume(self, study_id: int) -> StudyView:
         """Have computed what is missing.
 
         Raises UnknownRecordError, OtherSoftwareError, TakenError while it stops, RequestRejectedError for one too many.
         """
-        async with self._door:
-            self._require_place()
-            return self._have_computed(await asyncio.to_thread(self._kept.resume, study_id))
+        async with self._start_lock:
+            self._require_capacity()
+            return self._schedule(await asyncio.to_thread(self._studies.resume, study_id))
 
     async def stop(self, study_id: int) -> StudyView:
         """Have a study stop, whoever computes it. Raises UnknownRecordError."""
-        study = await asyncio.to_thread(self._kept.stop, study_id)
+        study = await asyncio.to_thread(self._studies.request_stop, study_id)
         due = self._waiting.pop(study_id, None)
-        begun = self._live_state.get(study_id) if study.state == "stopped" else None  # its process only comes up
+        begun = self._running.get(study_id) if study.state == "stopped" else None  # its process only comes up
         for task in (due, begun):
             if task is not None:
                 task.cancel()
                 await asyncio.wait((task,))
-        return self._told(study)
+        return self._mark_waiting(study)
 
     async def close(self) -> None:
         """Let go of all; what is computed is kept."""
-        tasks = [*self._waiting.values(), *self._live_state.values()]
+        tasks = [*self._waiting.values(), *self._running.values()]
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _require_place(self) -> None:
-        if len(self._waiting) + len(self._live_state) >= WAITING_MAX:
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{WAITING_MAX} studies wait already: stop one of them first")
+    def _require_capacity(self) -> None:
+        if len(self._waiting) + len(self._running) >= MAX_WAITING:
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{MAX_WAITING} studies wait already: stop one of them first")
 
-    def _have_computed(self, study: StudyView) -> StudyView:
+    def _schedule(self, study: StudyView) -> StudyView:
         if study.id not in self._waiting and study.state == "stopped":  # after its last attempt, where that only ends
             self._waiting[study.id] = asyncio.get_running_loop().create_task(self._compute(study.id))
-        return self._told(study)
+        return self._mark_waiting(study)
 
     async def _compute(self, study_id: int) -> None:
-        async with self._turn:
-            self._live_state[study_id] = self._waiting.pop(study_id)
+        async with self._computing_lock:
+            self._running[study_id] = self._waiting.pop(study_id)
             try:
                 await self._computing.run(_compute, self._database, study_id)
             except WorkerDiedError as died:
-                _LOG.warning("Study %s: %s", study_id, died)
+                _log.warning("Study %s: %s", study_id, died)
             except Exception:  # the study says what it was
-                _LOG.exception("Study %s failed.", study_id)
+                _log.exception("Study %s failed.", study_id)
             finally:
-                del self._live_state[study_id]
+                del self._running[study_id]
 
-    def _told(self, study: StudyView) -> StudyView:
+    def _mark_waiting(self, study: StudyView) -> StudyView:
         """Return a study that nobody computes yet as one that waits, where that is so."""
-        under_way = study.id in self._waiting or study.id in self._live_state
+        under_way = study.id in self._waiting or study.id in self._running
         return study.model_copy(update={"state": WAITING}) if under_way and study.state == "stopped" else study
 
 
@@ -343,7 +352,7 @@ def _begin(database: Database, text: str, who: str, parameters: PlantParameters,
 
 
 def _detail(database: Database, study_id: int, pick: str) -> StudyDetail:
-    return Studies(database).detail(study_id, pick=pick)
+    return Studies(database).build_detail(study_id, pick=pick)
 
 
 def _compute(database: Database, study_id: int) -> None:

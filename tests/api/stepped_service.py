@@ -168,7 +168,7 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
             ordered_runs,
             SavedTunings(database),
             runs,
-            StoredIdentifications(database, runs.progress, here, lambda: live_state.tuning),
+            StoredIdentifications(database, runs.compute_progress, here, lambda: live_state.tuning),
             tuning_store,
             event_log,
             events,

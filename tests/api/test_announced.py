@@ -48,18 +48,18 @@ def test_runs_in_turn_take_as_long_and_go_as_far_as_announced(tmp_path: Path) ->
             assert len({task.duration_s for task in played}) == 1
             assert shown[0].duration_s == pytest.approx(played[0].duration_s, abs=0.3)
             assert played[-1].elapsed_s == pytest.approx(played[-1].duration_s, abs=0.3)
-            view = parts.identifications.identification(run)
+            view = parts.identifications.load_identification(run)
             assert view.estimate is not None, view.message
         with database.reading() as session:
             ends = [read_envelope(session, run, 1, ("q",)) for run in (first, first + 1)]
         furthest = max(float(envelope.maximum["q"].max()) for envelope in ends)
         assert told.q_high - 0.06 < furthest < told.q_high
-        view = parts.identifications.identification(first)
+        view = parts.identifications.load_identification(first)
         with database.session() as session:
             entries = [BankEntry(8.24, MODEL, view.estimate), BankEntry(12.43, MODEL)]
             bank = banks.add(session, "bench", entries, OPERATOR.name)
         banks_of = StoredBanks(database, Here(lambda _cause: None), lambda: parts.live_state.tuning)
-        made, imported = banks_of.bank(bank.id).entries
+        made, imported = banks_of.load_bank(bank.id).entries
         # θ_B = 0: both springs share what motor A winds, so that the joint stands at x/r_j, x = 23.49 mm at 10 N.
         assert made.q_nominal == pytest.approx(0.02349 / 0.075, abs=2e-3)
         assert imported.q_nominal is None

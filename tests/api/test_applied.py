@@ -22,7 +22,7 @@ from backend.realtime.supervisor import LoopExitedError, Supervisor
 from backend.sample import INDEX
 from backend.schemas.tuning import TrialRequest
 from backend.services import parameters as applied_parameters
-from backend.services.parameters import Applied, ParametersApplied
+from backend.services.parameters import ParametersApplied, ParameterService
 from backend.services.tuning_state import ActiveTuning, make_active_tuning
 from backend.storage import banks
 from backend.storage.banks import BankEntry
@@ -57,10 +57,10 @@ def restarted(monkeypatch: pytest.MonkeyPatch) -> list[Setup]:
     return setups
 
 
-def applied_with(parts: Parts, heard: list[PlantParameters], base: PlantParameters = IDEAL) -> Applied:
+def applied_with(parts: Parts, heard: list[PlantParameters], base: PlantParameters = IDEAL) -> ParameterService:
     events = EventBus()
     events.subscribe(ParametersApplied, lambda applied: heard.append(applied.parameters))
-    return Applied(parts.actuator, parts.supervisor, parts.database, parts.tuning_store, base, events)
+    return ParameterService(parts.actuator, parts.supervisor, parts.database, parts.tuning_store, base, events)
 
 
 def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
@@ -76,7 +76,7 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
         live_state.tuning = make_active_tuning(IDEAL, TuningSettings(lam_q=0.8, lam_S=0.6), bank)
         parts.tuning_store.save(live_state.tuning, "Ana")
         applied = applied_with(parts, heard)
-        proposal = applied.view(found.id).proposal
+        proposal = applied.build_view(found.id).proposal
         assert proposal is not None
 
         view = await applied.apply(found.id, "Ana")
@@ -123,7 +123,7 @@ def test_nothing_changes_unless_the_actuator_is_off(database: Database, restarte
         before = parts.live_state.tuning
         with pytest.raises(RequestRejectedError, match=r"parameters are applied in off only; the mode is pretension"):
             await applied.apply(found.id, "Ana")
-        assert len(applied.view().versions) == 1
+        assert len(applied.build_view().versions) == 1
         assert (parts.live_state.parameters, parts.live_state.tuning) == (IDEAL, before)
         assert restarted == []
 
@@ -135,7 +135,7 @@ def test_a_value_outside_its_bounds_is_refused_by_name(database: Database, resta
 
     async def work(parts: Parts) -> None:
         applied = applied_with(parts, [])
-        proposal = applied.view(beyond.id).proposal
+        proposal = applied.build_view(beyond.id).proposal
         assert proposal is not None
         assert "identified_B.K_m = 2400 rad/(V·s) is outside 0.001 to 1000 rad/(V·s)" in proposal.problem
         with pytest.raises(RequestRejectedError, match=r"identified_B.K_m = 2400"):
@@ -157,7 +157,7 @@ def test_nothing_changes_beside_a_step_a_run_a_trial_or_a_tuning_that_is_set(
         async def refused(why: str) -> None:
             with pytest.raises(RequestRejectedError, match=why):
                 await applied.apply(found.id, "Ana")
-            assert [one.number for one in applied.view().versions] == [0]
+            assert [one.number for one in applied.build_view().versions] == [0]
             assert (live_state.parameters, restarted) == (IDEAL, [])
 
         homing = "Homing of the bring-up is under way"
@@ -198,7 +198,7 @@ def test_of_two_who_apply_or_undo_at_once_the_second_is_told(database: Database,
         both = await asyncio.gather(*(applied.apply(found.id, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
         assert "says what is in force already: nothing would change" in str(refusal)
-        assert [one.number for one in applied.view().versions] == [1, 0]
+        assert [one.number for one in applied.build_view().versions] == [1, 0]
         both = await asyncio.gather(*(applied.undo(1, who) for who in ("Ana", "Ben")), return_exceptions=True)
         (refusal,) = (one for one in both if isinstance(one, RequestRejectedError))
         assert "version 2 is in force by now, not 1: look at what it changed" in str(refusal)
@@ -226,7 +226,7 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
             with pytest.raises(LoopExitedError, match=r"takes effect at the next start of the loop: .* SIGKILL"):
                 await applied.apply(found.id, "Ana")
         then = parts.live_state.parameters
-        newest = applied.view().versions[0]
+        newest = applied.build_view().versions[0]
         assert (newest.number, newest.digest) == (1, applied_parameters.AppliedVersion(1, then).digest)
         assert heard == [then]
         assert IDEAL.with_identified(parts.supervisor.setup.identified) == then
@@ -269,8 +269,8 @@ def test_a_parameter_file_that_has_changed_is_told_now_and_at_the_next_start(
 @pytest.mark.live
 def test_the_loop_process_estimates_stiffness_by_the_spring_that_was_applied(database: Database) -> None:
     """With both tendons pulled, S = r_j² (F_A'(x_A) + F_B'(x_B)) of the springs that the loop knows."""
-    applied = applied_parameters.proposal(IDEAL, IDEAL, stored(database, spring()))
-    sections = applied_parameters.changed_sections(applied)
+    applied = applied_parameters.build_proposal(IDEAL, IDEAL, stored(database, spring()))
+    sections = applied_parameters.build_identified_sections(applied)
     then = IDEAL.with_identified(sections)
 
     async def pulled() -> Sample:

@@ -23,7 +23,7 @@ from backend.schemas.state import PushRequest, TouchOrder, WallOrder, WallView
 from backend.schemas.tuning import TuningRequest
 from backend.services.actuator import set_obstacle
 from backend.services.library import OwnExperiments
-from backend.services.lineage import marks_of
+from backend.services.lineage import load_marks
 from backend.storage import runs
 from backend.storage.database import Database, open_database
 from plant.interface import T_s
@@ -58,8 +58,8 @@ def made(
     stepped(database, load_parameters("ideal"), session)
     with database.reading() as reading:
         run = max(one.id for one in runs.find(reading))
-        marks = marks_of(reading, run).marks
-    return run, OwnExperiments(database).as_run(run), marks
+        marks = load_marks(reading, run).marks
+    return run, OwnExperiments(database).build_from_run(run), marks
 
 
 def timed(experiment: RecordedExperiment) -> list[tuple[float, dict[str, Any]]]:

@@ -13,7 +13,7 @@ import pytest
 from backend.banks.tuning_settings import saved_tuning_key
 from backend.models.run import SAVED_TUNING, SavedParts
 from backend.schemas.run import ChecklistState
-from backend.services.lineage import checklist_steps
+from backend.services.lineage import build_checklist
 from backend.storage import banks, identifications, runs, settings
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
@@ -99,7 +99,7 @@ def built(database: Database, estimate: int) -> int:
 
 def states(database: Database, in_use: int | None, parameters: dict[str, Any] = PARAMETERS) -> dict[str, str]:
     with database.reading() as session:
-        return {step.name: str(step.state) for step in checklist_steps(session, parameters, in_use)}
+        return {step.name: str(step.state) for step in build_checklist(session, parameters, in_use)}
 
 
 def test_the_checklist_leads_from_pretension_to_report(database: Database) -> None:
@@ -121,7 +121,7 @@ def test_a_tuning_is_done_once_it_is_saved_for_the_bank_in_use(database: Databas
         value = SAVED_TUNING.write(SavedParts(lam_q=0.45, lam_S=0.1, bank=bank))
         settings.save(session, saved_tuning_key(bank), value, "Ada")
     with database.reading() as session:
-        [step] = [one for one in checklist_steps(session, PARAMETERS, bank) if one.name == "tuning"]
+        [step] = [one for one in build_checklist(session, PARAMETERS, bank) if one.name == "tuning"]
     assert (step.state, step.run) == (ChecklistState.DONE, None)
     assert re.fullmatch(r"λ_q = 0\.45 s, λ_S = 0\.1 s, saved for \w+ v\d by Ada", step.detail)
     assert states(database, other)["tuning"] == "missing"

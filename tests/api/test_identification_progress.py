@@ -256,7 +256,7 @@ def test_an_order_that_is_aborted_in_its_pause_ends_there_with_what_it_has(tmp_p
         evaluated = [task for task in seen.tasks if task.phase is RunPhase.EVALUATION]
         assert {(task.following, task.pause_wanted) for task in evaluated} == {(0, False)}
         assert end_of(database, seen.run) is EndState.COMPLETED
-        view = parts.identifications.identification(seen.run)
+        view = parts.identifications.load_identification(seen.run)
         assert view.estimate is not None
 
     try:

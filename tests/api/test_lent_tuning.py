@@ -91,7 +91,7 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
         assert parts.state().own_tuning is None
         assert parts.supervisor.setup.tuning == parts.live_state.tuning.command()
         await parts.actuator.tuning_service.apply(TuningRequest(), WHO)  # and it can be changed again
-        view = parts.runs.experiment(run)
+        view = parts.runs.load_experiment(run)
         assert {name: view.settings[name] for name in ASKED} == ASKED
         return run
 
@@ -230,7 +230,7 @@ def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Databas
         await parts.ended()
         for run, one in zip((first, first + 1), shown, strict=True):
             played = {name: value for name, value in one.items() if name != "segments"}  # an experiment by now
-            assert parts.runs.experiment(run).settings == played
+            assert parts.runs.load_experiment(run).settings == played
         assert parts.live_state.tuning.lambdas.lam_q == 0.8
 
     stepped(database, IDEAL, work)

@@ -49,7 +49,7 @@ class Drawn:
 
 def drawn_at(replay: ReplayView, run: int, moments: list[float]) -> list[tuple[Obstacle | None, bool]]:
     """Return for each moment [s] the wall in the replay's 3D view, and whether it is drawn pressed."""
-    mirror, stage, drawn = SceneMirror(LAB, replay.row, replay.wall), Drawn(), []
+    mirror, stage, drawn = SceneMirror(LAB, replay.get_row, replay.get_wall), Drawn(), []
     for t in moments:
         replay.show(run, t)
         mirror._step(stage)  # type: ignore[arg-type]  # it has what is asked of a stage

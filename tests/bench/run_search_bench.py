@@ -69,7 +69,7 @@ def _searched(stored: StoredRuns, where: str) -> Ratio:
     took = []
     for _ in range(REPETITIONS):
         begun = time.perf_counter()
-        found = stored.found(RunQuery(where=(where,), limit=50))
+        found = stored.find_runs(RunQuery(where=(where,), limit=50))
         took.append(time.perf_counter() - begun)
     return Ratio.at_most(f"search {where or 'for all'} [s]", statistics.median(took), SEARCH_S, f"{found.total} runs")
 

@@ -17,7 +17,7 @@ from backend.experiments.library import build_ready_plan, plan_values
 from backend.experiments.parser import ExperimentError
 from backend.exports.base import SEAL, ImportRefusedError
 from backend.models.document import document_digest
-from backend.services.downloads import look_over
+from backend.services.downloads import check_run_settings
 from backend.services.runs import read_planned_run
 from backend.storage import runs
 from backend.storage.database import open_database
@@ -91,7 +91,7 @@ def test_a_run_that_is_stored_so_is_refused_by_all_that_opens_it(played: tuple[P
     with pytest.raises(ExperimentError):
         read_planned_run(database, 1)
     with database.reading() as session, pytest.raises(ImportRefusedError):
-        look_over(runs.get(session, 1))
+        check_run_settings(runs.get(session, 1))
     database.close()
 
 
@@ -130,6 +130,6 @@ OF_PLAN = plan_values(build_ready_plan("tracking"))
     ids=lambda settings: str(settings)[-60:],
 )
 def test_what_no_request_could_have_ordered_is_not_taken_in(settings: dict[str, Any]) -> None:
-    look_over(run_with())
+    check_run_settings(run_with())
     with pytest.raises(ImportRefusedError):
-        look_over(run_with(**settings))
+        check_run_settings(run_with(**settings))

@@ -24,10 +24,10 @@ from backend.models.run import AppliedParameters
 from backend.services import parameters
 from backend.services.parameters import (
     NotApplicableError,
-    differences,
+    build_proposal,
+    find_changes,
     list_parameter_versions,
     load_active_parameters,
-    proposal,
 )
 from backend.storage import identifications
 from backend.storage.database import Database, open_database
@@ -84,8 +84,8 @@ def spring() -> NewIdentification:
 
 def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(database: Database) -> None:
     found = stored(database, motors((2.3, 0.21), (2.4, 0.23)))
-    then = LAB.with_identified(parameters.changed_sections(proposal(LAB, LAB, found)))
-    assert [(one.name, one.side, one.before, one.after) for one in differences(LAB, then)] == [
+    then = LAB.with_identified(parameters.build_identified_sections(build_proposal(LAB, LAB, found)))
+    assert [(one.name, one.side, one.before, one.after) for one in find_changes(LAB, then)] == [
         ("K_m", "A", 2.86, 2.3),
         ("T_m", "A", 0.22, 0.21),
         ("K_m", "B", 2.86, 2.4),
@@ -100,7 +100,7 @@ def test_motors_change_what_the_controller_knows_and_nothing_that_is_simulated(d
 
 def test_a_spring_changes_the_stiffness_that_is_estimated(database: Database) -> None:
     found = stored(database, spring())
-    then = LAB.with_identified(parameters.changed_sections(proposal(LAB, LAB, found)))
+    then = LAB.with_identified(parameters.build_identified_sections(build_proposal(LAB, LAB, found)))
     assert then.select_identified("A").k == pytest.approx(K, rel=0.03)
     g = LAB.geometry
     expected = 2.0 * g.r_j**2 * (K[1] + K[2] * g.r_m * 7.0)
@@ -113,7 +113,7 @@ def test_versions_add_up_and_undoing_puts_the_former_back(database: Database) ->
     first, second = stored(database, motors((2.3, 0.21), (2.4, 0.23))), stored(database, spring())
     for found, who in ((first, "Ana"), (second, "Ben")):
         with database.session() as session:
-            parameters.store_parameters(session, proposal(LAB, load_active_parameters(database, LAB), found), who)
+            parameters.store_parameters(session, build_proposal(LAB, load_active_parameters(database, LAB), found), who)
     both, one, file = list_parameter_versions(database, LAB)
     assert [(item.number, item.who) for item in (both, one, file)] == [(2, "Ben"), (1, "Ana"), (0, "")]
     assert file.parameters == LAB
@@ -130,14 +130,14 @@ def test_versions_add_up_and_undoing_puts_the_former_back(database: Database) ->
 
 
 def undo(database: Database, who: str) -> AppliedParameters:
-    applied = parameters.undoing(database, LAB)
+    applied = parameters.build_undo(database, LAB)
     with database.session() as session:
         parameters.store_parameters(session, applied, who)
     return applied
 
 
 def test_what_was_applied_to_one_file_is_not_in_force_on_another(database: Database) -> None:
-    applied = proposal(LAB, LAB, stored(database, motors((2.3, 0.21), (2.4, 0.23))))
+    applied = build_proposal(LAB, LAB, stored(database, motors((2.3, 0.21), (2.4, 0.23))))
     with database.session() as session:
         parameters.store_parameters(session, applied, "Ana")
     ideal = load_parameters("ideal")
@@ -147,13 +147,13 @@ def test_what_was_applied_to_one_file_is_not_in_force_on_another(database: Datab
 
 def test_what_cannot_be_applied_is_refused_with_the_reason(database: Database) -> None:
     with pytest.raises(NotApplicableError, match="nothing was applied"):
-        parameters.undoing(database, LAB)
+        parameters.build_undo(database, LAB)
     same = stored(database, motors((2.86, 0.22), (2.86, 0.22)))
     with pytest.raises(NotApplicableError, match="nothing would change"):
-        proposal(LAB, LAB, same)
+        build_proposal(LAB, LAB, same)
     bad = stored(database, replace(motors((2.3, 0.21), (2.4, 0.23)), usable=False, verdict="hardly moved"))
     with pytest.raises(NotApplicableError, match="not usable: hardly moved"):
-        proposal(LAB, LAB, bad)
+        build_proposal(LAB, LAB, bad)
     beyond = stored(database, motors((2.3, 0.21), (2400.0, 0.23)))
     with pytest.raises(ParameterError, match=r"identified_B.K_m = 2400 .*outside 0.001 to 1000"):
-        proposal(LAB, LAB, beyond)
+        build_proposal(LAB, LAB, beyond)

@@ -13,8 +13,8 @@ from backend.cli import app
 from backend.reports.model import Table
 from backend.reports.provenance import lineage
 from backend.reports.run_data import load_source
-from backend.services.banks import _lineage
-from backend.services.runs import bank_view
+from backend.services.banks import _build_entry_lineage
+from backend.services.runs import build_bank_view
 from backend.storage import banks, identifications, runs
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import NewIdentification
@@ -77,7 +77,7 @@ def database(tmp_path: Path) -> Iterator[Database]:
 def test_bank_command_line_and_report_name_the_same_runs(database: Database, tmp_path: Path) -> None:
     bank = build_bank(database, PARAMETERS, "bench", list(POINTS), "Ana")
     with database.session() as session:
-        view = bank_view(bank, identifications.find_estimate_runs(session), {}, None)
+        view = build_bank_view(bank, identifications.find_estimate_runs(session), {}, None)
         follower = runs.create(session, new_run(RunKind.TRACKING, bank.id))
     assert [entry.identification for entry in view.entries] == list(POINTS)
 
@@ -85,7 +85,7 @@ def test_bank_command_line_and_report_name_the_same_runs(database: Database, tmp
     assert [entry["identification"] for entry in json.loads(shown.stdout)["entries"]] == list(POINTS)
 
     with database.reading() as session:
-        lines = [_lineage(session, entry) for entry in bank.entries]
+        lines = [_build_entry_lineage(session, entry) for entry in bank.entries]
     assert [(line.identification, line.run, line.method) for line in lines if line] == [
         (number, number, "output error") for number in POINTS
     ]

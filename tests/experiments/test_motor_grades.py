@@ -131,4 +131,4 @@ def test_a_note_that_says_completed_completes_nothing(tmp_path_factory: pytest.T
 
 
 def experiment(session: Session, parameters: dict[str, Any]) -> ChecklistState:
-    return next(step.state for step in lineage.checklist_steps(session, parameters, None) if step.name == "experiment")
+    return next(step.state for step in lineage.build_checklist(session, parameters, None) if step.name == "experiment")

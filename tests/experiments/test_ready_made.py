@@ -82,9 +82,9 @@ def test_an_own_one_can_do_all_that_it_does(tmp_path: Path, name: str) -> None:
     database = open_database(tmp_path)
     own = OwnExperiments(database)
     copied = text_of(name).replace(f"name: {name}\n", "name: mine\n", 1)
-    kept = own.keep(copied, "A. Operator", load_parameters("lab"), TuningSettings())
+    kept = own.check_and_store(copied, "A. Operator", load_parameters("lab"), TuningSettings())
     assert (kept.name, kept.version) == ("mine", 1)
-    mine, theirs = own.entry("mine"), find_experiment(name)
+    mine, theirs = own.find_definition("mine"), find_experiment(name)
     assert mine.usual.program() == theirs.usual.program()
     assert mine.settings == theirs.settings
     database.close()
@@ -96,11 +96,11 @@ def test_own_ones_are_kept_in_versions_and_nothing_is_overwritten(tmp_path: Path
     first = text_of("step_battery").replace("name: step_battery\n", "name: mine\n", 1)
     second = first.replace("default: 5 * pi / 18", "default: 0.7")
     for written, version in ((first, 1), (second, 2), (second, 2), (first, 3)):
-        assert own.keep(written, "A. Operator", lab, TuningSettings()).version == version
-    assert own.written("mine@1").text == own.written("mine").text == first
-    assert own.written("mine@2").text == second
-    assert [entry.name for entry in own.all()][-1] == "mine@3"
-    assert [(one.name, one.version, one.title) for one in own.views()] == [("mine", 3, "Step battery")]
+        assert own.check_and_store(written, "A. Operator", lab, TuningSettings()).version == version
+    assert own.load_text("mine@1").text == own.load_text("mine").text == first
+    assert own.load_text("mine@2").text == second
+    assert [entry.name for entry in own.list_definitions()][-1] == "mine@3"
+    assert [(one.name, one.version, one.title) for one in own.list_own()] == [("mine", 3, "Step battery")]
     database.close()
 
 

@@ -11,7 +11,7 @@ from backend.analysis.evaluation import reevaluate_run
 from backend.recording.codec import pack_table, summarise_buckets
 from backend.sample import STORED_NAMES
 from backend.schemas.run import LineageNode
-from backend.services.lineage import History
+from backend.services.lineage import RunHistory
 from backend.storage import banks, commissioning, identifications, recordings, runs
 from backend.storage.banks import BankEntry
 from backend.storage.commissioning import NewStepResult
@@ -90,7 +90,7 @@ def tracked(database: Database) -> int:
 
 def boxes(database: Database, run: int) -> dict[str, LineageNode]:
     """Return the boxes of a lineage by kind and digest: numbers differ from one installation to another."""
-    lineage = History(database, LAB, lambda: None).lineage(run)
+    lineage = RunHistory(database, LAB, lambda: None).build_lineage(run)
     return {f"{node.kind} {node.sha256}": node for node in lineage.nodes}
 
 

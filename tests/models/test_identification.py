@@ -62,13 +62,13 @@ def test_what_is_read_is_written_as_it_was_with_a_version(edge: DocumentCodec[An
 
 
 def test_the_page_shows_them(database: Database) -> None:
-    views = stored(database).identifications()
+    views = stored(database).list_identifications()
     assert [view.kind for view in views] == ["actuator", "spring", "motor"]
     assert views[0].G_q is not None
     assert (views[0].S_nominal, views[0].G_q.K) == (10.5, 0.05)
     assert [one.name for one in views[1].springs] == ["A", "B"]
     assert [one.fitted.K_m for one in views[2].motors] == [2.88, 2.88]
-    [table] = stored(database).spring_tables()
+    [table] = stored(database).list_spring_tables()
     assert (table.file, table.spring.fits[0].order) == ("spring.csv", 2)
     with database.reading() as session:
         for estimate in identifications.find(session):
@@ -128,8 +128,8 @@ def test_what_cannot_be_read_is_refused_by_run_and_field(tmp_path: Path, changed
         put_identification(database, 2, "spring", earlier.SPRINGS)
         put_identification(database, 3, "actuator", earlier.ACTUATOR | changed)
         with pytest.raises(UnreadableDocumentError, match=said):
-            stored(database).identification(3)
-        views = stored(database).identifications()
+            stored(database).load_identification(3)
+        views = stored(database).list_identifications()
         assert [(view.id, view.G_q) for view in views] == [(3, None), (2, None)]
         assert said in views[0].message
         assert [one.name for one in views[1].springs] == ["A", "B"]
@@ -141,4 +141,4 @@ def test_half_a_spring_is_refused(tmp_path: Path, part: str) -> None:
     with closing(open_database(tmp_path)) as database:
         put_identification(database, 2, "spring", earlier.SPRINGS | {part: document})
         with pytest.raises(UnreadableDocumentError, match="run 2: its model cannot be read, field B: it is missing"):
-            stored(database).identification(2)
+            stored(database).load_identification(2)

@@ -94,7 +94,7 @@ def test_a_bank_that_cannot_be_read_says_so_in_the_list_and_the_others_are_there
         banks.add(session, "newer", [BankEntry(8.0, {**MODEL, "version": 2})], "Ana")
     tuning, _ = TuningStore(database).restore(LAB)
     with closing(WorkerProcess(lambda _cause: None)) as worker:
-        newer, good = StoredBanks(database, worker, lambda: tuning).banks()
+        newer, good = StoredBanks(database, worker, lambda: tuning).list_banks()
     assert (good.name, len(good.entries), good.note) == ("good", 1, "")
     assert (newer.name, newer.entries) == ("newer", [])
     assert "is of version 2" in newer.note

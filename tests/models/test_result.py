@@ -80,7 +80,7 @@ def test_what_cannot_be_read_is_refused_by_run_and_field(
         load_source(database, 1)
     assert said in str(refused.value)
     stored = StoredRuns(database, lambda: None, lambda _run: False)
-    listed = stored.found(RunQuery(limit=10))
+    listed = stored.find_runs(RunQuery(limit=10))
     assert [run.id for run in listed.runs] == [1]
 
 

@@ -81,14 +81,16 @@ def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
     with database.reading() as session, pytest.raises(UnreadableDocumentError, match=said):
         assert runs.get(session, 3).set_to
     stored = StoredRuns(database, lambda: None, lambda _run: False)
-    listed = stored.found(RunQuery(limit=10)).runs
+    listed = stored.find_runs(RunQuery(limit=10)).runs
     assert [(run.id, len(run.settings)) for run in listed] == [
         (3, 0),
         (2, 3),
         (1, 0),
     ]  # an identification uses λ_motor alone
     assert said in listed[0].evaluation_problem
-    found = StoredIdentifications(database, lambda _run: 1.0, WorkerProcess(print), lambda: TUNING).identifications()
+    found = StoredIdentifications(
+        database, lambda _run: 1.0, WorkerProcess(print), lambda: TUNING
+    ).list_identifications()
     assert [(one.id, one.tension_N) for one in found] == [(3, None), (1, 20.0)]
     assert said in found[0].message
 

@@ -13,7 +13,7 @@ from backend.errors import RequestRejectedError
 from backend.recording.reader import UnknownSignalError
 from backend.schemas.comparison import AlignBy, ComparisonAsked, DifferencesAsked, StepSignal
 from backend.schemas.state import MarkKind
-from backend.services.comparison import Curve, compare, curves_file, differences, table_file
+from backend.services.comparison import Curve, compare_runs, compute_differences, stream_curves_file, stream_table_file
 from backend.storage import events, runs
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
@@ -49,7 +49,7 @@ def test_figures_are_those_of_a_plain_look(
     asked = DifferencesAsked(run=[reference, run], by=AlignBy.STEP, step=StepSignal.Q_REF, band=band, points=20000)
     if set(lost) & set(range(steps[1] - 2, steps[1] + 2)):
         return
-    [found] = differences(database, asked).runs
+    [found] = compute_differences(database, asked).runs
     shift = steps[0] - steps[1]
     a, b = (np.asarray(values["q"], np.float32).astype(float) for values in (one, other))
     apart = {
@@ -79,7 +79,7 @@ def test_buckets_hold_the_extremes_of_their_samples_and_stand_still(database: Da
     apart = [np.asarray(values["q"], np.float32).astype(float) for values in (other, one)]
     exact = apart[0] - apart[1]
     for from_s, to_s in ((0.0, 9.0), (0.1234, 1.0)):
-        found = differences(database, DifferencesAsked(run=both, from_s=from_s, to_s=to_s, points=50))
+        found = compute_differences(database, DifferencesAsked(run=both, from_s=from_s, to_s=to_s, points=50))
         width = round(found.width_s / 1e-3)
         first, last = round(from_s * 1e3), min(round(to_s * 1e3), LENGTH)
         assert not found.raw
@@ -93,7 +93,7 @@ def test_buckets_hold_the_extremes_of_their_samples_and_stand_still(database: Da
 
 def test_between_samples_a_curve_is_straight_and_over_a_gap_there_is_none() -> None:
     curve = Curve(np.array([0.0, 1.0, 2.0, 5.0, 6.0]), np.array([0.0, 2.0, np.nan, 1.0, 3.0]), 1.0)
-    found = curve.at(np.array([-0.5, 0.0, 0.25, 1.0, 1.5, 3.0, 5.0, 5.5, 6.0, 6.5]))
+    found = curve.interpolate(np.array([-0.5, 0.0, 0.25, 1.0, 1.5, 3.0, 5.0, 5.5, 6.0, 6.5]))
     np.testing.assert_allclose(found, [np.nan, 0.0, 0.5, 2.0, np.nan, np.nan, 1.0, 2.0, 3.0, np.nan])
 
 
@@ -103,28 +103,28 @@ def test_what_a_run_lacks_is_said_and_the_others_are_compared(database: Database
     without = recorded_run(database, signals(3, 10**6))
     asked = DifferencesAsked(run=[plain, without, with_step], by=AlignBy.STEP)
     with database.reading() as session:
-        told = compare(session, asked)
+        told = compare_runs(session, asked)
     assert told.runs[1].aligned_at_s is told.runs[1].offset_s is None
     assert [told.runs[n].aligned_at_s for n in (0, 2)] == pytest.approx([0.1, 0.3])
     assert [told.runs[n].offset_s for n in (0, 2)] == pytest.approx([0.0, -0.2])
     why = f"run {without} has no step of q_ref, not 1"
     assert [run.not_aligned for run in told.runs] == ["", why, ""]
-    found = differences(database, asked)
+    found = compute_differences(database, asked)
     assert [(one.run, one.reason) for one in found.runs] == [(without, why), (with_step, "")]
     assert (found.runs[0].largest, found.runs[0].compared_s) == (None, 0.0)
     assert set(found.runs[0].minimum) == {None}
     by_it = asked.model_copy(update={"reference": without})
     with database.reading() as session:
-        told = compare(session, by_it)
+        told = compare_runs(session, by_it)
     assert [run.offset_s for run in told.runs] == [None, 0.0, None]
     assert told.runs[0].not_aligned == f"the reference cannot be aligned: {why}"
     second = asked.model_copy(update={"number": 2})
     with database.reading() as session:
-        assert compare(session, second).runs[0].not_aligned == f"run {plain} has 1 step of q_ref, not 2"
+        assert compare_runs(session, second).runs[0].not_aligned == f"run {plain} has 1 step of q_ref, not 2"
     with pytest.raises(UnknownSignalError):
-        differences(database, asked.model_copy(update={"signal": "nonsense"}))
+        compute_differences(database, asked.model_copy(update={"signal": "nonsense"}))
     with pytest.raises(RequestRejectedError, match="none of those that are compared"):
-        differences(database, asked.model_copy(update={"reference": 10**6}))
+        compute_differences(database, asked.model_copy(update={"reference": 10**6}))
 
 
 def test_runs_are_aligned_by_an_event_of_each(database: Database) -> None:
@@ -137,8 +137,8 @@ def test_runs_are_aligned_by_an_event_of_each(database: Database) -> None:
             runs.end(session, found[-1], EndState.COMPLETED)
     with database.reading() as session:
         asked = ComparisonAsked(run=found, by=AlignBy.EVENT, event=MarkKind.TUNING, number=2)
-        told = compare(session, asked).runs
-        third = compare(session, asked.model_copy(update={"number": 3})).runs
+        told = compare_runs(session, asked).runs
+        third = compare_runs(session, asked.model_copy(update={"number": 3})).runs
     assert [run.aligned_at_s for run in told] == pytest.approx([0.3, 0.8])
     assert [run.offset_s for run in told] == pytest.approx([0.0, -0.5])
     assert third[0].not_aligned == f"run {found[0]} has 2 events of the kind tuning, not 3"
@@ -148,7 +148,7 @@ def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) 
     one, other = signals(4, 100), signals(5, 250, 900)
     reference, run = recorded_run(database, one), recorded_run(database, other)
     asked = DifferencesAsked(run=[reference, run], by=AlignBy.STEP)
-    lines = b"".join(curves_file(database, asked)).decode().splitlines()
+    lines = b"".join(stream_curves_file(database, asked)).decode().splitlines()
     head = [line for line in lines if line.startswith("#")]
     assert "aligned by step 1 of q_ref" in head[0]
     assert any(line.startswith(f"# q_run_{run} [rad] q: joint position") and "-0.15 s" in line for line in head)
@@ -166,7 +166,7 @@ def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) 
 
 def test_the_table_tells_what_differs(database: Database) -> None:
     found = [recorded_run(database, signals(seed, 10)) for seed in (1, 2)]
-    lines = b"".join(table_file(database, ComparisonAsked(run=found))).decode().splitlines()
+    lines = b"".join(stream_table_file(database, ComparisonAsked(run=found))).decode().splitlines()
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     assert rows == []  # sessions have no result, and both are set to nothing
     assert f"# run {found[1]}: Session" in "\n".join(lines)

@@ -84,7 +84,7 @@ def test_what_reads_that_many_samples_is_read_in_the_process_beside_the_service(
         try:
             found = {}
             for name, to_s in lengths_s.items():
-                curves = await stored.packed_samples(SampleSlice(run, 0.0, to_s, 500, ["q", "q - q_ref"]))
+                curves = await stored.pack_samples(SampleSlice(run, 0.0, to_s, 500, ["q", "q - q_ref"]))
                 found[name] = (curves, worker._pool is not None)
             return found
         finally:
@@ -92,7 +92,7 @@ def test_what_reads_that_many_samples_is_read_in_the_process_beside_the_service(
 
     async def directly(to_s: float) -> bytes:
         stored = StoredRuns(database, lambda: None, lambda _run: False)
-        return await stored.packed_samples(SampleSlice(run, 0.0, to_s, 500, ["q", "q - q_ref"]))
+        return await stored.pack_samples(SampleSlice(run, 0.0, to_s, 500, ["q", "q - q_ref"]))
 
     found = asyncio.run(asked())
     assert {name: elsewhere for name, (_, elsewhere) in found.items()} == {"at hand": False, "too long": True}

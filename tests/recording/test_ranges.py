@@ -20,7 +20,7 @@ from backend.exports.base import export_run
 from backend.recording.reader import UnknownSignalError
 from backend.sample import STORED_NAMES
 from backend.services import signals
-from backend.services.signals import RangeAsked, file_pieces, spectra_lines, statistics_lines, values_at
+from backend.services.signals import RangeQuery, read_values, stream_range_csv, stream_spectra, stream_statistics
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
 from plant.interface import T_s
@@ -90,7 +90,7 @@ def test_statistics_are_those_of_the_csv(
     stored: tuple[Database, int], whole: dict[str, NDArray[np.float64]], from_s: float, to_s: float | None
 ) -> None:
     database, run = stored
-    result = last_of(statistics_lines(database, RangeAsked(run, from_s, to_s, SIGNALS)))
+    result = last_of(stream_statistics(database, RangeQuery(run, from_s, to_s, SIGNALS)))
     t = whole["t"]
     within = (t >= from_s - 1e-9) & (t <= (np.inf if to_s is None else to_s) + 1e-9)
     ticks = round((t[within][-1] - t[within][0]) / T_s) + 1
@@ -118,7 +118,7 @@ def test_statistics_of_ten_minutes_are_those_of_the_csv(tmp_path: Path) -> None:
     columns = {"F_A": drift + chance.standard_normal(t.size), "u_A": 10.0 * np.sign(np.sin(9.0 * t)), "q": 1e-3 * drift}
     with closing(open_database(tmp_path)) as database:
         run = store_run(database, columns, fields=tuple(columns))
-        result = last_of(statistics_lines(database, RangeAsked(run, 0.0, None, tuple(columns))))
+        result = last_of(stream_statistics(database, RangeQuery(run, 0.0, None, tuple(columns))))
         file = tmp_path / "data.csv"
         file.write_bytes(b"".join(writers.write_csv(export_run(database, run))))
     lines = file.read_text().splitlines()
@@ -139,7 +139,7 @@ def test_a_file_of_a_range_has_the_rows_of_the_csv(
 ) -> None:
     database, run = stored
     file = tmp_path / "range.csv"
-    file.write_bytes(b"".join(file_pieces(database, RangeAsked(run, 35.7, 66.3, SIGNALS))))
+    file.write_bytes(b"".join(stream_range_csv(database, RangeQuery(run, 35.7, 66.3, SIGNALS))))
     found = read_csv(file)
     assert list(found) == ["t", *SIGNALS]
     within = (whole["t"] >= 35.7) & (whole["t"] <= 66.3)
@@ -152,7 +152,7 @@ def test_values_are_those_of_the_sample_at_or_before(
 ) -> None:
     database, run = stored
     times = [-1e-16, 0.0, 35.7, 35.7009, 61.35, 129.999, 129.999 * (1.0 + 4e-16)]
-    found = values_at(database, run, times, SIGNALS)
+    found = read_values(database, run, times, SIGNALS)
     for time_s, moment in zip(times, found.moments, strict=True):
         row = np.flatnonzero(whole["t"] <= time_s + 1e-9)[-1]
         assert (moment.at_s, moment.t) == (time_s, whole["t"][row])
@@ -165,7 +165,7 @@ def test_spectra_are_those_of_scipy(
     stored: tuple[Database, int], whole: dict[str, NDArray[np.float64]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     database, run = stored
-    result = last_of(spectra_lines(database, RangeAsked(run, 62.0, None, ("q", "u_A"))))
+    result = last_of(stream_spectra(database, RangeQuery(run, 62.0, None, ("q", "u_A"))))
     within = whole["t"] >= 62.0
     for name in ("q", "u_A"):
         found = result["signals"][name]
@@ -176,15 +176,15 @@ def test_spectra_are_those_of_scipy(
         np.testing.assert_allclose(found["density"], density[1:-1], rtol=1e-7, atol=1e-14)
         np.testing.assert_allclose(found["step_Hz"] * np.arange(1, segment // 2), f[1:-1], rtol=1e-12)
         assert found["used"] == (found["segments"] - 1) * segment // 2 + segment
-    monkeypatch.setattr(signals, "MOST_VALUES", 100_000)
+    monkeypatch.setattr(signals, "MAX_SPECTRUM_VALUES", 100_000)
     with pytest.raises(OutOfRangeError) as refused:
-        list(spectra_lines(database, RangeAsked(run, 62.0, None, ("q", "u_A"))))
+        list(stream_spectra(database, RangeQuery(run, 62.0, None, ("q", "u_A"))))
     assert (refused.value.value, refused.value.maximum) == (2 * within.sum(), 100_000)
 
 
 def test_a_spectrum_takes_no_segment_over_a_gap_and_says_what_it_left_out(stored: tuple[Database, int]) -> None:
     database, run = stored
-    result = last_of(spectra_lines(database, RangeAsked(run, 39.0, 80.0, ("S", "u_A", "q_ref"))))
+    result = last_of(stream_spectra(database, RangeQuery(run, 39.0, 80.0, ("S", "u_A", "q_ref"))))
     assert (result["samples"], result["missing"]) == (41_001 - 700, 700)
     stiffness = result["signals"]["S"]
     assert (stiffness["without_value"], stiffness["values"]) == (321, 41_001 - 700 - 321)
@@ -198,7 +198,7 @@ def test_a_spectrum_takes_no_segment_over_a_gap_and_says_what_it_left_out(stored
     assert amplitude == pytest.approx(
         4.0 / np.pi, rel=0.08
     )  # of its first harmonic; Hann loses up to 15 % aside a line
-    none = last_of(spectra_lines(database, RangeAsked(run, 19.0, 20.05, ("q_ref",))))["signals"]["q_ref"]
+    none = last_of(stream_spectra(database, RangeQuery(run, 19.0, 20.05, ("q_ref",))))["signals"]["q_ref"]
     assert (none["segments"], none["density"], none["values"]) == (0, [], 51)
     assert none["reason"]
 
@@ -222,9 +222,9 @@ def test_a_range_that_is_none_is_refused_with_its_bounds(
     maximum: float | None,
 ) -> None:
     database, run = stored
-    for lines in (statistics_lines, spectra_lines, file_pieces):
+    for lines in (stream_statistics, stream_spectra, stream_range_csv):
         with pytest.raises(OutOfRangeError) as refused:
-            next(lines(database, RangeAsked(run, from_s, to_s, SIGNALS)))
+            next(lines(database, RangeQuery(run, from_s, to_s, SIGNALS)))
         assert (refused.value.quantity, refused.value.unit) == (quantity, "s")
         assert refused.value.minimum == pytest.approx(minimum)
         assert refused.value.maximum == (None if maximum is None else pytest.approx(maximum))
@@ -232,10 +232,10 @@ def test_a_range_that_is_none_is_refused_with_its_bounds(
 
 def test_what_is_not_there_is_refused(stored: tuple[Database, int]) -> None:
     database, run = stored
-    for lines in (statistics_lines, spectra_lines, file_pieces):
+    for lines in (stream_statistics, stream_spectra, stream_range_csv):
         with pytest.raises(UnknownSignalError):
-            next(lines(database, RangeAsked(run, 0.0, 1.0, ("q", "nonsense"))))
+            next(lines(database, RangeQuery(run, 0.0, 1.0, ("q", "nonsense"))))
         with pytest.raises(UnknownRecordError):
-            next(lines(database, RangeAsked(run + 1, 0.0, 1.0, ("q",))))
+            next(lines(database, RangeQuery(run + 1, 0.0, 1.0, ("q",))))
     with pytest.raises(OutOfRangeError):
-        values_at(database, run, [0.0, 130.0], ["q"])
+        read_values(database, run, [0.0, 130.0], ["q"])

@@ -8,7 +8,7 @@ import pytest
 
 from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.services import signals
-from backend.services.signals import RangeAsked, RecordedFigures, statistics_lines
+from backend.services.signals import RangeAnalysis, RangeQuery, stream_statistics
 from backend.storage.database import Database
 from tests.recording.stored_run import store_run
 
@@ -16,45 +16,45 @@ COUNT = 120_000
 
 
 @pytest.fixture
-def asked(database: Database) -> RangeAsked:
+def asked(database: Database) -> RangeQuery:
     run = store_run(database, {"q": np.sin(np.arange(COUNT) * 1e-3)})
-    return RangeAsked(run, 0.0, None, ("q", "u_A"))
+    return RangeQuery(run, 0.0, None, ("q", "u_A"))
 
 
 @pytest.mark.parametrize("at_hand", [COUNT, 1000])
 def test_threads_and_process_give_the_same_lines(
-    database: Database, asked: RangeAsked, at_hand: int, monkeypatch: pytest.MonkeyPatch
+    database: Database, asked: RangeQuery, at_hand: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(signals, "AT_HAND_SAMPLES", at_hand)
 
     async def read() -> tuple[bytes, int]:
-        stream = await RecordedFigures(database).statistics(asked)
+        stream = await RangeAnalysis(database).stream_statistics(asked)
         beside = len(multiprocessing.active_children())
         return b"".join([piece async for piece in stream]), beside
 
     found, beside = asyncio.run(read())
-    assert found == b"".join(statistics_lines(database, asked))
+    assert found == b"".join(stream_statistics(database, asked))
     assert beside == int(at_hand < COUNT)
 
 
 @pytest.mark.parametrize("at_hand", [COUNT, 1000])
 def test_a_stream_that_is_left_frees_its_place(
-    database: Database, asked: RangeAsked, at_hand: int, monkeypatch: pytest.MonkeyPatch
+    database: Database, asked: RangeQuery, at_hand: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(signals, "AT_HAND_SAMPLES", at_hand)
-    monkeypatch.setattr(signals, "AT_ONCE", 1)
+    monkeypatch.setattr(signals, "MAX_RANGES", 1)
 
     async def leave() -> None:
-        recorded = RecordedFigures(database)
-        left = await recorded.statistics(asked)
+        recorded = RangeAnalysis(database)
+        left = await recorded.stream_statistics(asked)
         with pytest.raises(RequestRejectedError) as refused:
-            await recorded.spectra(asked)
+            await recorded.stream_spectra(asked)
         assert refused.value.retry_after_s > 0
         await left.aclose()
         assert not multiprocessing.active_children()
         with pytest.raises(OutOfRangeError):  # what is refused takes no place
-            await recorded.file(RangeAsked(asked.run, COUNT, None, ("q",)))
-        lines = b"".join([piece async for piece in await recorded.statistics(asked)])
+            await recorded.stream_csv(RangeQuery(asked.run, COUNT, None, ("q",)))
+        lines = b"".join([piece async for piece in await recorded.stream_statistics(asked)])
         assert lines.count(b"\n") > 1
 
     asyncio.run(leave())

@@ -10,7 +10,7 @@ from backend.models.upgrades import OLDER, upgrade_criteria, upgrade_metrics
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.run_data import RunData
 from backend.schemas.run import EvaluationView
-from backend.services.runs import experiment_view, run_view
+from backend.services.runs import build_experiment_view, build_run_view
 from tests.reports.tracking_run import PLAN, samples, source_of
 
 
@@ -33,7 +33,7 @@ SOURCES: dict[str, Callable[[], RunData]] = {
 def test_report_interface_and_file_say_the_same(name: str) -> None:
     source = SOURCES[name]()
     report, document = build_report(source), build_metrics_document(source)
-    view = experiment_view(source.run, source.result, 1.0)
+    view = build_experiment_view(source.run, source.result, 1.0)
     assert (view.outcome, view.verdict) == (report.outcome, report.verdict)
     assert document["verdict"] == report.verdict
     assert document["not_measured"] == {item.name: item.reason for item in view.metrics if item.reason}
@@ -53,7 +53,7 @@ def test_a_result_without_reasons_says_that_it_is_old() -> None:
         del item["reason"]
     metrics, criteria = upgrade_metrics(metrics), upgrade_criteria(criteria)
     old = replace(source.result, metrics=METRICS.read(metrics, "run 12"), criteria=CRITERIA.read(criteria, "run 12"))
-    view = experiment_view(source.run, old, 1.0)
+    view = build_experiment_view(source.run, old, 1.0)
     missing = [item.reason for item in view.metrics if item.value is None]
     assert missing
     assert set(missing) == {OLDER}
@@ -64,7 +64,7 @@ def test_settings_of_a_run_have_units_wherever_they_are_shown() -> None:
 
     run = source_of(samples(PLAN)).run
     settings = {"mode": "run", "loop": {"lam_q": 0.5, "lam_S": 0.42, "b": 0.0, "interpolate": False}}
-    view = run_view(replace(run, settings=settings), EvaluationView.NONE, 10, 0.01, 0)
+    view = build_run_view(replace(run, settings=settings), EvaluationView.NONE, 10, 0.01, 0)
     assert {item.name: (item.symbol, item.unit, item.value) for item in view.settings} == {
         "lam_q": ("λ_q", "s", 0.5),
         "lam_S": ("λ_S", "s", 0.42),

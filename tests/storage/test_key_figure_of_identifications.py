@@ -21,7 +21,7 @@ def test_the_newest_estimate_tells_the_key_figure(database: Database) -> None:
         identifications.add(session, replace(ESTIMATE, run_id=run, quality=fit_of(97.0, 91.5)))
     with database.reading() as session:
         assert identifications.fits_of_runs(session, [run, bare]) == {run: {"G_q": 97.0, "G_S": 91.5}}
-    listed = {one.id: one for one in StoredRuns(database, lambda: None, lambda _run: False).found(RunQuery()).runs}
+    listed = {one.id: one for one in StoredRuns(database, lambda: None, lambda _run: False).find_runs(RunQuery()).runs}
     headline = listed[run].headline
     assert headline is not None
     assert (headline.name, headline.label, headline.value, headline.unit) == ("fit_percent", "Fit of G_S", 91.5, "%")

@@ -14,7 +14,7 @@ from sqlalchemy import text
 
 from backend.recording.codec import compute_recording_digest, pack_table
 from backend.schemas.run import LineageKind, LineageNode
-from backend.services.lineage import History
+from backend.services.lineage import RunHistory
 from backend.storage import banks, commissioning, identifications, recordings, runs
 from backend.storage.banks import BankEntry
 from backend.storage.commissioning import NewStepResult
@@ -60,7 +60,7 @@ def recorded(session: Session, new: NewRun, cuts: tuple[int, ...] = (0, 20), fir
 
 
 def boxes(database: Database, run: int, largest_bytes: int = 10**9) -> dict[str, LineageNode]:
-    lineage = History(database, LAB, lambda: None, largest_bytes).lineage(run)
+    lineage = RunHistory(database, LAB, lambda: None, largest_bytes).build_lineage(run)
     assert lineage.nodes[0].id == f"run-{run}"
     return {node.id: node for node in lineage.nodes}
 

@@ -38,11 +38,11 @@ def test_each_search_finds_what_fits_page_by_page(tmp_path: Path) -> None:
             assert 0 < len(expected) <= COUNT
             found: list[int] = []
             while True:
-                page = stored.found(RunQuery(where=(where,), limit=130, offset=len(found)))
+                page = stored.find_runs(RunQuery(where=(where,), limit=130, offset=len(found)))
                 assert page.total == len(expected)
                 found += [run.id for run in page.runs]
                 if not page.runs:
                     break
             assert found == expected, where
-            first = stored.found(RunQuery(where=(where,), limit=1)).runs[0]
+            first = stored.find_runs(RunQuery(where=(where,), limit=1)).runs[0]
             assert (first.note, first.who) == (made[first.id].note, made[first.id].who)

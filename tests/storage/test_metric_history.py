@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from backend.models.run import MeasuredFigure
-from backend.services.comparison import metric_history
+from backend.services.comparison import build_metric_history
 from backend.storage import results, runs
 from backend.storage.database import Database
 from backend.storage.results import NewResult
@@ -25,14 +25,14 @@ def test_a_metric_that_only_older_runs_have_is_shown(database: Database) -> None
             runs.end(session, run, EndState.COMPLETED)
             results.add(session, NewResult(run, replace(METRICS, figures=figures), (), "1"))
     with database.reading() as session:
-        found = metric_history(session, "tracking", "settling", "", everywhere=False)
+        found = build_metric_history(session, "tracking", "settling", "", everywhere=False)
         assert found.metric is not None
         assert (found.metric.label, [point.value for point in found.points]) == ("Settling", [0.7])
         assert found.without == NEWER
         assert [one.name for one in found.metrics] == ["overshoot", "settling"]
-        assert len(metric_history(session, "tracking", "", "", everywhere=False).points) == NEWER + 1
+        assert len(build_metric_history(session, "tracking", "", "", everywhere=False).points) == NEWER + 1
         for unknown in ("setling", "overshoot.x"):
             with pytest.raises(QueryError, match="have no metric"):
-                metric_history(session, "tracking", unknown, "", everywhere=False)
+                build_metric_history(session, "tracking", unknown, "", everywhere=False)
         with pytest.raises(QueryError, match="have no metric 'settling'"):
-            metric_history(session, "compliance", "settling", "", everywhere=False)
+            build_metric_history(session, "compliance", "settling", "", everywhere=False)

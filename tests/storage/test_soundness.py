@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from backend.services import maintenance
-from backend.services.maintenance import Soundness
+from backend.services.maintenance import DatabaseMonitor
 from backend.storage import runs
 from backend.storage.database import Database, backup_database, open_database, require_intact_database, restore_database
 from backend.storage.orm import DamagedError, GoneError, StorageError
@@ -98,7 +98,7 @@ def test_damaged_pages_are_found_and_the_way_back_works(database: Database, tmp_
     damage(tmp_path / "sinew.db")
     told = r"is damaged.*sinew db restore FILE --data .*monday\.db"
     with closing(open_database(tmp_path)) as damaged, pytest.raises(DamagedError, match=told):
-        Soundness(damaged, tmp_path).before_start()
+        DatabaseMonitor(damaged, tmp_path).check_small_database()
     restore_database(tmp_path / "backups" / "monday.db", tmp_path / "sinew.db")
     assert count_runs(tmp_path) == 200
 
@@ -110,11 +110,11 @@ def test_a_large_file_is_looked_at_in_the_background(
     database.close()
     damage(tmp_path / "sinew.db")
     with closing(open_database(tmp_path)) as damaged:
-        watched = Soundness(damaged, tmp_path)
-        watched.before_start()
+        watched = DatabaseMonitor(damaged, tmp_path)
+        watched.check_small_database()
         assert watched.problem == ""
-        watched.start()
-        watched.wait(60.0)
+        watched.start_check()
+        watched.wait_for_check(60.0)
         assert "monday.db" in watched.problem
         assert "Stop the service first" in watched.problem
 

@@ -22,7 +22,7 @@ def test_the_time_of_a_step_grows_with_lambda_whatever_the_operator_has_active(t
     assert found is not None
     active = TuningSettings(motion="time-optimal").to_document()
     with closing(open_database(tmp_path)) as database:
-        study = Studies(database).begin(found.group(1), "Ana", load_parameters("lab"), active).id
+        study = Studies(database).create(found.group(1), "Ana", load_parameters("lab"), active).id
         with database.reading() as session:
             design = parse_design(studies.get(session, study))
     first, last = design.point(0), design.point(len(design) - 1)

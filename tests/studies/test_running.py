@@ -56,7 +56,7 @@ def test_a_study_begun_with_a_bank_in_force_computes_with_it(database: Database)
         bank = banks.add(session, "two", entries, "Ana")
     tuning = TuningSettings(bank=bank.id).to_document()
     text = SHORT.replace("draws: 2", "draws: 1").replace("seeds: 2", "seeds: 1")
-    study = Studies(database).begin(text, "Ana", lab, tuning).id
+    study = Studies(database).create(text, "Ana", lab, tuning).id
     with database.reading() as session:
         assert parse_design(studies.get(session, study)).base.banks == (bank,)
     assert run_study(database, study, use_local_processes(2))
@@ -127,12 +127,12 @@ def test_a_study_that_is_stopped_goes_on_with_what_is_missing(database: Database
 
     assert not run_study(database, study, with_work(studying.patient, tmp_path, jobs=1), notify)
     assert [row.number for row in table(database, study)] == list(range(6))  # submitted points were waited for
-    stopped = Studies(database).view(study)
+    stopped = Studies(database).load_view(study)
     assert (stopped.state, stopped.problem) == ("stopped", "")
     Studies(database).resume(study)
     assert run_study(database, study, with_work(studying.patient, tmp_path))
     assert computed_in(tmp_path) == list(range(16))
-    assert Studies(database).view(study).state == "done"
+    assert Studies(database).load_view(study).state == "done"
 
 
 def test_two_do_not_compute_the_same_study(database: Database) -> None:
@@ -168,7 +168,7 @@ def test_what_failed_or_was_lost_is_computed_anew_when_that_is_asked(database: D
 
 def test_a_stop_that_was_asked_before_holds_until_somebody_resumes(database: Database, tmp_path: Path) -> None:
     study = begun(database)
-    Studies(database).stop(study)
+    Studies(database).request_stop(study)
     assert not run_study(database, study, with_work(studying.quick, tmp_path))
     assert table(database, study) == []
     assert Studies(database).resume(study).state == "stopped"
@@ -179,10 +179,10 @@ def test_a_study_that_stops_is_not_resumed_before_it_has(database: Database) -> 
     study = begun(database)
     with database.session() as session:
         studies.claim(session, study, "elsewhere:1")
-    assert Studies(database).stop(study).state == "stopping"
+    assert Studies(database).request_stop(study).state == "stopping"
     with pytest.raises(TakenError, match="elsewhere:1"):
         Studies(database).resume(study)
-    assert Studies(database).view(study).state == "stopping"
+    assert Studies(database).load_view(study).state == "stopping"
 
 
 KILLED = """
@@ -211,7 +211,7 @@ def test_a_study_that_is_killed_goes_on_where_it_was(database: Database, tmp_pat
     workers = children(process.pid)
     process.send_signal(signal.SIGKILL)
     process.wait()
-    killed = Studies(database).view(study)
+    killed = Studies(database).load_view(study)
     assert killed.state == "stopped"
     assert "died without a word" in killed.problem
     until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))  # all workers have ended

@@ -10,7 +10,7 @@ import pytest
 from backend.banks.tuning_settings import TuningSettings
 from backend.errors import RequestRejectedError
 from backend.services.background_work import TextWork
-from backend.services.studies import WAITING_MAX, Studies, StudyScheduler
+from backend.services.studies import MAX_WAITING, Studies, StudyScheduler
 from backend.storage import studies
 from backend.storage.database import Database, open_database
 from backend.workers import WorkerProcess
@@ -47,12 +47,12 @@ def test_a_stop_asked_while_the_process_comes_up_is_not_forgotten(database: Data
     async def go() -> None:
         page, computing, reading = under_way(database)
         reading.gate.set()
-        study = await page.begin(SHORT, "Ana")
+        study = await page.start(SHORT, "Ana")
         await asyncio.sleep(0)
         assert (study.state, computing.asked) == ("waiting", 1)
         assert (await page.stop(study.id)).state == "stopped"
         computing.gate.set()
-        assert [found.state for found in (await page.all()).studies] == ["stopped"]
+        assert [found.state for found in (await page.list_newest()).studies] == ["stopped"]
         assert (await page.resume(study.id)).state == "waiting"
         await page.close()
 
@@ -63,9 +63,11 @@ def test_a_study_whose_last_attempt_only_ends_is_resumed_behind_it(database: Dat
     async def go() -> None:
         page, computing, reading = under_way(database)
         reading.gate.set()
-        study = await page.begin(SHORT, "Ana")
+        study = await page.start(SHORT, "Ana")
         await asyncio.sleep(0)
-        await asyncio.to_thread(Studies(database).stop, study.id)  # from elsewhere: this one does not hear of it
+        await asyncio.to_thread(
+            Studies(database).request_stop, study.id
+        )  # from elsewhere: this one does not hear of it
         await page.resume(study.id)
         with database.reading() as session:
             assert not studies.get(session, study.id).stop_asked
@@ -78,11 +80,11 @@ def test_a_study_whose_last_attempt_only_ends_is_resumed_behind_it(database: Dat
 def test_no_more_wait_than_there_are_places_however_they_come(database: Database) -> None:
     async def go() -> None:
         page, _, reading = under_way(database)
-        begins = [asyncio.ensure_future(page.begin(SHORT, "Ana")) for _ in range(WAITING_MAX + 3)]
+        begins = [asyncio.ensure_future(page.start(SHORT, "Ana")) for _ in range(MAX_WAITING + 3)]
         await asyncio.sleep(0)
         reading.gate.set()
         ends = await asyncio.gather(*begins, return_exceptions=True)
-        assert [isinstance(end, RequestRejectedError) for end in ends] == [False] * WAITING_MAX + [True] * 3
+        assert [isinstance(end, RequestRejectedError) for end in ends] == [False] * MAX_WAITING + [True] * 3
         await page.close()
 
     asyncio.run(go())
@@ -94,16 +96,16 @@ def test_the_table_of_a_study_that_is_computed_is_not_read_at_each_look(
     async def go() -> None:
         page, _, reading = under_way(database)
         reading.gate.set()
-        study = (await page.begin(SHORT, "Ana")).id
+        study = (await page.start(SHORT, "Ana")).id
         with database.session() as session:
             studies.claim(session, study, "elsewhere:1")
         before = reading.asked
-        monkeypatch.setattr("backend.services.studies.REST", 1e6)
-        shown = [(await page.detail(study, "worst")).study.state for _ in range(3)]
+        monkeypatch.setattr("backend.services.studies.REFRESH_FACTOR", 1e6)
+        shown = [(await page.build_detail(study, "worst")).study.state for _ in range(3)]
         assert (shown, reading.asked - before) == (["running"] * 3, 1)
         with database.session() as session:
             studies.let_go(session, study, "elsewhere:1")
-        await page.detail(study, "worst")
+        await page.build_detail(study, "worst")
         assert reading.asked - before == 2
         await page.close()
 

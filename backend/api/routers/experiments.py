@@ -107,7 +107,7 @@ async def remove_from_queue(id: RowId, service: ServiceInUse, _person: Operator)
 @experiments_router.get("/{id}")
 def get_experiment(id: RowId, service: ServiceInUse, _person: SignedIn) -> ExperimentView:
     """Return one experiment run with its metrics and criteria."""
-    return service.runs.experiment(id)
+    return service.runs.load_experiment(id)
 
 
 # Own experiments -----------------------------------------------------------------------------------
@@ -130,7 +130,7 @@ async def list_own_experiments(request: Request, service: ServiceInUse, person: 
     """List own experiments, the newest version of each."""
     if not await in_thread(service.experiments.has_own):
         return OwnExperimentList(experiments=[])
-    found = await service.texts.run(person, request.is_disconnected, service.experiments.views)
+    found = await service.texts.run(person, request.is_disconnected, service.experiments.list_own)
     return OwnExperimentList(experiments=found)
 
 
@@ -155,7 +155,7 @@ async def get_experiment_text(
     request: Request, name: ExperimentName, service: ServiceInUse, person: SignedIn
 ) -> WrittenExperiment:
     """Return an experiment as the text that it is, to keep it elsewhere or to begin an own one with."""
-    return await service.texts.run(person, request.is_disconnected, service.experiments.written, name)
+    return await service.texts.run(person, request.is_disconnected, service.experiments.load_text, name)
 
 
 @own_experiments_router.get("/own/{name}/versions")
@@ -163,7 +163,7 @@ async def list_versions(
     request: Request, name: ExperimentName, service: ServiceInUse, person: SignedIn
 ) -> OwnExperimentList:
     """List the versions of an own experiment, the newest first: who kept each, and when."""
-    found = await service.texts.run(person, request.is_disconnected, service.experiments.versions, name)
+    found = await service.texts.run(person, request.is_disconnected, service.experiments.list_versions, name)
     return OwnExperimentList(experiments=found)
 
 
@@ -172,7 +172,7 @@ async def get_experiment_as_run(
     request: Request, run_id: RowId, service: ServiceInUse, person: SignedIn
 ) -> RecordedExperiment:
     """Return a run as an experiment to begin an own one with, and what of the run it does not repeat."""
-    return await service.texts.run(person, request.is_disconnected, service.experiments.as_run, run_id)
+    return await service.texts.run(person, request.is_disconnected, service.experiments.build_from_run, run_id)
 
 
 # Studies -------------------------------------------------------------------------------------------
@@ -186,13 +186,13 @@ studies_router = APIRouter(prefix="/api/studies", tags=["studies"], route_class=
 @studies_router.get("")
 async def list_studies(service: ServiceInUse, _person: SignedIn) -> StudyList:
     """List the newest studies, and how far each is."""
-    return await service.studies.all()
+    return await service.studies.list_newest()
 
 
 @studies_router.post("", status_code=201)
 async def begin_study(body: StudyText, service: ServiceInUse, person: Operator) -> StudyView:
     """Keep a study and have it computed beside the loop, on the simulator; it moves nothing."""
-    return await service.studies.begin(body.text, person.name)
+    return await service.studies.start(body.text, person.name)
 
 
 @studies_router.post("/check")
@@ -204,13 +204,13 @@ async def check_study(request: Request, body: StudyText, service: ServiceInUse, 
 @studies_router.get("/numbers")
 async def list_plant_numbers(service: ServiceInUse, _person: SignedIn) -> PlantNumbers:
     """List the numbers of the plant that a study can vary."""
-    return service.studies.numbers()
+    return service.studies.list_plant_numbers()
 
 
 @studies_router.get("/{id}")
 async def get_study(id: RowId, service: ServiceInUse, _person: SignedIn, pick: MapPick = "worst") -> StudyDetail:
     """Return a study with its maps and the first rows of its table."""
-    return await service.studies.detail(id, pick)
+    return await service.studies.build_detail(id, pick)
 
 
 @studies_router.post("/{id}/stop")

@@ -51,7 +51,7 @@ async def predict(
 @router.get("/identifications")
 def list_identifications(service: ServiceInUse, _person: SignedIn) -> identification.IdentificationList:
     """List identification runs, newest first."""
-    return identification.IdentificationList(identifications=service.identifications.identifications())
+    return identification.IdentificationList(identifications=service.identifications.list_identifications())
 
 
 @router.get("/identification-kinds")
@@ -63,25 +63,25 @@ async def list_identification_kinds(service: ServiceInUse, _person: SignedIn) ->
 @router.get("/identifications/{id}")
 def get_identification(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.IdentificationView:
     """Return one identification run with its models."""
-    return service.identifications.identification(id)
+    return service.identifications.load_identification(id)
 
 
 @router.get("/identifications/{id}/curves")
 def get_identification_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
     """Return what can be drawn of an identification run: responses, residual tests, errors."""
-    return service.identifications.curves(id)
+    return service.identifications.build_curves(id)
 
 
 @router.get("/identifications/{id}/unseen")
 async def get_unseen(id: RowId, of: RowNumber, service: ServiceInUse, _person: SignedIn) -> UnseenView:
     """Set a model beside the record of the run `of`, or the part of its own that it was not fitted to."""
-    return await service.identifications.unseen(id, of)
+    return await service.identifications.validate(id, of)
 
 
 @router.get("/identification-trend")
 async def get_identification_trend(service: ServiceInUse, _person: SignedIn) -> Trend:
     """Return gains and lags over S beside what geometry predicts."""
-    return await service.identifications.trend()
+    return await service.identifications.compute_trend()
 
 
 @router.post("/spring-tables", status_code=201)
@@ -97,25 +97,25 @@ async def add_table(
 @router.get("/spring-tables")
 def list_spring_tables(service: ServiceInUse, _person: SignedIn) -> identification.SpringTableList:
     """List springs identified from tables, newest first."""
-    return identification.SpringTableList(tables=service.identifications.spring_tables())
+    return identification.SpringTableList(tables=service.identifications.list_spring_tables())
 
 
 @router.get("/spring-tables/{id}")
 def get_spring_table(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.SpringTableView:
     """Return one spring identified from a table."""
-    return service.identifications.spring_table(id)
+    return service.identifications.load_spring_table(id)
 
 
 @router.get("/spring-tables/{id}/curves")
 def get_spring_table_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
     """Return what can be drawn of a spring identified from a table."""
-    return service.identifications.spring_table_curves(id)
+    return service.identifications.build_spring_table_curves(id)
 
 
 @router.get("/parameters")
 def get_parameters(service: ServiceInUse, _person: SignedIn, estimate: RowNumber | None = None) -> ParametersView:
     """Return the parameters in force by versions, and what applying an estimate would change."""
-    return service.applied.view(estimate)
+    return service.applied.build_view(estimate)
 
 
 @router.post("/parameters")

@@ -50,7 +50,7 @@ from backend.schemas import (
     Timeline,
 )
 from backend.server import DOCUMENT_POLICY, SHEETS, ThreadRoute, in_thread
-from backend.services import RangeAsked, RunQuery, SampleSlice, read_planned_run, run_while_connected
+from backend.services import RangeQuery, RunQuery, SampleSlice, read_planned_run, run_while_connected
 from backend.storage import LONGEST, TAG_MAX, EventKind, LogQuery
 
 # Runs ----------------------------------------------------------------------------------------------
@@ -88,7 +88,7 @@ def list_runs(
 ) -> RunList:
     """List stored runs, newest first."""
     kinds = kind.split(",") if kind else ()
-    return service.runs.found(
+    return service.runs.find_runs(
         RunQuery(kinds=kinds, search=search, where=where, everywhere=everywhere, limit=limit, offset=offset)
     )
 
@@ -102,7 +102,7 @@ async def get_layout(_person: SignedIn) -> Response:
 @runs_router.get("/{id}")
 def get_run(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunView:
     """Return one run."""
-    return service.runs.run(id)
+    return service.runs.load_run(id)
 
 
 @runs_router.patch("/{id}")
@@ -114,34 +114,34 @@ def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person: Opera
 @runs_router.post("/{id}/tags")
 def put_tag(id: RowId, body: TagRequest, service: ServiceInUse, _person: Operator) -> RunView:
     """Put a tag on a run."""
-    service.run_library.tag([id], [body.tag], [])
-    return service.runs.run(id)
+    service.run_library.change_tags([id], [body.tag], [])
+    return service.runs.load_run(id)
 
 
 @runs_router.delete("/{id}/tags/{tag}")
 def take_tag(id: RowId, tag: TagInPath, service: ServiceInUse, _person: Operator) -> RunView:
     """Take a tag off a run."""
-    service.run_library.tag([id], [], [tag])
-    return service.runs.run(id)
+    service.run_library.change_tags([id], [], [tag])
+    return service.runs.load_run(id)
 
 
 @runs_router.post("/{id}/evaluation")
 async def evaluate_run(request: Request, id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
     """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
-    await run_while_connected(service.evaluations.again(id), request.is_disconnected)
-    return await in_thread(service.runs.run, id)
+    await run_while_connected(service.evaluations.evaluate_again(id), request.is_disconnected)
+    return await in_thread(service.runs.load_run, id)
 
 
 @runs_router.get("/{id}/lineage")
 def get_lineage(id: RowId, service: ServiceInUse, _person: SignedIn) -> Lineage:
     """Return where a run came from, back to raw data and parameters, and what came of it."""
-    return service.history.lineage(id)
+    return service.history.build_lineage(id)
 
 
 @runs_router.get("/{id}/marks")
 def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunMarks:
     """Return what happened during a run, on its own time axis."""
-    return service.history.marks(id)
+    return service.history.load_marks(id)
 
 
 @runs_router.get("/{id}/planned")
@@ -176,7 +176,7 @@ AskedFor = Annotated[SampleSlice, Depends(_excerpt)]
 @runs_router.get("/{id}/samples")
 async def get_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn) -> SamplesView:
     """Return samples of a run: raw where they are few enough, else their min/max envelope."""
-    return await service.runs.samples(asked)
+    return await service.runs.load_samples(asked)
 
 
 @runs_router.get("/{id}/samples.bin", response_class=Response, responses={200: {"content": {BINARY: {}}}})
@@ -186,7 +186,7 @@ async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: Si
     float64 bucket width [s], uint64 first bucket, uint32 buckets, uint32 values per bucket (1: samples, 2: smallest and
     largest); then float32 per signal in the order asked for: the smallest values, then, of 2, the largest.
     """
-    return Response(await service.runs.packed_samples(asked), media_type=BINARY)
+    return Response(await service.runs.pack_samples(asked), media_type=BINARY)
 
 
 @runs_router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
@@ -194,7 +194,9 @@ async def get_report_html(
     request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
 ) -> Response:
     """Return the report of a run as one self-contained page."""
-    return report(await run_while_connected(service.downloads.report_html(id, angles), request.is_disconnected), "html")
+    return report(
+        await run_while_connected(service.downloads.render_html_report(id, angles), request.is_disconnected), "html"
+    )
 
 
 @runs_router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
@@ -202,7 +204,7 @@ async def get_report_pdf(
     request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
 ) -> Response:
     """Return the report of a run as PDF."""
-    content = await run_while_connected(service.downloads.report_pdf(id, angles), request.is_disconnected)
+    content = await run_while_connected(service.downloads.render_pdf_report(id, angles), request.is_disconnected)
     return report(content, "pdf", f"sinew-run-{id}.pdf")
 
 
@@ -218,14 +220,14 @@ async def get_data(
 ) -> Response:
     """Return all samples of a run, with their notation and the facts of the run; SI units."""
     derived = list(dict.fromkeys(filter(None, formulas.split(","))))
-    content = await service.downloads.data(id, format, derived)
+    content = await service.downloads.stream_run(id, format, derived)
     return download(content, MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
 
 
 @runs_router.get("/{id}/bundle.zip", response_class=Response, responses={200: {"content": {ZIP: {}}}})
 async def get_bundle(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return a run with all that it came from, for another installation to take in."""
-    return download(await service.downloads.bundle(id), ZIP, f"sinew-run-{id}.zip")
+    return download(await service.downloads.stream_bundle(id), ZIP, f"sinew-run-{id}.zip")
 
 
 def report(content: bytes, format: str, name: str = "") -> Response:
@@ -265,25 +267,27 @@ def get_log(
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> Timeline:
     """Return what happened and who asked for it, newest first."""
-    return service.timeline.page(LogQuery(kind or (), words.split(), since, before, angles), limit)
+    return service.timeline.load_page(LogQuery(kind or (), words.split(), since, before, angles), limit)
 
 
 @log_router.put("/log/{id}/remark", status_code=204)
 def set_remark(id: RowId, body: Remark, service: ServiceInUse, person: Operator) -> None:
     """Say something of an event: a note and tags, in the place of those before."""
-    service.timeline.remark(id, body, person.name)
+    service.timeline.set_remark(id, body, person.name)
 
 
 @log_router.get("/flights", tags=["faults"])
 def list_flights(service: ServiceInUse, _person: SignedIn) -> FlightList:
     """List the newest flight records: of trips 10 s before to 5 s after, of triggers as asked for, at 1 kHz."""
-    return service.runs.flights()
+    return service.runs.list_flights()
 
 
 @log_router.get("/flights/{id}/data.{format}", tags=["faults"], response_class=Response, responses=DATA)
 async def get_flight_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return a flight record in a format; t counts from the trip or trigger."""
-    return download(await service.downloads.flight(id, format), MEDIA_TYPES[format], f"sinew-flight-{id}.{format}")
+    return download(
+        await service.downloads.stream_flight_record(id, format), MEDIA_TYPES[format], f"sinew-flight-{id}.{format}"
+    )
 
 
 @log_router.post("/flights/{id}/replay", tags=["faults"], status_code=204)
@@ -306,25 +310,25 @@ RunNumber = Annotated[int, Query(ge=1, le=2**53)]
 @run_library_router.get("/run-words")
 def get_search_words(service: ServiceInUse, _person: SignedIn) -> SearchWords:
     """Return what runs can be searched by at present: fields, names of values, tags, stations."""
-    return service.run_library.words()
+    return service.run_library.list_search_words()
 
 
 @run_library_router.get("/saved-searches")
 def list_saved_searches(service: ServiceInUse, _person: SignedIn) -> SavedSearchList:
     """List the saved searches."""
-    return service.run_library.saved_searches()
+    return service.run_library.list_saved_searches()
 
 
 @run_library_router.put("/saved-searches/{name}")
 def save_search(name: SearchName, body: SearchText, service: ServiceInUse, person: Operator) -> SavedSearchList:
     """Save a search under a name, in the place of one that has it."""
-    return service.run_library.keep_search(name, body.where, person.name)
+    return service.run_library.save_search(name, body.where, person.name)
 
 
 @run_library_router.delete("/saved-searches/{name}")
 def forget_search(name: SearchName, service: ServiceInUse, person: Operator) -> SavedSearchList:
     """Take a saved search off the list."""
-    return service.run_library.drop_search(name, person.name)
+    return service.run_library.remove_search(name, person.name)
 
 
 @run_library_router.patch("/run-tags/{tag}")
@@ -335,14 +339,14 @@ def rename_tag(
     _person: Operator,
 ) -> TagList:
     """Call a tag otherwise on all runs of this station."""
-    service.run_library.rename(tag, body.tag)
-    return TagList(tags=service.run_library.words().tags)
+    service.run_library.rename_tag(tag, body.tag)
+    return TagList(tags=service.run_library.list_search_words().tags)
 
 
 @run_library_router.get("/run-comparison")
 def compare_runs(asked: Annotated[ComparisonAsked, Query()], service: ServiceInUse, _person: SignedIn) -> RunComparison:
     """Return metrics and settings of runs beside those of one of them, and how they come onto its time axis."""
-    return service.run_library.compared(asked)
+    return service.run_library.compare_runs(asked)
 
 
 @run_library_router.get("/run-comparison/differences")
@@ -350,7 +354,7 @@ async def get_differences(
     request: Request, asked: Annotated[DifferencesAsked, Query()], service: ServiceInUse, _person: SignedIn
 ) -> Differences:
     """Return a signal of runs minus that of one of them, and where it leaves a tolerance band."""
-    return await run_while_connected(service.downloads.differences(asked), request.is_disconnected)
+    return await run_while_connected(service.downloads.compute_differences(asked), request.is_disconnected)
 
 
 @run_library_router.get("/run-comparison/{content}.csv", response_class=Response)
@@ -361,7 +365,7 @@ async def get_comparison_file(
     _person: SignedIn,
 ) -> Response:
     """Return aligned curves with their differences, or the table of what differs; SI units."""
-    content_pieces = await service.downloads.comparison(content, asked)
+    content_pieces = await service.downloads.stream_comparison(content, asked)
     return download(content_pieces, "text/csv", f"sinew-comparison-{content}.csv")
 
 
@@ -375,7 +379,7 @@ async def get_series_report(
     run: Annotated[list[RunNumber], Query(min_length=1, max_length=MOST_RUNS, description="runs, in order")],
 ) -> Response:
     """Return one report of many runs, as a self-contained page or as PDF."""
-    content = await run_while_connected(service.downloads.series(run, format, angles), request.is_disconnected)
+    content = await run_while_connected(service.downloads.render_series(run, format, angles), request.is_disconnected)
     return report(content, format, "sinew-series.pdf")
 
 
@@ -389,7 +393,7 @@ def get_metric_history(
     everywhere: Annotated[bool, Query(description="of all stations, not of this one only")] = False,
 ) -> MetricHistory:
     """Return one metric of a kind of runs over the dates of these runs."""
-    return service.run_library.history(kind, metric, where, everywhere=everywhere)
+    return service.run_library.build_metric_history(kind, metric, where, everywhere=everywhere)
 
 
 # Sheets --------------------------------------------------------------------------------------------
@@ -419,13 +423,13 @@ Named = Annotated[FormulaName, Path(description="name of the derived signal")]
 @formulas_router.get("/formulas")
 def list_formulas(service: ServiceInUse, _person: SignedIn) -> FormulaList:
     """List the derived signals of the station, by name, with the steps that compute them."""
-    return service.formulas.all()
+    return service.formulas.list_formulas()
 
 
 @formulas_router.put("/formulas/{name}")
 def put_formula(name: Named, body: FormulaText, service: ServiceInUse, person: Operator) -> FormulaView:
     """Write a derived signal, or change the one of this name."""
-    return service.formulas.put(name, body, person.name)
+    return service.formulas.save(name, body, person.name)
 
 
 @formulas_router.delete("/formulas/{name}", status_code=204)
@@ -462,24 +466,24 @@ async def _range(
         Finite | None, Query(alias="to", description="end [s], itself included; the run's end if left out")
     ] = None,
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
-) -> RangeAsked:
-    return RangeAsked(id, from_s, to_s, tuple(dict.fromkeys(signals.split(","))))
+) -> RangeQuery:
+    return RangeQuery(id, from_s, to_s, tuple(dict.fromkeys(signals.split(","))))
 
 
-Range = Annotated[RangeAsked, Depends(_range)]
+Range = Annotated[RangeQuery, Depends(_range)]
 Times = Annotated[list[Finite], Field(min_length=1, max_length=MOST_MOMENTS)]
 
 
 @run_figures_router.get("/{id}/statistics", **_lines_of(StatisticsLine))
 async def get_statistics(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return statistics of every sample of a range: lines that tell how far it is, the result in the last one."""
-    return StreamingResponse(await service.figures.statistics(asked), media_type=LINES)
+    return StreamingResponse(await service.figures.stream_statistics(asked), media_type=LINES)
 
 
 @run_figures_router.get("/{id}/spectra", **_lines_of(SpectraLine))
 async def get_spectra(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
     """Return spectra of every sample of a range (Welch's method): lines as ``statistics``."""
-    return StreamingResponse(await service.figures.spectra(asked), media_type=LINES)
+    return StreamingResponse(await service.figures.stream_spectra(asked), media_type=LINES)
 
 
 @run_figures_router.get("/{id}/range.csv", response_class=Response, responses={200: {"content": {"text/csv": {}}}})
@@ -487,7 +491,7 @@ async def get_range_file(asked: Range, service: ServiceInUse, _person: SignedIn)
     """Return every sample of a range as comma-separated text; values as ``data.csv`` has them."""
     end = "end" if asked.to_s is None else f"{asked.to_s:.3f}-s"
     name = f"sinew-run-{asked.run}-{asked.from_s:.3f}-to-{end}.csv"
-    return download(await service.figures.file(asked), CSV, name)
+    return download(await service.figures.stream_csv(asked), CSV, name)
 
 
 @run_figures_router.get("/{id}/values")
@@ -499,4 +503,4 @@ def get_values(
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> RecordedValues:
     """Return the values of signals at the samples at or before some times."""
-    return service.figures.values(id, at, tuple(dict.fromkeys(signals.split(","))))
+    return service.figures.read_values(id, at, tuple(dict.fromkeys(signals.split(","))))

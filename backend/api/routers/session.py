@@ -39,13 +39,13 @@ preferences_router = APIRouter(prefix="/api/preferences", tags=["session"], rout
 @preferences_router.get("")
 def get_preferences(service: ServiceInUse, person: SignedIn) -> Preferences:
     """Return how the signed-in person likes the page; defaults for somebody new."""
-    return service.preferences.of(person)
+    return service.preferences.load(person)
 
 
 @preferences_router.put("")
 def set_preferences(body: Preferences, service: ServiceInUse, person: SignedIn) -> Preferences:
     """Remember how the signed-in person likes the page. Open to viewers: it moves nothing."""
-    return service.preferences.put(person, body)
+    return service.preferences.save(person, body)
 
 
 # Session -------------------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ async def rotate_tokens(body: Rotation, request: Request, response: Response, pe
 @session_router.get("/checklist")
 def get_checklist(service: ServiceInUse, _person: SignedIn) -> Checklist:
     """Return how far the set-up is, from pretension to report, and what is out of date."""
-    return service.history.checklist()
+    return service.history.build_checklist()
 
 
 def _view(person: User) -> SessionView:

@@ -186,28 +186,28 @@ system_router = APIRouter(prefix="/api/system", tags=["system"], route_class=Thr
 @system_router.get("")
 def get_system(service: ServiceInUse, _person: SignedIn) -> SystemView:
     """Return what was granted to the loop, how late its ticks are, versions, disk, database and its backups."""
-    return service.maintenance.view()
+    return service.maintenance.describe_system()
 
 
 @system_router.post("/check")
 def check_database(service: ServiceInUse, _person: Operator) -> DatabaseCheck:
     """Check the whole database while it is in use."""
-    return service.maintenance.check()
+    return service.maintenance.check_database()
 
 
 @system_router.post("/backups", status_code=201)
 def make_backup(service: ServiceInUse, person: Operator) -> BackupView:
     """Copy the database to the data folder while it is in use; `sinew db restore` brings a copy back."""
-    return service.maintenance.backup(person.name)
+    return service.maintenance.back_up_database(person.name)
 
 
 @system_router.get("/recordings")
 def get_recordings(service: ServiceInUse, _person: SignedIn) -> RecordingsView:
     """Return how much recordings take, and the runs whose samples may go."""
-    return service.retention.view()
+    return service.retention.summarize_recordings()
 
 
 @system_router.post("/recordings/removal")
 def remove_recordings(request: RemovalRequest, service: ServiceInUse, person: Operator) -> RecordingsView:
     """Delete the samples of exactly these runs; refused as a whole unless each of them may go now."""
-    return service.retention.remove(request.runs, person.name)
+    return service.retention.delete_samples(request.runs, person.name)

@@ -45,20 +45,20 @@ Again = Annotated[
 @banks_router.post("", status_code=201)
 def build_bank(body: BankRequest, service: ServiceInUse, person: Operator) -> BankView:
     """Build a bank, or a new version of it, from identification runs; entries that do not fit are refused."""
-    return service.banks.build(body.name, body.identifications, person.name)
+    return service.banks.build_bank(body.name, body.identifications, person.name)
 
 
 @banks_router.get("")
 async def list_banks(service: ServiceInUse, _person: SignedIn) -> BankList:
     """List all versions of all banks, newest first."""
-    service.banks.prepare()
-    return BankList(banks=await in_thread(service.banks.banks))
+    service.banks.preload()
+    return BankList(banks=await in_thread(service.banks.list_banks))
 
 
 @banks_router.post("/file", status_code=201)
 def import_bank(body: BankFile, service: ServiceInUse, person: Operator) -> BankView:
     """Store an exported bank as the next version of its name, after checking it."""
-    return service.banks.bring_in(body, person.name)
+    return service.banks.import_bank(body, person.name)
 
 
 @banks_router.get("/in-use/difference")
@@ -68,19 +68,19 @@ async def compare_with_bank_in_use(
     """Tell what another bank, or points identified again, would change about the models and gains in use."""
     bank = service.actuator.live_state.tuning.bank
     _require_one(other, run)
-    return await service.banks.difference(None if bank is None else bank.id, other, run or ())
+    return await service.banks.compute_difference(None if bank is None else bank.id, other, run or ())
 
 
 @banks_router.get("/{id}")
 def get_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankView:
     """Return one version of a bank with its entries."""
-    return service.banks.bank(id)
+    return service.banks.load_bank(id)
 
 
 @banks_router.get("/{id}/detail")
 async def get_bank_detail(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankDetail:
     """Return gains and M_s of every entry at the λ in force, and the identification each came from."""
-    return await service.banks.detail(id)
+    return await service.banks.compute_detail(id)
 
 
 @banks_router.get("/{id}/difference")
@@ -89,13 +89,13 @@ async def compare_banks(
 ) -> BankDifference:
     """Tell what another bank, or points identified again, would change: models, gains and M_s at the λ in force."""
     _require_one(other, run)
-    return await service.banks.difference(id, other, run or ())
+    return await service.banks.compute_difference(id, other, run or ())
 
 
 @banks_router.get("/{id}/file")
 def export_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankFile:
     """Return a bank as a file, to take it to another data folder."""
-    return service.banks.file(id)
+    return service.banks.export_bank(id)
 
 
 @banks_router.post("/geometry/activate")
@@ -107,9 +107,9 @@ async def use_geometry(service: ServiceInUse, person: InControl) -> TuningView:
 @banks_router.post("/{id}/activate")
 async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
     """Use a bank from now on; bumpless while the loop runs."""
-    bank = await in_thread(service.banks.stored_bank, id)
+    bank = await in_thread(service.banks.load_stored_bank, id)
     await service.actuator.tuning_service.use_bank(bank, person.name)
-    return await in_thread(service.banks.bank, id)
+    return await in_thread(service.banks.load_bank, id)
 
 
 def _require_one(other: int | None, run: list[int] | None) -> None:

@@ -36,12 +36,12 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnExperiments]:
 
 def refusal(own: OwnExperiments, text: str) -> ExperimentError:
     with pytest.raises(ExperimentError) as refused:
-        own.checked(text, load_parameters("lab"), TuningSettings())
+        own.check(text, load_parameters("lab"), TuningSettings())
     return refused.value
 
 
 def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperiments) -> None:
-    checked = own.checked(with_parts(LEAD_IN, "{do: hold, duration_s: 1}"), load_parameters("lab"), TuningSettings())
+    checked = own.check(with_parts(LEAD_IN, "{do: hold, duration_s: 1}"), load_parameters("lab"), TuningSettings())
     assert (checked.duration_s, checked.segments) == (7.0, 2)
 
 
@@ -174,9 +174,9 @@ def test_a_reference_that_this_plant_does_not_reach_is_refused_in_its_line(own: 
     lab = load_parameters("lab")
     short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
     text = with_parts(LEAD_IN, "{do: step, q_ref: -0.6, duration_s: 2}", part)
-    assert own.checked(text, lab, TuningSettings()).segments == 3
+    assert own.check(text, lab, TuningSettings()).segments == 3
     with pytest.raises(ExperimentError, match=r"position reference: .* rad is outside -0.83 to 0.83 rad") as refused:
-        own.checked(text, short, TuningSettings())
+        own.check(text, short, TuningSettings())
     assert refused.value.line == 10
 
 
@@ -185,7 +185,7 @@ def test_where_a_sine_ends_counts_for_what_swings_around_it(own: OwnExperiments)
     short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
     text = with_parts(LEAD_IN, AWAY, "{do: sine, q_amplitude: 0.6, period_s: 4, duration_s: 4}")
     with pytest.raises(ExperimentError, match=r"-1 rad is outside -0.83 to 0.83 rad") as refused:
-        own.checked(text, short, TuningSettings())
+        own.check(text, short, TuningSettings())
     assert refused.value.line == 10
 
 
@@ -209,8 +209,10 @@ def test_a_rule_of_the_settings_says_what_does_not_hold(own: OwnExperiments) -> 
 
 def test_nothing_is_kept_of_what_is_refused(own: OwnExperiments, tmp_path: Path) -> None:
     with pytest.raises(ExperimentError):
-        own.keep(with_parts("{do: hold, duration_s: -1}"), "A. Operator", load_parameters("lab"), TuningSettings())
-    assert own.views() == []
+        own.check_and_store(
+            with_parts("{do: hold, duration_s: -1}"), "A. Operator", load_parameters("lab"), TuningSettings()
+        )
+    assert own.list_own() == []
 
 
 @pytest.mark.parametrize(
@@ -225,7 +227,7 @@ def test_nothing_oscillates_around_what_is_not_known(own: OwnExperiments, part: 
     told = str(refusal(own, with_parts(part, LEAD_IN)))
     assert told == "line 8: phases 1, parts 1: nothing says around which references it goes: begin with a step"
     crest = "{do: sine, q_ref: 0.1, S_ref: 10, period_s: 1, duration_s: 1}"
-    assert own.checked(with_parts(crest, LEAD_IN), load_parameters("lab"), TuningSettings()).segments == 2
+    assert own.check(with_parts(crest, LEAD_IN), load_parameters("lab"), TuningSettings()).segments == 2
     assert "parts 2: nothing says around which" in str(refusal(own, with_parts(crest, part, LEAD_IN)))
 
 
@@ -234,4 +236,4 @@ def test_what_is_measured_from_rest_takes_no_push_beside_a_motion(own: OwnExperi
     parts, more = (LEAD_IN, "{do: step, q_ref: 0.1, duration_s: 1, F_push: 2}"), f"measures: [steps, {measure}]\n"
     told = str(refusal(own, with_parts(*parts, more=more)))
     assert told == f"line 9: phases 1, parts 2, F_push: {measure} measures pushes from rest: take a part `do: push`"
-    assert own.checked(with_parts(*parts), load_parameters("lab"), TuningSettings()).segments == 2
+    assert own.check(with_parts(*parts), load_parameters("lab"), TuningSettings()).segments == 2
