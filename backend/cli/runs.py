@@ -126,9 +126,9 @@ def list_runs(
     from backend.services import RunLibrary, RunQuery
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
-        saved_where = RunLibrary(database).where_of(saved) if saved else ""
+        saved_where = RunLibrary(database).find_saved_search(saved) if saved else ""
         query = RunQuery(search=search, where=(saved_where, where), everywhere=all_stations, limit=limit)
-        found = _open_stored_runs(database).found(query)
+        found = _open_stored_runs(database).find_runs(query)
     if as_json:
         print_json([run.model_dump(mode="json") for run in found.runs])
         return

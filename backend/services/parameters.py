@@ -59,7 +59,9 @@ def list_parameter_versions(database: Database, base: PlantParameters) -> list[A
     Raises UnreadableDocumentError, ParameterError.
     """
     with database.reading() as session:
-        stored = [(APPLIED.read(one.value, f"version of {one.who}"), one) for one in settings.history(session, SETTING_NAME)]
+        stored = [
+            (APPLIED.read(one.value, f"version of {one.who}"), one) for one in settings.history(session, SETTING_NAME)
+        ]
     mine = tuning_settings.compute_parameters_digest(base)
     made = [(applied, one) for applied, one in reversed(stored) if applied.base == mine]
     found = [

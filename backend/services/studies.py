@@ -348,7 +348,7 @@ def _check(database: Database, text: str, parameters: PlantParameters, tuning: T
 
 
 def _begin(database: Database, text: str, who: str, parameters: PlantParameters, tuning: TuningSettings) -> StudyView:
-    return Studies(database).begin(text, who, parameters, tuning.to_document())
+    return Studies(database).create(text, who, parameters, tuning.to_document())
 
 
 def _detail(database: Database, study_id: int, pick: str) -> StudyDetail:

@@ -43,7 +43,7 @@ def bench(console: Console, runs: int = RUNS) -> bool:
 
 def _took_s(database: Database, runs: int, jobs: int) -> float:
     text = STUDY.format(runs=runs)
-    study = Studies(database).begin(text, "bench", load_parameters("lab"), TuningSettings().to_document()).id
+    study = Studies(database).create(text, "bench", load_parameters("lab"), TuningSettings().to_document()).id
     begun = time.perf_counter()
     run_study(database, study, use_local_processes(jobs))
     took_s = time.perf_counter() - begun

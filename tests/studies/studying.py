@@ -33,7 +33,7 @@ seed: 7
 
 def begun(database: Database, text: str = SHORT) -> int:
     """Store a study on the lab's plant; return its number."""
-    return Studies(database).begin(text, "Ana", load_parameters("lab"), TuningSettings().to_document()).id
+    return Studies(database).create(text, "Ana", load_parameters("lab"), TuningSettings().to_document()).id
 
 
 def table(database: Database, study: int) -> list[StudyPoint]:

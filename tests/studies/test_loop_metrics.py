@@ -39,7 +39,7 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Database:
 
 
 def build_design(database: Database, text: str) -> Design:
-    begun = Studies(database).begin(text, "Ana", load_parameters("ideal"), TuningSettings().to_document())
+    begun = Studies(database).create(text, "Ana", load_parameters("ideal"), TuningSettings().to_document())
     with database.reading() as session:
         return parse_design(studies.get(session, begun.id))
 
