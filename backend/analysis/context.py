@@ -20,7 +20,7 @@ class NotPredictedError(SinewError, ValueError):
 
 def load_initial_tuning(loop: StoredLoopSettings) -> TuningSettings:
     """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
-    known: dict[str, Any] = {name: value for name, value in loop.known().items() if name in TUNING_NAMES}
+    known: dict[str, Any] = {name: value for name, value in loop.get_known_values().items() if name in TUNING_NAMES}
     return TuningSettings(**known)
 
 

@@ -535,7 +535,7 @@ def select_used_settings(run: Run) -> Sequence[DeclaredValue]:
     """
     stored = run.set_to
     if stored.declared is None:
-        tuning = stored.loop.known()
+        tuning = stored.loop.get_known_values()
         return [
             DeclaredValue(setting.name, setting.symbol, setting.unit, setting.meaning, tuning[setting.name])
             for setting in TUNING_SETTINGS

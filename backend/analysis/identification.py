@@ -57,19 +57,19 @@ from backend.models import (
     ChannelQuality,
     Document,
     FailedCandidate,
-    Fitted,
     IdentifiedMotor,
+    MissingArxEstimate,
+    MotorConstants,
+    MotorFit,
     MotorModels,
     MotorQualities,
     MotorQuality,
-    NoArx,
-    Pair,
     RefusedStep,
-    RuleStep,
     SpringModel,
     SpringModels,
     SpringQualities,
     SpringQuality,
+    StepRuleEstimate,
     StoredSpringFit,
     StoredStepCurve,
     TableReading,
@@ -217,10 +217,10 @@ def _actuator_quality(channel: Estimate, candidates: Candidates, arx: Estimate |
     )
 
 
-def _arx(found: Estimate | str) -> ArxEstimate | NoArx:
+def _arx(found: Estimate | str) -> ArxEstimate | MissingArxEstimate:
     """Return what the paper's method gives on the same record, or why it gives nothing."""
     if isinstance(found, str):
-        return NoArx(found)
+        return MissingArxEstimate(found)
     return ArxEstimate(method=found.method, fit_percent=found.fit_percent, **asdict(found.first_order))
 
 
@@ -378,13 +378,13 @@ def to_store_motors(
 def _motor_model(result: MotorIdentification, parameters: PlantParameters, side: Side) -> IdentifiedMotor:
     known = parameters.select_identified(side)
     return IdentifiedMotor(
-        parameters=Fitted(result.K_m, result.T_m, result.u_c),
-        std_errors=Fitted(*result.std_errors),
+        parameters=MotorFit(result.K_m, result.T_m, result.u_c),
+        std_errors=MotorFit(*result.std_errors),
         coulomb=result.coulomb,
-        rule=tuple(RuleStep(**asdict(item)) for item in result.rule),
-        rule_mean=Pair(*result.rule_mean),
-        rule_spread=Pair(*result.rule_spread),
-        before=Pair(known.K_m, known.T_m),
+        rule=tuple(StepRuleEstimate(**asdict(item)) for item in result.rule),
+        rule_mean=MotorConstants(*result.rule_mean),
+        rule_spread=MotorConstants(*result.rule_spread),
+        before=MotorConstants(known.K_m, known.T_m),
     )
 
 

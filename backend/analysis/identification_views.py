@@ -46,7 +46,7 @@ from backend.models import (
     Document,
     FailedCandidate,
     IdentifiedChannel,
-    MotorFound,
+    MotorResult,
     SpringQuality,
     TriedStructure,
     UnreadableDocumentError,
@@ -83,7 +83,7 @@ def build_curves(found: Identification) -> Document:
     return curves
 
 
-def _motor(side: Side, found: MotorFound) -> Document:
+def _motor(side: Side, found: MotorResult) -> Document:
     return {"side": side, "steps": list(found.quality.steps)}
 
 

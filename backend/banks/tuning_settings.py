@@ -8,7 +8,7 @@ from math import ceil, floor
 from typing import Any, Self
 
 from backend.models import (
-    KEPT_TUNING,
+    ACTIVE_TUNING,
     LAMBDA,
     MOTIONS,
     PLANT_NUMBERS,
@@ -311,7 +311,7 @@ class LastTuning:
 def store_tuning(database: Database, tuning: TuningSettings, parameters: PlantParameters, who: str) -> None:
     """Store a tuning that has become active."""
     with database.session() as session:
-        document = KEPT_TUNING.write(
+        document = ACTIVE_TUNING.write(
             StoredTuning(**tuning.to_document(), parameters=compute_parameters_digest(parameters))
         )
         settings.save(session, ACTIVE_TUNING_KEY, document, who)
@@ -354,7 +354,7 @@ def load_tuning_of_plant(session: Session, parameters: PlantParameters) -> Tunin
 
 
 def _parse_stored(stored: StoredSetting) -> StoredTuning:
-    return KEPT_TUNING.read(stored.value, f"the data folder, left by {stored.who}")
+    return ACTIVE_TUNING.read(stored.value, f"the data folder, left by {stored.who}")
 
 
 def compute_parameters_digest(parameters: PlantParameters) -> str:

@@ -30,7 +30,7 @@ from backend.experiments import (
     require_reach,
 )
 from backend.faults import Fault
-from backend.models import SETTINGS, KeptGrant, RunSettings, StoredLoopSettings, describe_values
+from backend.models import SETTINGS, RunSettings, StoredLoopSettings, StoredRealTimeStatus, describe_values
 from backend.realtime import (
     LEGAL,
     MODES,
@@ -379,7 +379,7 @@ def create_run(rig: ExperimentRig, request: RunRequest) -> Run:
         declared=(*declare_choice(request.plan), *describe_values(request.loop_settings)),
         versions={"Python": platform.python_version()}
         | {name: version(package) for name, package in _PACKAGES.items()},
-        granted=None if rig.loop.granted is None else KeptGrant(**asdict(rig.loop.granted)),
+        granted=None if rig.loop.granted is None else StoredRealTimeStatus(**asdict(rig.loop.granted)),
     )
     new = NewRun(
         kind=RunKind(request.plan.kind),

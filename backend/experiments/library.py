@@ -443,7 +443,7 @@ def _sequence_entry() -> ExperimentDefinition:
 
     def make(values: Mapping[str, Any]) -> ExperimentPlan:
         segments = _SEGMENTS.parse(values.get(_SEGMENTS.name, _SEGMENTS.default))
-        document = upgrades.sequence_experiment(segments)
+        document = upgrades.convert_sequence(segments)
         if document is None:
             raise SettingError(_SEGMENTS.name, str(segments)[:40], f"it needs a {_SEGMENTS.meaning}")
         try:

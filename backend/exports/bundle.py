@@ -13,7 +13,7 @@ from typing import Any
 from backend import __version__
 from backend.exports.base import ExportError, ImportRefusedError, Sink, export_run, read_strict
 from backend.exports.formats import PIECE, DataFormat, stream_export
-from backend.models import LARGEST, document_digest
+from backend.models import MAX_RECORD_NUMBER, document_digest
 from backend.storage import (
     BANK,
     IDENTIFICATION,
@@ -318,12 +318,14 @@ def _list(document: Any) -> list[dict[str, Any]]:
         and set(record) == {"kind", "number", "document", "carried"}
         and isinstance(record["kind"], str)
         and type(record["number"]) is int
-        and 0 < record["number"] <= LARGEST
+        and 0 < record["number"] <= MAX_RECORD_NUMBER
         and isinstance(record["carried"], dict)
         for record in records
     )
     if not isinstance(records, list) or not whole:
-        raise ImportRefusedError(f"{RECORDS} is no list of records, each of a kind with a number from 1 to {LARGEST}")
+        raise ImportRefusedError(
+            f"{RECORDS} is no list of records, each of a kind with a number from 1 to {MAX_RECORD_NUMBER}"
+        )
     return records
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from backend.exports.base import Batch, Facts, ImportRefusedError, make_table, require_texts, unbroken
 from backend.exports.bundle import Bundle, make_recording_name, make_report_name, open_bundle
 from backend.exports.formats import file_digest, read_export
-from backend.models import UnreadableDocumentError, drop_first_bank, list_changed_banks, renumber_banks
+from backend.models import UnreadableDocumentError, find_bank_changes, remove_initial_bank, renumber_banks
 from backend.recording import CHUNK_TICKS, SamplesDigest, compute_recording_digest, pack_table, summarise_buckets
 from backend.storage import (
     BANK,
@@ -79,13 +79,13 @@ def import_export(
     """
     facts = check_export(file)
     document, was = get_run(facts), get_run_number(facts)
-    named = list_changed_banks(document["settings"]).numbers | ({document["bank_id"]} - {None})
+    named = find_bank_changes(document["settings"]).numbers | ({document["bank_id"]} - {None})
     extra = {origins.BANKS: sorted(named)} if named else {}
     with database.session() as session:
         exclude_other_imports(session)
         if (here := same_run(session, document, facts)) is not None:
             return ImportResult(here, was, new=False)
-        alone = {**document, "bank_id": None, "settings": drop_first_bank(document["settings"])}
+        alone = {**document, "bank_id": None, "settings": remove_initial_bank(document["settings"])}
         run_id = store_run(session, alone if named else document, file, check_run)
         origins.add(
             session,
@@ -356,7 +356,7 @@ def _renumber(document: Document, numbers: Numbers, *, unconnected: bool) -> Doc
     if ENTRIES in renumbered:
         renumbered[ENTRIES] = [here(entry) for entry in renumbered[ENTRIES]]
     if "settings" in document and not unconnected:
-        if computed := list_changed_banks(document["settings"]).computed:
+        if computed := find_bank_changes(document["settings"]).computed:
             raise ImportRefusedError(f"it computes the number of a bank, {computed[0][:80]}: take its samples in alone")
         renumbered["settings"] = renumber_banks(document["settings"], lambda was: _number(BANK, was, numbers))
     return renumbered

@@ -86,7 +86,7 @@ class ArxEstimate:
 
 
 @dataclass(frozen=True)
-class NoArx:
+class MissingArxEstimate:
     """Why the paper's method gives nothing."""
 
     problem: Annotated[str, Field(min_length=1)]
@@ -107,7 +107,9 @@ class ChannelQuality:
     grade: Grade
     verdict: str = ""
     candidates: tuple[Annotated[TriedStructure | FailedCandidate, Field(union_mode="left_to_right")], ...] = ()
-    arx: Annotated[ArxEstimate | NoArx | None, Field(union_mode="left_to_right")] = field(default=None, metadata=ABSENT)
+    arx: Annotated[ArxEstimate | MissingArxEstimate | None, Field(union_mode="left_to_right")] = field(
+        default=None, metadata=ABSENT
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +150,7 @@ class IdentifiedChannel:
 
 
 @dataclass(frozen=True)
-class ActuatorFound:
+class ActuatorResult:
     """All that is stored of an actuator identification."""
 
     model: ActuatorModel
@@ -174,7 +176,7 @@ OPTIONS: DocumentCodec[ActuatorOptions] = DocumentCodec(ActuatorOptions, "its op
 
 
 @dataclass(frozen=True)
-class Fitted:
+class MotorFit:
     """Least squares on position, or its standard errors."""
 
     K_m: float | None
@@ -183,7 +185,7 @@ class Fitted:
 
 
 @dataclass(frozen=True)
-class Pair:
+class MotorConstants:
     """Gain and time constant alone."""
 
     K_m: float | None
@@ -191,7 +193,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class RuleStep:
+class StepRuleEstimate:
     """The 63.21 % rule on one step [V]."""
 
     voltage: float
@@ -203,13 +205,13 @@ class RuleStep:
 class IdentifiedMotor:
     """One motor; ``before`` is what was in force."""
 
-    parameters: Fitted
-    std_errors: Fitted
+    parameters: MotorFit
+    std_errors: MotorFit
     coulomb: bool
-    rule: tuple[RuleStep, ...]
-    rule_mean: Pair
-    rule_spread: Pair
-    before: Pair
+    rule: tuple[StepRuleEstimate, ...]
+    rule_mean: MotorConstants
+    rule_spread: MotorConstants
+    before: MotorConstants
 
 
 @dataclass(frozen=True)
@@ -260,7 +262,7 @@ class MotorQualities:
 
 
 @dataclass(frozen=True)
-class MotorFound:
+class MotorResult:
     """One motor: its model, and how good that is."""
 
     model: IdentifiedMotor
@@ -268,17 +270,17 @@ class MotorFound:
 
 
 @dataclass(frozen=True)
-class MotorsFound:
+class MotorsResult:
     """All that is stored of a motor identification."""
 
     models: MotorModels
     qualities: MotorQualities
 
-    def side(self, side: Side) -> MotorFound:
+    def side(self, side: Side) -> MotorResult:
         """Return one motor."""
         if side == "A":
-            return MotorFound(self.models.A, self.qualities.A)
-        return MotorFound(self.models.B, self.qualities.B)
+            return MotorResult(self.models.A, self.qualities.A)
+        return MotorResult(self.models.B, self.qualities.B)
 
 
 MOTOR_MODELS: DocumentCodec[MotorModels] = DocumentCodec(MotorModels, "its model", VERSION)
@@ -355,7 +357,7 @@ class SpringQualities:
 
 
 @dataclass(frozen=True)
-class SpringFound:
+class SpringResult:
     """One spring: its model, and how good that is."""
 
     model: SpringModel
@@ -388,11 +390,11 @@ SPRING_QUALITIES: DocumentCodec[SpringQualities] = DocumentCodec(SpringQualities
 TABLE: DocumentCodec[TableRecord] = DocumentCodec(TableRecord, "what is told of its file", VERSION)
 
 
-def springs_found(models: SpringModels, qualities: SpringQualities, of: str) -> dict[str, SpringFound]:
+def combine_spring_results(models: SpringModels, qualities: SpringQualities, of: str) -> dict[str, SpringResult]:
     """Return the springs of ``of`` by name: "A" and "B", or "table". Raises UnreadableDocumentError."""
     both = ((name, getattr(models, name), getattr(qualities, name)) for name in ("A", "B", "table"))
     there = [(name, model, quality) for name, model, quality in both if model or quality]
     missing = next((name for name, model, quality in there if not (model and quality)), "" if there else "A")
     if missing:
         raise UnreadableDocumentError(f"{of}: its model cannot be read, field {missing}: it is missing")
-    return {name: SpringFound(model, quality) for name, model, quality in there}
+    return {name: SpringResult(model, quality) for name, model, quality in there}

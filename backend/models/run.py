@@ -1,4 +1,7 @@
-"""What a run stores of itself: plan, tuning, seed, plant, walls, banks and result. Pure."""
+"""Documents that a run stores: settings, plant, walls, banks and result. Pure.
+
+Numbers are in SI. None stands for a value that does not exist, or that an earlier version did not store.
+"""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -11,9 +14,6 @@ from backend.response_docs import COMPLETE_RESPONSE_CONFIG, describe_field
 from plant import Obstacle
 
 # Bank entry ----------------------------------------------------------------------------------------
-#
-# The models of one entry of a bank: first order, from θ_ref to q and to S, and the tension [N] they
-# were found at.
 
 
 ENTRY_VERSION = 1
@@ -21,7 +21,10 @@ ENTRY_VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class EntryModel:
-    """K_q [rad/rad], T_q [s], K_S [N·m/rad per rad], T_S [s]; None where an imported entry does not say."""
+    """First-order models of one bank entry: from θ_ref to q and to S, and their tension.
+
+    K_q [rad/rad], T_q [s], K_S [N·m/rad per rad], T_S [s]; None for a value that an imported entry lacks.
+    """
 
     K_q: float | None = field(default=None, metadata=ABSENT)
     T_q: float | None = field(default=None, metadata=ABSENT)
@@ -34,18 +37,18 @@ class EntryModel:
 ENTRY: DocumentCodec[EntryModel] = DocumentCodec(EntryModel, "its models", ENTRY_VERSION)
 
 
-# Kept wall -----------------------------------------------------------------------------------------
+# Walls ---------------------------------------------------------------------------------------------
 #
-# The walls that stood in a simulated joint's way during a run, as its settings keep them. Pure.
+# Changes of the obstacle of a simulated joint during a run.
 
 
-MOST = 1000
-"""So many changes are kept of a run; after the last of them no wall is known to stand."""
+MAX_WALL_CHANGES = 1000
+"""Number of changes stored for a run; with more, the obstacle after the last stored change is unknown."""
 
 
 @dataclass(frozen=True)
-class KeptWall:
-    """What stands from ``t`` [s] since the run's first sample on; ``side`` 0 is no wall, the rest as in Obstacle."""
+class StoredWall:
+    """Obstacle from ``t`` [s] after the first sample of the run on; ``side`` 0 is no obstacle, else as in Obstacle."""
 
     t: float
     side: float
@@ -55,39 +58,41 @@ class KeptWall:
 
     @property
     def obstacle(self) -> Obstacle | None:
-        """The wall; None for no wall."""
+        """The obstacle, or None."""
         return Obstacle(self.side, self.q_wall, self.k_wall, self.c_wall) if self.side else None
 
 
-def wall_record(t: float, wall: Obstacle | None) -> KeptWall:
-    """Return what is kept of a change at ``t`` [s]."""
-    return KeptWall(t, 0.0, 0.0, 0.0, 0.0) if wall is None else KeptWall(t, *map(float, wall))
+def build_stored_wall(t: float, wall: Obstacle | None) -> StoredWall:
+    """Return the stored form of a change at ``t`` [s]."""
+    return StoredWall(t, 0.0, 0.0, 0.0, 0.0) if wall is None else StoredWall(t, *map(float, wall))
 
 
-def merge_changes(earlier: Sequence[KeptWall], later: Sequence[KeptWall]) -> tuple[KeptWall, ...]:
-    """Return all changes in order of time, the later told of two at one moment; past MOST, that no wall is known."""
+def merge_wall_changes(earlier: Sequence[StoredWall], later: Sequence[StoredWall]) -> tuple[StoredWall, ...]:
+    """Return all changes in order of time, the one in ``later`` if two have the same time.
+
+    Of more than MAX_WALL_CHANGES, the last one stored says that there is no known wall.
+    """
     by_time = {change.t: change for change in (*earlier, *later)}
     changes = [by_time[t] for t in sorted(by_time)]
-    if len(changes) > MOST:
-        changes = [*changes[: MOST - 1], wall_record(changes[MOST - 1].t, None)]
+    if len(changes) > MAX_WALL_CHANGES:
+        changes = [*changes[: MAX_WALL_CHANGES - 1], build_stored_wall(changes[MAX_WALL_CHANGES - 1].t, None)]
     return tuple(changes)
 
 
-def find_wall_at(changes: Sequence[KeptWall], t: float) -> Obstacle | None:
-    """Return what stands at ``t`` [s] since the run's first sample; None for no wall."""
+def find_wall_at(changes: Sequence[StoredWall], t: float) -> Obstacle | None:
+    """Return the obstacle at ``t`` [s] after the first sample of the run, or None."""
     before = [change for change in changes if change.t <= t]
     return before[-1].obstacle if before else None
 
 
-# Plant numbers -------------------------------------------------------------------------------------
+# Plant parameters ----------------------------------------------------------------------------------
 #
-# The numbers of a plant as a run keeps them (``PlantParameters.document``), by section and entry.
-# Pure.
+# By section and entry, as in ``PlantParameters.document``.
 
 
 @dataclass(frozen=True)
 class StoredPlantNumber:
-    """A number, or a list of points, in its unit, and where it comes from."""
+    """A number, or a list of points, with its unit and its source."""
 
     value: Any
     unit: str = ""
@@ -101,7 +106,7 @@ PLANT_NUMBERS: DocumentCodec[PlantNumbers] = DocumentCodec(PlantNumbers, "number
 
 # Applied parameters --------------------------------------------------------------------------------
 #
-# What the controller is told of motors and springs in place of what the parameter file says. Pure.
+# Identified parameters of motors and springs that replace those of the parameter file.
 
 
 APPLIED_VERSION = 1
@@ -109,10 +114,10 @@ APPLIED_VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class AppliedParameters:
-    """Sections ``identified``, ``identified_A`` and ``identified_B`` as they came into force; empty: those of the file.
+    """Sections ``identified``, ``identified_A`` and ``identified_B``; empty if the parameter file applies.
 
-    ``base`` tells the numbers of the file that they are put over. ``estimate`` is the stored identification they came
-    from and ``run`` its run, 0 for none; with ``undone`` the former ones were put back.
+    ``base`` is the digest of the parameter file that they change. ``estimate`` is the stored identification that they
+    come from and ``run`` its run, 0 for none. ``undone`` says that earlier values were restored.
     """
 
     base: str
@@ -130,20 +135,17 @@ APPLIED: DocumentCodec[AppliedParameters] = DocumentCodec(
 
 # Result --------------------------------------------------------------------------------------------
 #
-# What was computed from a run: figures, steps and criteria, each with what its reader needs to
-# know. Pure.
-#
-# Times in s from the start of the program, all numbers in SI, None where a figure does not exist.
+# Metrics, steps and criteria computed from a run. Times are in s from the start of the program.
 
 
 DEFINITIONS = 1
-"""Version of the definitions that figures and criteria are computed by: one more with each change of what one means.
-Results from before it was kept have 0."""
+"""Version of the definitions of metrics and criteria, incremented with each change of a definition.
+Results without a stored version have 0."""
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A named stretch of a program [s from its start]; the report draws one set of panels for each."""
+    """A named time range of a program [s from its start]; the report draws one set of panels for each."""
 
     name: str
     title: str
@@ -153,7 +155,7 @@ class Phase:
 
 @dataclass(frozen=True)
 class MeasuredFigure:
-    """A figure of a result. ``reason`` says why it, or a part of it, was not measured; "" where nothing is missing."""
+    """A metric of a result. ``reason`` says why it, or a part of it, was not measured; else it is empty."""
 
     __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
 
@@ -170,9 +172,9 @@ class MeasuredFigure:
 
 @dataclass(frozen=True, kw_only=True)
 class StepFigures:
-    """How one reference step of ``signal``, "q" or "S", went; ``reasons`` says by name what was not measured, and why.
+    """Metrics of one reference step of ``signal``, "q" or "S", as in ``StepMetrics``.
 
-    ``alone`` when the other reference stood still; the figures are those of ``StepMetrics``.
+    ``alone`` says that the other reference was constant. ``reasons`` has, by metric, why it was not measured.
     """
 
     signal: str
@@ -193,11 +195,11 @@ class StepFigures:
 
 @dataclass(frozen=True)
 class RunCriterion:
-    """One criterion. ``relation`` is "<" or ">".
+    """One criterion: a metric with a bound. ``relation`` is "<" or ">".
 
-    ``passed`` is None when it was not measured, and ``reason`` says why; ``figure`` is then what was seen, if anything.
-    With a reason one that failed was not seen whole either: its figure is at least that where it has to stay below its
-    bound, at most that where above.
+    ``passed`` is None if it was not measured; ``reason`` says why, and ``figure`` is the value of the measured part, if
+    any. A failed criterion with a reason was measured in part: the value of the whole run is at least ``figure`` for
+    "<", at most ``figure`` for ">".
     """
 
     name: str
@@ -215,10 +217,11 @@ METRICS_VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class Metrics:
-    """Figures of a run; ``complete`` is False when it ended before its program: they then cover what was played.
+    """Metrics of a run.
 
-    ``steps`` is None for a run that is not measured step by step, ``missing_samples`` where that was not kept;
-    ``problem`` says why an identification gave no model; ``definitions`` is the version of what the figures mean.
+    ``complete`` is False if the run ended before its program; the metrics then cover the executed part. ``steps`` is
+    None for a run that is not measured step by step. ``problem`` says why an identification gave no model.
+    ``definitions`` is the version of the definitions of the metrics.
     """
 
     complete: bool
@@ -232,8 +235,8 @@ class Metrics:
     version: int = METRICS_VERSION
     definitions: int = DEFINITIONS
 
-    def value_of(self, name: str) -> float | None:
-        """Return the figure of this name, None where it was not measured or is not there."""
+    def find_value(self, name: str) -> float | None:
+        """Return the value of a metric, None if it was not measured or does not exist."""
         return next((item.value for item in self.figures if item.name == name), None)
 
 
@@ -242,24 +245,21 @@ CRITERIA: DocumentCodec[tuple[RunCriterion, ...]] = DocumentCodec(tuple[RunCrite
 
 
 # Outcome -------------------------------------------------------------------------------------------
-#
-# How a run counts, from its stored metrics and criteria: for its verdict, and for whoever looks for
-# it. Pure.
 
 
 class Outcome(StrEnum):
-    """How a run counts."""
+    """Outcome of a run by its criteria."""
 
     PASSED = "passed"
     FAILED = "failed"
     INCOMPLETE = "incomplete"
-    """it ended early, or not all of it could be measured"""
+    """It ended early, or a criterion could not be measured."""
     NEUTRAL = "neutral"
-    """there is nothing to judge it by"""
+    """It has no criteria."""
 
 
 def judge_run(metrics: Metrics | None, criteria: Sequence[RunCriterion]) -> Outcome:
-    """Judge a run; one criterion that failed decides, then one that was not measured."""
+    """Return the outcome of a run: a failed criterion decides, then one that was not measured."""
     if metrics is None or not metrics.complete:
         return Outcome.INCOMPLETE
     if not criteria:
@@ -269,25 +269,20 @@ def judge_run(metrics: Metrics | None, criteria: Sequence[RunCriterion]) -> Outc
     return Outcome.INCOMPLETE if any(item.passed is None for item in criteria) else Outcome.PASSED
 
 
-# Run settings --------------------------------------------------------------------------------------
-#
-# What a run was set to: its plan, the tuning and seed of the loop, and both declared with unit and
-# meaning. Pure.
-#
-# A session has a tuning and a mode only.
+# Settings ------------------------------------------------------------------------------------------
 
 
 Value = bool | int | float | str
 
 LAMBDA, TIME_OPTIMAL = MOTIONS = ("lambda", "time-optimal")
-"""The two ways to follow a reference: by the paper's law, or by a trajectory with feed-forward."""
+"""How references are followed: by the law of the paper, or by a trajectory with feed-forward."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredLoopSettings:
-    """The tuning that a run began with, as ``TuningSettings`` spells it, and the seed of the simulator.
+    """Initial tuning of a run, with the names of ``TuningSettings``, and seed of the simulator.
 
-    What an earlier version did not keep is None; ``bank`` 0 stands for gains from geometry.
+    A value that an earlier version did not store is None; ``bank`` 0 stands for geometric gains.
     """
 
     lam_q: float | None = field(default=None, metadata=ABSENT)
@@ -303,19 +298,20 @@ class StoredLoopSettings:
 
     @property
     def budget(self) -> float:
-        """Voltage limit [V] of the trajectory in use; 0 V in ``lambda``, which has none."""
+        """Feed-forward voltage limit [V]; 0 V for motion ``lambda``, which uses no trajectory."""
         return self.u_plan if self.motion == TIME_OPTIMAL and self.u_plan is not None else 0.0
 
-    def known(self) -> dict[str, Value]:
-        """Return by name what was kept."""
+    def get_known_values(self) -> dict[str, Value]:
+        """Return the stored values by name, without those that are None."""
         return replace_non_finite({name: value for name, value in vars(self).items() if value is not None})
 
 
 @dataclass(frozen=True)
-class KeptGrant:
-    """What the machine granted to the loop of a run: ``priority`` of SCHED_FIFO, 0 under ordinary scheduling.
+class StoredRealTimeStatus:
+    """Real-time rights that the operating system granted to the control loop of a run.
 
-    ``refusals`` say what it did not grant, why, and the remedy.
+    ``priority`` is that of SCHED_FIFO, 0 for normal scheduling. ``refusals`` are texts with what was not granted, why,
+    and the remedy.
     """
 
     priority: int
@@ -326,7 +322,7 @@ class KeptGrant:
 
 @dataclass(frozen=True)
 class DeclaredValue:
-    """A setting as it was chosen, with symbol, unit and meaning, so that a stored run explains itself."""
+    """A chosen setting with symbol, unit and meaning, so that a stored run explains itself."""
 
     name: str
     symbol: str
@@ -340,10 +336,10 @@ SETTINGS_VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings:
-    """All of it. ``mode`` is that of a session; ``versions`` are those of the packages that computed.
+    """Settings of a run: plan, tuning, seed, and both declared with unit and meaning.
 
-    ``granted`` is absent for a loop that is computed tick by tick, on no clock; ``walls``, what stood in the joint's
-    way, where nothing did or where an earlier version kept nothing of it.
+    A session has ``mode`` and tuning only. ``versions`` are those of the packages that computed the run. ``granted`` is
+    absent for a simulated loop without a clock, ``walls`` if there was no obstacle or an earlier version stored none.
     """
 
     mode: str | None = field(default=None, metadata=ABSENT)
@@ -351,37 +347,37 @@ class RunSettings:
     loop: StoredLoopSettings = field(default_factory=StoredLoopSettings)
     declared: tuple[DeclaredValue, ...] | None = field(default=None, metadata=ABSENT)
     versions: dict[str, str] | None = field(default=None, metadata=ABSENT)
-    granted: KeptGrant | None = field(default=None, metadata=ABSENT)
-    walls: tuple[KeptWall, ...] | None = field(default=None, metadata=ABSENT)
+    granted: StoredRealTimeStatus | None = field(default=None, metadata=ABSENT)
+    walls: tuple[StoredWall, ...] | None = field(default=None, metadata=ABSENT)
     version: int = SETTINGS_VERSION
 
     @property
     def law(self) -> str:
-        """The law that played the plan, as ``Law`` spells it: one that chose none had the cascade."""
+        """Control law of the run, as in ``Law``; the cascade if the plan chooses none."""
         return str((self.plan or {}).get("controller", "cascade"))
 
     @property
     def experiment(self) -> str | None:
-        """The text of the experiment; None where the plan is none that is data."""
+        """Text of the experiment, None if the plan is not an experiment."""
         text = (self.plan or {}).get("experiment")
         return None if text is None else str(text)
 
-    def told(self) -> dict[str, Value]:
-        """Return plan and tuning by name."""
-        return {**(self.plan or {}), **self.loop.known()}
+    def get_values(self) -> dict[str, Value]:
+        """Return the values of plan and tuning by name."""
+        return {**(self.plan or {}), **self.loop.get_known_values()}
 
 
 def complete_motion(parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parts of a tuning, with the motion that a voltage limit implies where they name none.
+    """Return the parts of a tuning, completed with the motion that a voltage limit implies.
 
-    A limit alone chooses ``time-optimal``; a limit of 0 V chooses ``lambda``.
+    A limit without a motion selects ``time-optimal``; a limit of 0 V selects ``lambda``.
     """
     if parts.get("motion") is not None or parts.get("u_plan") is None:
         return dict(parts)
     try:
         is_lambda = float(parts["u_plan"]) == 0.0
     except (TypeError, ValueError, OverflowError):
-        return dict(parts)  # who reads the value refuses it
+        return dict(parts)  # parsing the value reports the error
     if is_lambda:
         return {**{name: value for name, value in parts.items() if name != "u_plan"}, "motion": LAMBDA}
     return {**parts, "motion": TIME_OPTIMAL}
@@ -390,10 +386,7 @@ def complete_motion(parts: Mapping[str, Any]) -> dict[str, Any]:
 SETTINGS: DocumentCodec[RunSettings] = DocumentCodec(RunSettings, "what it was set to", SETTINGS_VERSION)
 
 
-# Kept tuning ---------------------------------------------------------------------------------------
-#
-# A tuning that outlives the service: the one in force with the plant it was for, the one saved for
-# a bank. Pure.
+# Active and saved tuning ---------------------------------------------------------------------------
 
 
 TUNING_VERSION = 1
@@ -401,7 +394,7 @@ TUNING_VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class StoredTuning:
-    """The tuning in force, with all its parts; ``parameters`` tells the plant's numbers from others."""
+    """Last active tuning, with all its parts; ``parameters`` is the digest of the plant's parameters."""
 
     lam_q: float
     lam_S: float
@@ -417,66 +410,65 @@ class StoredTuning:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SavedParts(StoredLoopSettings):
-    """What a bank is meant to run with."""
+class SavedLoopSettings(StoredLoopSettings):
+    """Saved tuning of a bank."""
 
     version: int = TUNING_VERSION
 
 
-KEPT_TUNING: DocumentCodec[StoredTuning] = DocumentCodec(StoredTuning, "the tuning in force", TUNING_VERSION)
-SAVED_TUNING: DocumentCodec[SavedParts] = DocumentCodec(SavedParts, "the tuning that was saved", TUNING_VERSION)
+ACTIVE_TUNING: DocumentCodec[StoredTuning] = DocumentCodec(StoredTuning, "the tuning in force", TUNING_VERSION)
+SAVED_TUNING: DocumentCodec[SavedLoopSettings] = DocumentCodec(
+    SavedLoopSettings, "the tuning that was saved", TUNING_VERSION
+)
 
 
-# Run banks -----------------------------------------------------------------------------------------
+# Bank numbers in settings --------------------------------------------------------------------------
 #
-# The banks that the settings of a run name by their numbers: the one it began with, and those on
-# its way. Pure.
-#
-# A change of the tuning names a bank by a number, or by a setting that is one. What computes the
-# number otherwise can be given no other one, and is told.
+# A run names its initial bank by number, and so does a part of its experiment that changes the
+# bank, directly or by a setting. A number that an expression computes cannot be replaced.
 
 
 BANK = "bank"
-LARGEST = 2**31 - 1
-"""Number of a record that no database exceeds."""
+MAX_RECORD_NUMBER = 2**31 - 1
+"""Largest number of a record in any database."""
 
 
 @dataclass(frozen=True)
-class OnTheWay:
-    """The banks that a plan puts into use, and the expressions that compute the number of one."""
+class BankChanges:
+    """Numbers of the banks that a plan changes to, and expressions that compute such a number."""
 
     numbers: frozenset[int]
     computed: tuple[str, ...]
 
 
-def list_changed_banks(settings: Mapping[str, Any]) -> OnTheWay:
-    """Return the banks that a run changes to on its way; 0, gains from geometry, is none."""
+def find_bank_changes(settings: Mapping[str, Any]) -> BankChanges:
+    """Return the banks that a run changes to, without 0 for geometric gains."""
     numbers: set[int] = set()
 
-    def noted(number: int) -> int:
+    def collect(number: int) -> int:
         numbers.add(number)
         return number
 
-    renumbering = _Renumbering(noted, settings.get("plan"))
-    return OnTheWay(frozenset(numbers), tuple(renumbering.computed))
+    renumbering = _BankRenumbering(collect, settings.get("plan"))
+    return BankChanges(frozenset(numbers), tuple(renumbering.computed))
 
 
 def renumber_banks(settings: Mapping[str, Any], number: Callable[[int], int]) -> Document:
-    """Return settings that name each bank by another number."""
+    """Return the settings with each bank number replaced by ``number`` of it."""
     document = dict(settings)
-    renumbering = _Renumbering(number, document.get("plan"))
+    renumbering = _BankRenumbering(number, document.get("plan"))
     if isinstance(document.get("plan"), Mapping):
         document["plan"] = renumbering.plan
     loop, declared = document.get("loop"), document.get("declared")
     if isinstance(loop, Mapping) and BANK in loop:
-        document["loop"] = {**loop, BANK: renumbering.value(loop[BANK])}
+        document["loop"] = {**loop, BANK: renumbering.renumber(loop[BANK])}
     if isinstance(declared, list):
-        document["declared"] = [renumbering.declared(one) for one in declared]
+        document["declared"] = [renumbering.renumber_declared(one) for one in declared]
     return document
 
 
-def drop_first_bank(settings: Mapping[str, Any]) -> Document:
-    """Return settings that say nothing of the bank that the run began with."""
+def remove_initial_bank(settings: Mapping[str, Any]) -> Document:
+    """Return the settings without the initial bank."""
     document = dict(settings)
     loop, declared = document.get("loop"), document.get("declared")
     if isinstance(loop, Mapping):
@@ -486,77 +478,83 @@ def drop_first_bank(settings: Mapping[str, Any]) -> Document:
     return document
 
 
-class _Renumbering:
-    """A plan with other numbers of banks; ``settings`` of it are numbers of banks too."""
+class _BankRenumbering:
+    """Replaces the bank numbers of a plan.
+
+    ``plan`` is the result, ``computed`` has the expressions whose numbers could not be replaced.
+    """
 
     def __init__(self, number: Callable[[int], int], plan: Any) -> None:
         self._number = number
         self._values: Mapping[str, Any] = plan if isinstance(plan, Mapping) else {}
-        self._settings: set[str] = set()
+        self._bank_settings: set[str] = set()  # settings whose value is a bank number
         self.computed: list[str] = []
-        experiment = _experiment(self._values)
-        phases = self._part(experiment.get("phases"))
+        experiment = _parse_experiment(self._values)
+        phases = self._renumber_part(experiment.get("phases"))
         self.plan = {
-            name: self.value(value) if name in self._settings else value for name, value in self._values.items()
+            name: self.renumber(value) if name in self._bank_settings else value for name, value in self._values.items()
         }
-        if self._settings or phases != experiment.get("phases"):
+        if self._bank_settings or phases != experiment.get("phases"):
             renumbered = {**experiment, "phases": phases}
             if isinstance(experiment.get("settings"), list):
-                renumbered["settings"] = [self._unbounded(one) for one in experiment["settings"]]
+                renumbered["settings"] = [self._widen_bounds(one) for one in experiment["settings"]]
             self.plan["experiment"] = json.dumps(renumbered, ensure_ascii=False, separators=(",", ":"))
 
-    def value(self, value: Any) -> Any:
-        """Return what stands in the place of the number of a bank."""
-        number = _whole(value)
+    def renumber(self, value: Any) -> Any:
+        """Return the new number of a bank; 0 and values that are not a number are returned unchanged."""
+        number = _parse_bank_number(value)
         return self._number(number) if number else value
 
-    def declared(self, one: Any) -> Any:
-        """Return a declared value, of a bank with the other number."""
-        named = isinstance(one, Mapping) and one.get("name") in {BANK, *self._settings}
-        return {**one, "value": self.value(one.get("value"))} if named else one
+    def renumber_declared(self, declared: Any) -> Any:
+        """Return a declared setting, with the new number if it is a bank."""
+        is_bank = isinstance(declared, Mapping) and declared.get("name") in {BANK, *self._bank_settings}
+        return {**declared, "value": self.renumber(declared.get("value"))} if is_bank else declared
 
-    def _part(self, part: Any) -> Any:
-        """Return a part of an experiment, as far as it is played."""
+    def _renumber_part(self, part: Any) -> Any:
+        """Return a part of an experiment, or a list of parts; parts that are not executed are unchanged."""
         if isinstance(part, list):
-            return [self._part(one) for one in part]
+            return [self._renumber_part(one) for one in part]
         if not isinstance(part, Mapping):
             return part
         match part.get("do"):
             case "tuning" if part.get(BANK) is not None:
-                return {**part, BANK: self._named(part[BANK])}
+                return {**part, BANK: self._renumber_reference(part[BANK])}
             case "choose" if isinstance(part.get("of"), Mapping):
                 chosen = str(self._values.get(str(part.get("by"))))
-                played = {name: self._part(one) if name == chosen else one for name, one in part["of"].items()}
-                return {**part, "of": played}
+                options = {
+                    name: self._renumber_part(one) if name == chosen else one for name, one in part["of"].items()
+                }
+                return {**part, "of": options}
             case _:
-                return {**part, "parts": self._part(part["parts"])} if "parts" in part else part
+                return {**part, "parts": self._renumber_part(part["parts"])} if "parts" in part else part
 
-    def _named(self, bank: Any) -> Any:
-        if isinstance(bank, str) and _whole(self._values.get(bank)) is not None:
-            self._settings.add(bank)
-            self.value(self._values[bank])
+    def _renumber_reference(self, bank: Any) -> Any:
+        """Return a reference to a bank: a new number, or the name of the setting that has the number."""
+        if isinstance(bank, str) and _parse_bank_number(self._values.get(bank)) is not None:
+            self._bank_settings.add(bank)
+            self.renumber(self._values[bank])
             return bank
-        if _whole(bank) is None:
+        if _parse_bank_number(bank) is None:
             self.computed.append(str(bank))
-        return self.value(bank)
+        return self.renumber(bank)
 
-    def _unbounded(self, setting: Any) -> Any:
-        """Return a setting that is the number of a bank with the bounds of such numbers: elsewhere it is another."""
-        if not isinstance(setting, Mapping) or setting.get("name") not in self._settings:
+    def _widen_bounds(self, setting: Any) -> Any:
+        """Return a setting; one that is a bank number gets bounds that allow any number."""
+        if not isinstance(setting, Mapping) or setting.get("name") not in self._bank_settings:
             return setting
-        return {**setting, "minimum": 0, "maximum": LARGEST}
+        return {**setting, "minimum": 0, "maximum": MAX_RECORD_NUMBER}
 
 
-def _experiment(plan: Mapping[str, Any]) -> Mapping[str, Any]:
+def _parse_experiment(plan: Mapping[str, Any]) -> Mapping[str, Any]:
     try:
-        found = json.loads(plan["experiment"])
+        experiment = json.loads(plan["experiment"])
     except (KeyError, TypeError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, Mapping) else {}
+    return experiment if isinstance(experiment, Mapping) else {}
 
 
-def _whole(value: Any) -> int | None:
-    """Return a number of a bank; None for what is none as it stands."""
+def _parse_bank_number(value: Any) -> int | None:
+    """Return a bank number, None for a value that is not a number."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
@@ -565,14 +563,12 @@ def _whole(value: Any) -> int | None:
         return None
 
 
-# Headline ------------------------------------------------------------------------------------------
-#
-# The figure of a result that a list of runs shows beside the verdict. Pure.
+# Headline metric -----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class RunHeadline:
-    """A figure in SI. ``relation`` and ``bound`` are those of its criterion; "" and None for a figure without one."""
+    """Metric that a list of runs shows; ``relation`` and ``bound`` of its criterion are "" and None without one."""
 
     __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
 
@@ -589,10 +585,10 @@ class RunHeadline:
 def find_headline(
     metrics: Metrics | None, criteria: Sequence[RunCriterion], fits: Mapping[str, float] | None = None
 ) -> RunHeadline | None:
-    """Return the first criterion that failed, else the first measured one, else the first measured figure.
+    """Return the first failed criterion, else the first measured criterion, else the first measured metric.
 
-    Of an identification ``fits`` are those of its channels [%]: the lower one comes before any figure of the motion.
-    None where nothing was measured.
+    For an identification, ``fits`` are the fits of its channels [%]; the lowest one precedes the metrics. None if
+    nothing was measured.
     """
     for item in sorted(criteria, key=lambda item: item.passed is not False):
         if item.figure is not None:

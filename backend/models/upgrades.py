@@ -17,12 +17,12 @@ from backend.models.identification import (
     MOTOR_MODELS,
     MOTOR_QUALITIES,
     QUALITY,
-    MotorFound,
-    MotorsFound,
+    MotorResult,
+    MotorsResult,
 )
 from backend.models.run import (
+    ACTIVE_TUNING,
     CRITERIA,
-    KEPT_TUNING,
     LAMBDA,
     METRICS,
     SETTINGS,
@@ -31,7 +31,7 @@ from backend.models.run import (
 )
 from plant import SIDES
 
-OLDER = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
+NO_STORED_REASON = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
 SEQUENCE, SEGMENTS = "sequence", "segments"
 """What an own sequence of references was called, and its one setting."""
 
@@ -82,7 +82,7 @@ def upgrade_run_settings(document: Any) -> Any:
     return _readable(SETTINGS, {**_with_experiment(rest), "loop": complete_motion(loop)}, document)
 
 
-def sequence_experiment(segments: object) -> dict[str, Any] | None:
+def convert_sequence(segments: object) -> dict[str, Any] | None:
     """Return the experiment that plays what a sequence did, tick by tick; None for what was no sequence.
 
     A sequence is a text in JSON: a list of segments with ``duration_s``, ``q_ref``, ``S_ref`` and, where they are not
@@ -121,7 +121,7 @@ def _with_experiment(document: Mapping[str, Any]) -> Mapping[str, Any]:
     plan, declared = document.get("plan"), document.get("declared")
     if not isinstance(plan, Mapping) or set(plan) != {SEGMENTS}:
         return document
-    experiment = sequence_experiment(plan[SEGMENTS])
+    experiment = convert_sequence(plan[SEGMENTS])
     if experiment is None:
         return document
     text = json.dumps(experiment, ensure_ascii=False, separators=(",", ":"))
@@ -173,7 +173,7 @@ def upgrade_tuning(document: Any) -> Any:
     if not isinstance(document, Mapping):
         return document
     kept = {name: part for name, part in complete_motion(document).items() if part is not None}
-    return _readable(KEPT_TUNING, {**_BEFORE_KEPT, **kept}, document)
+    return _readable(ACTIVE_TUNING, {**_BEFORE_KEPT, **kept}, document)
 
 
 def _readable(codec: DocumentCodec[Any], upgraded: Any, document: Any) -> Any:
@@ -189,7 +189,7 @@ def _readable(codec: DocumentCodec[Any], upgraded: Any, document: Any) -> Any:
 def _with_reason(item: Any, measured: str) -> Any:
     if not isinstance(item, Mapping) or "reason" in item:
         return item
-    return {**item, "reason": OLDER if item.get(measured) is None else ""}
+    return {**item, "reason": NO_STORED_REASON if item.get(measured) is None else ""}
 
 
 def _with_bounds(channel: Any) -> Any:
@@ -219,7 +219,7 @@ def _with_grades(model: Any, quality: Mapping[str, Any]) -> Mapping[str, Any]:
         return quality
     read = {**quality, **{side: {**part, "grade": Grade.UNUSABLE} for side, part in without.items()}}
     try:
-        found = MotorsFound(MOTOR_MODELS.read(model, ""), MOTOR_QUALITIES.read(read, ""))
+        found = MotorsResult(MOTOR_MODELS.read(model, ""), MOTOR_QUALITIES.read(read, ""))
     except UnreadableDocumentError:
         return quality
     return {
@@ -228,7 +228,7 @@ def _with_grades(model: Any, quality: Mapping[str, Any]) -> Mapping[str, Any]:
     }
 
 
-def _grade(found: MotorFound) -> str:
+def _grade(found: MotorResult) -> str:
     fitted, std = found.model.parameters, found.model.std_errors
     K_m, T_m, std_K_m, std_T_m, counts = (
         math.nan if value is None else value

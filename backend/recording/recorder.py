@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.faults import Fault
-from backend.models import KeptWall, wall_record
+from backend.models import StoredWall, build_stored_wall
 from backend.realtime import Event, LoopExited, Ring, RunEnded, WallChanged
 from backend.recording.codec import Table, pack_table, summarise_buckets
 from backend.sample import INDEX, STORED_COLUMNS, STORED_NAMES
@@ -69,16 +69,16 @@ class Walls:
         """Start a run with the sample at ``tick``."""
         self._first_tick, self._begins = tick, True
 
-    def until(self, tick: int) -> list[KeptWall]:
+    def until(self, tick: int) -> list[StoredWall]:
         """Return the obstacles of the run for its samples up to ``tick``."""
         due = [change for change in self._waiting if change.tick <= tick]
         walls = []
         if self._begins:
             before = [change.wall for change in due if change.tick <= self._first_tick]
             current = before[-1] if before else self._current
-            walls = [] if current is None else [wall_record(0.0, current)]
+            walls = [] if current is None else [build_stored_wall(0.0, current)]
             due = due[len(before) :]
-        return walls + [wall_record(max(change.tick - self._first_tick, 0) * T_s, change.wall) for change in due]
+        return walls + [build_stored_wall(max(change.tick - self._first_tick, 0) * T_s, change.wall) for change in due]
 
     def discard_until(self, tick: int) -> None:
         """Discard changes up to ``tick``, whose samples are stored."""

@@ -96,7 +96,7 @@ def compliance_report(source: RunData) -> Report:
 
 def _compliance_figures(source: RunData, metrics: Metrics) -> ReportSection:
     pushed_s = next(phase.start_s for phase in metrics.phases if phase.name == "pushes")
-    delay_s = metrics.value_of("delay_s") or 0.0
+    delay_s = metrics.find_value("delay_s") or 0.0
     r_j = source.run.number("geometry", "r_j")
     F_max = source.run.number("safety", "F_max")
     panels = force_panels(
@@ -182,7 +182,7 @@ def papers_law(source: RunData) -> PapersLaw | None:
     if settings.loop.budget == 0.0 or find_control_law(source.run) != Law.CASCADE:
         return None
     columns = source.columns
-    t, known = columns["t"], settings.loop.known()
+    t, known = columns["t"], settings.loop.get_known_values()
     if np.any(np.abs(np.diff(t) - T_s) > 0.5 * T_s):
         return PapersLaw(reason="samples are missing")
     if any(np.ptp(columns[f"lam_{name}"]) > 1e-6 for name in ("q", "S")):
@@ -662,7 +662,7 @@ def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
     measures = plan.experiment.measures
     acted = find_pushes(program)
     if Measure.COMPLIANCE in measures and source.result is not None and acted:
-        delay_s = source.result.metrics.value_of("delay_s") or 0.0
+        delay_s = source.result.metrics.find_value("delay_s") or 0.0
         first_s, r_j = acted[0].start * T_s, source.run.number("geometry", "r_j")
         yield Figure(
             "forces",

@@ -11,10 +11,10 @@ from backend.models import (
     ChannelName,
     FailedCandidate,
     IdentifiedChannel,
-    MotorsFound,
-    Pair,
-    SpringFound,
+    MotorConstants,
+    MotorsResult,
     SpringModel,
+    SpringResult,
     TriedStructure,
     UnreadableDocumentError,
 )
@@ -345,7 +345,7 @@ def again_command(found: Identification, key: ChannelName) -> str:
 # the steps.
 
 
-PAPER = Pair(K_m=2.86, T_m=0.22)
+PAPER = MotorConstants(K_m=2.86, T_m=0.22)
 """The paper's motor: K_m [rad/(V·s)], T_m [s]."""
 
 _MOTOR_NOTES = (
@@ -395,7 +395,7 @@ def _motor_outcome(found: Identification | None) -> str:
     return OUTCOMES[worst_grade(*(found.motors.side(side).quality.grade for side in SIDES))]
 
 
-def _estimates(motors: MotorsFound) -> Table:
+def _estimates(motors: MotorsResult) -> Table:
     columns = (
         Column("Motor", number=False),
         Column("Estimate", number=False, wide=True),
@@ -449,14 +449,14 @@ def _estimates(motors: MotorsFound) -> Table:
     return Table("Both motors, K_m/(s (T_m s + 1)) with dry friction worth u_c.", columns, tuple(rows))
 
 
-def _rule(motors: MotorsFound) -> Table:
+def _rule(motors: MotorsResult) -> Table:
     columns = (
         Column("Step", "V"),
         *(Column(f"{name} of {side}", unit) for side in SIDES for name, unit in (("K_m", "rad/(V·s)"), ("T_m", "s"))),
     )
     by_voltage = [{item.voltage: item for item in motors.side(side).model.rule} for side in SIDES]
     voltages = sorted({voltage for ruled in by_voltage for voltage in ruled})
-    nothing = Pair(None, None)
+    nothing = MotorConstants(None, None)
     rows = tuple(
         (
             exact(voltage),
@@ -471,7 +471,7 @@ def _rule(motors: MotorsFound) -> Table:
     return Table("The 63.21 % rule, step by step.", columns, rows)
 
 
-def _make_rejected_table(motors: MotorsFound) -> tuple[Table, ...]:
+def _make_rejected_table(motors: MotorsResult) -> tuple[Table, ...]:
     refused = [(side, item) for side in SIDES for item in motors.side(side).quality.refused]
     rows = tuple((side, exact(item.voltage), item.reason) for side, item in refused)
     columns = (Column("Motor", number=False), Column("Step", "V"), Column("Reason", number=False, wide=True))
@@ -494,7 +494,7 @@ def _in_force(source: RunData) -> tuple[Paragraph, ...]:
     return (Paragraph(text),)
 
 
-def _motor_figures(motors: MotorsFound, angles: AngleUnit) -> tuple[Block, ...]:
+def _motor_figures(motors: MotorsResult, angles: AngleUnit) -> tuple[Block, ...]:
     return (
         Figure(
             "steps",
@@ -506,7 +506,7 @@ def _motor_figures(motors: MotorsFound, angles: AngleUnit) -> tuple[Block, ...]:
 
 
 @cached_figure
-def step_panels(motors: MotorsFound, name: str, angles: AngleUnit) -> str:
+def step_panels(motors: MotorsResult, name: str, angles: AngleUnit) -> str:
     """Draw every step of both motors, and what the model leaves over."""
     with figure(2, 2, height_in=4.0, sharex=True, height_ratios=(3, 2)) as (drawn, axes):
         for column, side in enumerate(SIDES):
@@ -600,7 +600,7 @@ def _fits(side: str, model: SpringModel) -> Table:
     return Table(caption, columns, rows)
 
 
-def _reasons(springs: Mapping[str, SpringFound]) -> tuple[Paragraph, ...]:
+def _reasons(springs: Mapping[str, SpringResult]) -> tuple[Paragraph, ...]:
     return tuple(Paragraph(f"Spring {side}: {springs[side].model.reason}.") for side in SIDES)
 
 
@@ -613,7 +613,7 @@ def _spring_data(source: RunData) -> tuple[Paragraph, ...]:
     return (Paragraph(text),)
 
 
-def _spring_figures(springs: Mapping[str, SpringFound]) -> tuple[Block, ...]:
+def _spring_figures(springs: Mapping[str, SpringResult]) -> tuple[Block, ...]:
     return (
         Figure(
             "springs",
@@ -630,7 +630,7 @@ SMALL_N = 0.05
 
 
 @cached_figure
-def spring_panels(springs: Mapping[str, SpringFound], name: str) -> str:
+def spring_panels(springs: Mapping[str, SpringResult], name: str) -> str:
     """Draw force over elongation of both springs, and the errors of each order (figure 3)."""
     with figure(2, 2, height_in=4.6, sharex=True, height_ratios=(3, 3)) as (drawn, axes):
         for column, side in enumerate(SIDES):

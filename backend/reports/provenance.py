@@ -482,7 +482,9 @@ def _blocks(source: RunData) -> Iterator[Block]:
             Code(f"{_EXPERIMENT_FILE}, the experiment as it was played:", _indent_json(json.loads(experiment)))
         )
     lines = [" ".join(words)]
-    lines += [f"--set {_quote_option(name, value)}" for name, value in {**plan, **run.set_to.loop.known()}.items()]
+    lines += [
+        f"--set {_quote_option(name, value)}" for name, value in {**plan, **run.set_to.loop.get_known_values()}.items()
+    ]
     parameters = run.parameters_name
     if not _is_shipped(source):
         parameters = _PARAMETERS_FILE

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from backend.models import KeptGrant
+from backend.models import StoredRealTimeStatus
 from backend.recording import count_missing_ticks
 from backend.reports.model import Column, ReportSection, Table, format_measured
 from backend.reports.run_data import RunData
@@ -49,7 +49,7 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
     return (ReportSection("Timing", (Table("How the run kept its time.", titles, tuple(rows)),)),)
 
 
-def granted_rows(granted: KeptGrant | None) -> list[tuple[str, str, str, str]]:
+def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, str, str]]:
     """Return what the machine granted to the loop; nothing for a run that kept to no clock, or of an older Sinew."""
     if granted is None:
         return []

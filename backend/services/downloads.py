@@ -65,7 +65,7 @@ def check_run_settings(run: Run) -> None:
             _check_experiment(kept.experiment)
         if kept.plan is not None:
             parse_stored_plan(run.kind, kept.plan)
-        LoopSettings.from_values(kept.loop.known())
+        LoopSettings.from_values(kept.loop.get_known_values())
     except (ExperimentError, SettingError, OutOfRangeError, UnreadableDocumentError, KeyError) as error:
         raise ImportRefusedError(
             f"its plan: {escape_line(error)}; correct the experiment and run it again, or export the run with "

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 
 from backend.analysis import build_curves, compute_trend, validate_on_run
-from backend.models import ChannelName, Fitted, Pair, TableReading, UnreadableDocumentError
+from backend.models import ChannelName, MotorConstants, MotorFit, TableReading, UnreadableDocumentError
 from backend.plain_text import escape_line
 from backend.schemas import (
     ColumnNotRead,
@@ -97,7 +97,7 @@ def _build_reading_view(read: TableReading) -> SpringTableReading:
 def _read_settings(run: Run) -> tuple[dict[str, SettingValue], str]:
     """Return plan and tuning by name; nothing, and why, where they cannot be read."""
     try:
-        return dict(run.set_to.told()), ""
+        return dict(run.set_to.get_values()), ""
     except UnreadableDocumentError as error:
         return {}, str(error)
 
@@ -146,7 +146,7 @@ def _build_motor_views(estimate: Identification) -> list[MotorView]:
     return views
 
 
-def _build_motor_estimate(found: Fitted | Pair, estimate: Identification) -> MotorEstimate:
+def _build_motor_estimate(found: MotorFit | MotorConstants, estimate: Identification) -> MotorEstimate:
     return MotorEstimate(K_m=_require_value(found.K_m, estimate, "K_m"), T_m=_require_value(found.T_m, estimate, "T_m"))
 
 

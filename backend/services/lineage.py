@@ -165,7 +165,7 @@ def _check_tuning(session: Session, bank: Bank | None, in_use: int | None) -> Ch
     stored = settings.newest(session, saved_tuning_key(bank.id))
     if stored is None:
         return _build_step("tuning", ChecklistState.MISSING, f"{title} has the default λ: choose them, and press Save")
-    parts = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”").known()
+    parts = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”").get_known_values()
     told = ", ".join(
         f"λ_{name} = {float(parts[key]):g} s" for name, key in (("q", "lam_q"), ("S", "lam_S")) if key in parts
     )
@@ -316,7 +316,7 @@ class LineageGraph:
 
     def _add_gains(self, run: Run) -> str:
         try:
-            loop = run.set_to.loop.known()
+            loop = run.set_to.loop.get_known_values()
         except UnreadableDocumentError as error:
             return self._add_node(
                 kind=LineageKind.GAINS,

@@ -34,9 +34,9 @@ from backend.experiments import (
 )
 from backend.models import (
     LAMBDA,
-    KeptWall,
     RunCriterion,
     StoredLoopSettings,
+    StoredWall,
     UnreadableDocumentError,
     find_headline,
     find_wall_at,
@@ -362,7 +362,7 @@ class _RunConversion:
 
     def _build_first_tuning(self) -> dict[str, Any]:
         loop: StoredLoopSettings = self._run.set_to.loop
-        known = {name: value for name, value in loop.known().items() if name != "seed"}
+        known = {name: value for name, value in loop.get_known_values().items() if name != "seed"}
         if loop.motion == LAMBDA:
             known.pop("u_plan", None)
         if known.pop("k_ext", 0.0):
@@ -376,7 +376,7 @@ class _RunConversion:
 
     def _collect_walls(self) -> list[ReferenceChange]:
         """Return the changes of the wall; one that would stand where the joint is asked to be is left out."""
-        due: dict[int, KeptWall] = {}
+        due: dict[int, StoredWall] = {}
         for kept in self._run.set_to.walls or ():
             tick = int(np.searchsorted(self._t, kept.t - 0.5 * T_s))
             if tick < len(self._t):
@@ -641,7 +641,7 @@ def build_experiment_view(run: Run, result: Result | None, progress: float) -> E
         status=run.end_state,
         created=run.started_at,
         progress=progress,
-        settings={name: value for name, value in run.set_to.told().items() if name != "experiment"},
+        settings={name: value for name, value in run.set_to.get_values().items() if name != "experiment"},
         **_build_judgement(run, result),
         message=build_run_message(run, result),
     )

@@ -9,7 +9,7 @@ from dataclasses import replace
 from backend.banks import TuningSettings, saved_tuning_key
 from backend.errors import RequestRejectedError, check_range
 from backend.event_bus import EventBus
-from backend.models import SAVED_TUNING, SavedParts
+from backend.models import SAVED_TUNING, SavedLoopSettings
 from backend.realtime import BIAS_NOT_CALIBRATED, Accepted, LoopExitedError, SetTuning, Supervisor
 from backend.schemas import (
     MarkKind,
@@ -372,7 +372,7 @@ class SavedTunings:
 
     def save(self, tuning: ActiveTuning, who: str) -> SavedTuning:
         """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
-        parts = SAVED_TUNING.write(SavedParts(**list_tuning_parts(tuning.choice)))
+        parts = SAVED_TUNING.write(SavedLoopSettings(**list_tuning_parts(tuning.choice)))
         with self._database.session() as session:
             stored = settings.save(session, _setting_of(tuning), parts, who)
         return _saved(stored)
@@ -381,7 +381,7 @@ class SavedTunings:
 def _saved(stored: StoredSetting) -> SavedTuning:
     read = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”")
     return SavedTuning(
-        **list_tuning_parts(TuningSettings.from_values(read.known())), who=stored.who, at=stored.at, moved=""
+        **list_tuning_parts(TuningSettings.from_values(read.get_known_values())), who=stored.who, at=stored.at, moved=""
     )
 
 

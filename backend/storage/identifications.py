@@ -12,7 +12,7 @@ from sqlalchemy import JSON, Boolean, Float, LargeBinary, String, select
 from sqlalchemy.orm import Session
 from sqlalchemy.types import Integer
 
-from backend.models import LARGEST, EntryModel, UnreadableDocumentError, identification
+from backend.models import MAX_RECORD_NUMBER, EntryModel, UnreadableDocumentError, identification
 from backend.plain_text import PlainTextError, check_single_line
 from backend.storage.origins import BANKS, CALIBRATIONS, IDENTIFICATION
 from backend.storage.orm import (
@@ -74,8 +74,8 @@ def require_fit(kind: str, column: Any, value: Any) -> None:
         fits, needed = isinstance(value, bool), "true or false"
     else:
         numbers = int | float if isinstance(column.type, Float) else int
-        fits = isinstance(value, numbers) and not isinstance(value, bool) and abs(value) <= LARGEST
-        needed = f"a number between -{LARGEST} and {LARGEST}"
+        fits = isinstance(value, numbers) and not isinstance(value, bool) and abs(value) <= MAX_RECORD_NUMBER
+        needed = f"a number between -{MAX_RECORD_NUMBER} and {MAX_RECORD_NUMBER}"
     if not fits:
         raise unfit(f"{column.name} of a {kind}", value, needed)
 
@@ -147,8 +147,8 @@ def require_identification_document(carried: Mapping[str, Any], *, of_run: bool)
     steps, numbers = carried.get(CALIBRATIONS, []), carried.get(BANKS, [])
     if not isinstance(steps, list) or not all(_is_calibration(one) for one in steps):
         raise unfit(f"carried.{CALIBRATIONS}", steps, f"a list of objects with {', '.join(_CALIBRATION)}")
-    if not isinstance(numbers, list) or not all(type(one) is int and 0 < one <= LARGEST for one in numbers):
-        raise unfit(f"carried.{BANKS}", numbers, f"a list of numbers from 1 to {LARGEST}")
+    if not isinstance(numbers, list) or not all(type(one) is int and 0 < one <= MAX_RECORD_NUMBER for one in numbers):
+        raise unfit(f"carried.{BANKS}", numbers, f"a list of numbers from 1 to {MAX_RECORD_NUMBER}")
 
 
 def _is_calibration(one: Any) -> bool:
@@ -193,13 +193,13 @@ class Identification(NewIdentification):
     created_at: datetime
 
     @cached_property
-    def actuator(self) -> identification.ActuatorFound:
+    def actuator(self) -> identification.ActuatorResult:
         """What was found of an actuator."""
         model, quality = (
             identification.MODEL.read(self.model, self._of),
             identification.QUALITY.read(self.quality, self._of),
         )
-        return identification.ActuatorFound(model, quality)
+        return identification.ActuatorResult(model, quality)
 
     @cached_property
     def actuator_record(self) -> identification.ActuatorRecord:
@@ -212,18 +212,18 @@ class Identification(NewIdentification):
         return identification.OPTIONS.read(self.options, self._of)
 
     @cached_property
-    def motors(self) -> identification.MotorsFound:
+    def motors(self) -> identification.MotorsResult:
         """What was found of both motors."""
         models, qualities = (
             identification.MOTOR_MODELS.read(self.model, self._of),
             identification.MOTOR_QUALITIES.read(self.quality, self._of),
         )
-        return identification.MotorsFound(models, qualities)
+        return identification.MotorsResult(models, qualities)
 
     @cached_property
-    def springs(self) -> dict[str, identification.SpringFound]:
+    def springs(self) -> dict[str, identification.SpringResult]:
         """What was found of the springs, by name: "A" and "B", or "table"."""
-        return identification.springs_found(
+        return identification.combine_spring_results(
             identification.SPRING_MODELS.read(self.model, self._of),
             identification.SPRING_QUALITIES.read(self.quality, self._of),
             self._of,

@@ -10,7 +10,7 @@ from typing import Any
 from sqlalchemy import Column, func, select
 from sqlalchemy.orm import Session
 
-from backend.models import drop_first_bank, renumber_banks, upgrades
+from backend.models import remove_initial_bank, renumber_banks, upgrades
 from backend.storage import origins
 from backend.storage.identifications import (
     UnfitDocumentError,
@@ -171,7 +171,7 @@ def connect_imported_bank(session: Session, run_id: int, document: Document) -> 
 def _normalise_for_comparison(name: str, document: Document) -> Any:
     """Return what is compared of a part of a record: settings name banks by their numbers."""
     part = document[name]
-    return renumber_banks(drop_first_bank(part), lambda _: 0) if name == "settings" else part
+    return renumber_banks(remove_initial_bank(part), lambda _: 0) if name == "settings" else part
 
 
 def _names(table: type[Base]) -> list[str]:

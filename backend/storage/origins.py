@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from backend.models import OnTheWay, list_changed_banks
+from backend.models import BankChanges, find_bank_changes
 from backend.storage.orm import Document, OriginRow, to_record
 from backend.storage.runs import Run
 
@@ -51,10 +51,10 @@ def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, Origin]:
     return {row.number: to_record(Origin, row) for row in session.scalars(query)}
 
 
-def load_banks_during_run(session: Session, run: Run) -> OnTheWay:
+def load_banks_during_run(session: Session, run: Run) -> BankChanges:
     """Return the banks here that a run changed to on its way; of an imported one those that came with it."""
-    named, origin = list_changed_banks(run.settings), of_runs(session, [run.id]).get(run.id)
-    return named if origin is None or BANKS not in origin.carried else OnTheWay(frozenset(), named.computed)
+    named, origin = find_bank_changes(run.settings), of_runs(session, [run.id]).get(run.id)
+    return named if origin is None or BANKS not in origin.carried else BankChanges(frozenset(), named.computed)
 
 
 def bring_banks(session: Session, run_id: int, *, where_there_are: bool) -> bool:

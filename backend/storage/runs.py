@@ -11,7 +11,7 @@ from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from backend.faults import Fault
-from backend.models import SETTINGS, KeptWall, RunSettings, UnreadableDocumentError, merge_changes
+from backend.models import SETTINGS, RunSettings, StoredWall, UnreadableDocumentError, merge_wall_changes
 from backend.plain_text import escape_line
 from backend.storage.orm import Document, RunRow, UnknownRecordError, mark_for_reindex, require, to_record
 from backend.storage.stations import session_station
@@ -201,7 +201,7 @@ def set_evaluation_problem(session: Session, run_id: int, problem: str) -> None:
     require(session, RunRow, run_id, "run").evaluation_problem = problem
 
 
-def save_walls(session: Session, run_id: int, walls: Sequence[KeptWall]) -> None:
+def save_walls(session: Session, run_id: int, walls: Sequence[StoredWall]) -> None:
     """Add to a run's settings which walls stood in the joint's way. Raises UnknownRecordError, UnreadableDocumentError.
 
     Nothing changes where there were none.
@@ -209,7 +209,7 @@ def save_walls(session: Session, run_id: int, walls: Sequence[KeptWall]) -> None
     if walls:
         row = require(session, RunRow, run_id, "run")
         earlier = SETTINGS.read(row.settings, f"run {run_id}").walls or ()
-        row.settings = {**row.settings, "walls": [vars(wall) for wall in merge_changes(earlier, walls)]}
+        row.settings = {**row.settings, "walls": [vars(wall) for wall in merge_wall_changes(earlier, walls)]}
 
 
 def end(session: Session, run_id: int, end_state: EndState, detail: str = "") -> Run:

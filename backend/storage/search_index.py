@@ -141,7 +141,7 @@ def _is_number(value: object) -> TypeGuard[float]:
 def _settings(run: Run) -> dict[str, float | str]:
     """Return what a run was set to, by name; truth as yes or no."""
     try:
-        values = {name: value for name, value in run.set_to.told().items() if name != "experiment"}
+        values = {name: value for name, value in run.set_to.get_values().items() if name != "experiment"}
         mode = run.set_to.mode
     except UnreadableDocumentError:
         return {}

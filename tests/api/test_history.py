@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from backend.banks.tuning_settings import saved_tuning_key
-from backend.models.run import SAVED_TUNING, SavedParts
+from backend.models.run import SAVED_TUNING, SavedLoopSettings
 from backend.schemas.run import ChecklistState
 from backend.services.lineage import build_checklist
 from backend.storage import banks, identifications, runs, settings
@@ -118,7 +118,7 @@ def test_a_tuning_is_done_once_it_is_saved_for_the_bank_in_use(database: Databas
     bank = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION))
     other = built(database, identified(database, RunKind.ACTUATOR_IDENTIFICATION, S=14.0))
     with database.session() as session:
-        value = SAVED_TUNING.write(SavedParts(lam_q=0.45, lam_S=0.1, bank=bank))
+        value = SAVED_TUNING.write(SavedLoopSettings(lam_q=0.45, lam_S=0.1, bank=bank))
         settings.save(session, saved_tuning_key(bank), value, "Ada")
     with database.reading() as session:
         [step] = [one for one in build_checklist(session, PARAMETERS, bank) if one.name == "tuning"]

@@ -13,12 +13,12 @@ from backend.identification.models import Grade
 from backend.models.identification import (
     MOTOR_MODELS,
     MOTOR_QUALITIES,
-    Fitted,
     IdentifiedMotor,
+    MotorConstants,
+    MotorFit,
     MotorModels,
     MotorQualities,
     MotorQuality,
-    Pair,
 )
 from backend.models.run import AppliedParameters
 from backend.services import parameters
@@ -49,10 +49,12 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 def motors(A: tuple[float, float], B: tuple[float, float]) -> NewIdentification:
     """An identification of both motors, K_m and T_m of each."""
-    models, nothing = [], Pair(0.01, 0.01)
+    models, nothing = [], MotorConstants(0.01, 0.01)
     for K_m, T_m in (A, B):
-        known = Fitted(K_m, T_m, 0.07)
-        models.append(IdentifiedMotor(known, Fitted(0.001, 0.001, 0.001), True, (), Pair(K_m, T_m), nothing, nothing))
+        known = MotorFit(K_m, T_m, 0.07)
+        models.append(
+            IdentifiedMotor(known, MotorFit(0.001, 0.001, 0.001), True, (), MotorConstants(K_m, T_m), nothing, nothing)
+        )
     quality = MotorQuality(rms_counts=1.0, grade=Grade.USABLE, verdict="usable", refused=(), steps=())
     return NewIdentification(
         kind="motor",

@@ -51,12 +51,12 @@ def played(parameters: str, **tuning: Any) -> SimulatedRun:
 def test_on_the_ideal_plant_what_is_measured_is_what_was_predicted(motion: str) -> None:
     metrics = played("ideal", motion=motion, lam_q=0.42).metrics
     for signal in ("q", "S"):
-        gain, phase = metrics.value_of(f"gain_off_{signal}_dB"), metrics.value_of(f"phase_off_{signal}_deg")
+        gain, phase = metrics.find_value(f"gain_off_{signal}_dB"), metrics.find_value(f"phase_off_{signal}_deg")
         assert gain is not None
         assert phase is not None
         assert gain < 0.02
         assert phase < 0.1
-    width, expected = metrics.value_of("bandwidth_q_Hz"), metrics.value_of("bandwidth_q_predicted_Hz")
+    width, expected = metrics.find_value("bandwidth_q_Hz"), metrics.find_value("bandwidth_q_predicted_Hz")
     assert expected is not None
     if motion == TIME_OPTIMAL:
         assert width is None
@@ -91,9 +91,9 @@ def test_the_bandwidth_does_not_hang_on_the_period_of_the_excitation(period_s: f
     multisine = f"{{do: multisine, q_amplitude: 0.1, period_s: {period_s}, lines: 12, periods: 2}}"
     plan = plan_of(with_parts(lead_in, multisine, more="measures: [bode]\n"))
     metrics = simulate_in_memory(IDEAL, plan, LoopSettings(), lambda _: pytest.fail("no bank")).metrics
-    assert metrics.value_of("bandwidth_q_Hz") == pytest.approx(truth, rel=0.01)
-    assert metrics.value_of("bandwidth_q_predicted_Hz") == pytest.approx(truth, rel=0.005)
-    assert metrics.value_of("resonance_q_dB") == 0.0
+    assert metrics.find_value("bandwidth_q_Hz") == pytest.approx(truth, rel=0.01)
+    assert metrics.find_value("bandwidth_q_predicted_Hz") == pytest.approx(truth, rel=0.005)
+    assert metrics.find_value("resonance_q_dB") == 0.0
 
 
 def test_lines_above_the_predicted_bandwidth_do_not_tell_how_far_off_it_is() -> None:
@@ -107,8 +107,8 @@ def test_lines_above_the_predicted_bandwidth_do_not_tell_how_far_off_it_is() -> 
 
 def test_on_the_lab_plant_the_prediction_is_off_by_friction_and_the_lines_repeat() -> None:
     metrics = played("lab").metrics
-    assert 0.1 < (metrics.value_of("gain_off_q_dB") or 0.0) < 1.0
-    assert 0.0 < (metrics.value_of("unlike_q_percent") or 0.0) < 3.0
+    assert 0.1 < (metrics.find_value("gain_off_q_dB") or 0.0) < 1.0
+    assert 0.0 < (metrics.find_value("unlike_q_percent") or 0.0) < 3.0
 
 
 def test_a_lag_is_measured_line_by_line_and_compared_with_its_prediction() -> None:

@@ -88,8 +88,8 @@ def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> N
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_on_the_ideal_plant_peaks_are_those_expected_in_both_motions(motion: str) -> None:
     played = simulate_in_memory(IDEAL, plan_of(PUSHED), LoopSettings(motion=motion), lambda _: pytest.fail("no bank"))
-    assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
-    assert 1.0 < (played.metrics.value_of("pushed_static_ratio") or 0.0) < 2.0
+    assert (played.metrics.find_value("pushed_off_percent") or 100.0) < 2.0
+    assert 1.0 < (played.metrics.find_value("pushed_static_ratio") or 0.0) < 2.0
 
 
 @pytest.mark.parametrize("begun_with", [0.0, 0.8])
@@ -98,7 +98,7 @@ def test_pushes_that_are_rejected_are_expected_so_from_where_on_they_are(begun_w
     text = with_parts(HELD, STEP, REST, "{do: tuning, k_ext: 0.4}", STEP, REST, more="measures: [pushes]\n")
     settings = LoopSettings(lam_q=1.0, motion=TIME_OPTIMAL, k_ext=begun_with)
     played = simulate_in_memory(IDEAL, plan_of(text), settings, lambda _: pytest.fail("no bank"))
-    assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
+    assert (played.metrics.find_value("pushed_off_percent") or 100.0) < 2.0
     plan = plan_of(text)
     choice = TuningSettings(lam_q=1.0, motion=TIME_OPTIMAL, k_ext=begun_with)
     pushes = measure_pushes(columns(plan), plan.program(), of(plan, choice))
@@ -110,7 +110,7 @@ def test_pushes_that_are_rejected_are_expected_so_from_where_on_they_are(begun_w
 def test_without_the_joint_loop_a_held_push_turns_the_joint_by_the_static_deviation() -> None:
     text = with_parts(HELD, STEP, REST, more="measures: [pushes]\nlaw: compliance\n")
     played = simulate_in_memory(IDEAL, plan_of(text), LoopSettings(), lambda _: pytest.fail("no bank"))
-    assert (played.metrics.value_of("pushed_off_percent") or 100.0) < 2.0
+    assert (played.metrics.find_value("pushed_off_percent") or 100.0) < 2.0
     plan = plan_of(text)
     (one,) = measure_pushes(columns(plan), plan.program(), of(plan))
     assert one.expected is not None

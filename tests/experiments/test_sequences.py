@@ -22,7 +22,7 @@ from backend.experiments.library import find_experiment, parse_stored_plan
 from backend.experiments.parser import ExperimentError
 from backend.experiments.plans import ExperimentPlan, LoopSettings, split_values
 from backend.models.settings import SettingError
-from backend.models.upgrades import sequence_experiment, upgrade_run_settings
+from backend.models.upgrades import convert_sequence, upgrade_run_settings
 from backend.realtime.program import Law, Program, Segment, Shape
 from backend.recording.reader import read_recorded_columns
 from backend.reports.build import build_metrics_document
@@ -140,7 +140,7 @@ def test_settings_get_the_experiment_and_lose_the_list_of_what_was_declared() ->
     declared = {"name": "segments", "symbol": "segments", "unit": "1", "meaning": "list", "value": segments}
     settings = {"plan": {"segments": segments}, "loop": {"b": 0.0}, "declared": [declared, other], "version": 1}
     upgraded = upgrade_run_settings(settings)
-    assert json.loads(upgraded["plan"]["experiment"]) == sequence_experiment(segments)
+    assert json.loads(upgraded["plan"]["experiment"]) == convert_sequence(segments)
     assert upgraded == {**settings, "plan": {"experiment": upgraded["plan"]["experiment"]}, "declared": [other]}
     assert upgrade_run_settings(upgraded) == upgraded
 

@@ -12,7 +12,7 @@ from backend.exports.base import ExportError, export_run
 from backend.exports.formats import DataFormat, write_export
 from backend.exports.importer import ImportResult, import_bundle
 from backend.exports.importer import import_export as take_in_alone
-from backend.models.run import list_changed_banks
+from backend.models.run import find_bank_changes
 from backend.storage import banks, identifications, origins, results, runs
 from backend.storage.banks import BankEntry
 from backend.storage.database import Database
@@ -80,7 +80,7 @@ def test_banks_that_a_run_changes_to_come_along(
         found = runs.get(session, taken)
         of_name = {bank.name: bank.id for bank in banks.find(session)}
     assert found.bank_id == found.settings["loop"]["bank"] == of_name["one"] == 4
-    assert list_changed_banks(found.settings).numbers == {of_name["two"]} == {5}
+    assert find_bank_changes(found.settings).numbers == {of_name["two"]} == {5}
     which = 5 if change is BY_SETTING else 2
     assert [one["value"] for one in found.settings["declared"]] == [4, which]
     assert found.settings["plan"]["which"] == which

@@ -12,7 +12,7 @@ from sqlalchemy import text
 from backend.exports.base import export_run
 from backend.exports.formats import DataFormat, write_export
 from backend.exports.importer import ImportResult, import_bundle, import_export
-from backend.models.upgrades import OLDER
+from backend.models.upgrades import NO_STORED_REASON
 from backend.services.downloads import stream_bundle
 from backend.storage import identifications, results, runs
 from backend.storage.database import Database
@@ -76,7 +76,7 @@ def test_a_bundle_of_an_earlier_version_comes_in_whole(
             assert second is not None
             assert (second.metrics, second.criteria) == (first.metrics, first.criteria)
             assert second.metrics.definitions == 0
-            assert {item.reason for item in second.metrics.figures} <= {"", OLDER}
+            assert {item.reason for item in second.metrics.figures} <= {"", NO_STORED_REASON}
             ours = identifications.of_run(other, 1)
             assert ours.quality == identifications.of_run(one, 1).quality
             assert ours.actuator.quality.G_q.residuals.whiteness.bound[0] == pytest.approx(0.109, abs=5e-4)

@@ -11,7 +11,7 @@ from backend.banks import tuning_settings
 from backend.banks.builder import BankError, build_point_model
 from backend.banks.tuning_settings import TUNING_NAMES, TuningSettings
 from backend.models.document import UnreadableDocumentError
-from backend.models.run import ENTRY, KEPT_TUNING, SAVED_TUNING, EntryModel
+from backend.models.run import ACTIVE_TUNING, ENTRY, SAVED_TUNING, EntryModel
 from backend.services.banks import StoredBanks
 from backend.services.tuning_state import TuningStore
 from backend.storage import banks, settings
@@ -42,7 +42,7 @@ def test_what_was_kept_before_versions_is_in_force_again(database: Database) -> 
     kept = tuning_settings.load_last_tuning(database, LAB)
     assert kept is not None
     assert (kept.tuning, kept.same_plant) == (OTHER, True)
-    assert KEPT_TUNING.write(KEPT_TUNING.read(BEFORE, "it")) == {**BEFORE, "version": 1}
+    assert ACTIVE_TUNING.write(ACTIVE_TUNING.read(BEFORE, "it")) == {**BEFORE, "version": 1}
     parts = {name: part for name, part in OTHER.to_document().items() if name != "bank"}
     assert SAVED_TUNING.write(SAVED_TUNING.read(parts, "it")) == {**parts, "version": 1}
 

@@ -10,7 +10,7 @@ from sqlalchemy import text
 
 from backend.models.document import UnreadableDocumentError
 from backend.models.run import CRITERIA, METRICS
-from backend.models.upgrades import OLDER
+from backend.models.upgrades import NO_STORED_REASON
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.run_data import load_source
 from backend.services.runs import RunQuery, StoredRuns
@@ -37,8 +37,8 @@ def test_a_result_without_reasons_says_what_it_lacks(database: Database) -> None
     assert [item.reason for item in metrics.figures] == ["no such step was played to its end", ""]
     assert metrics.steps is not None
     assert (metrics.steps[0].overshoot_percent, metrics.steps[0].reach_s, metrics.steps[0].reasons) == (0.5, None, {})
-    assert [item.reason for item in criteria] == [OLDER]
-    assert build_metrics_document(source)["criteria"] == [{**earlier.CRITERIA[0], "reason": OLDER}]
+    assert [item.reason for item in criteria] == [NO_STORED_REASON]
+    assert build_metrics_document(source)["criteria"] == [{**earlier.CRITERIA[0], "reason": NO_STORED_REASON}]
     assert build_report(source).outcome == "incomplete"
 
 
@@ -54,7 +54,7 @@ def test_what_is_written_is_what_was_written_and_a_version(database: Database) -
         name: value for name, value in earlier.METRICS.items() if name not in ("figures", "steps")
     }
     assert metrics["figures"] == [earlier.FIGURES[0], {**earlier.FIGURES[1], "reason": ""}]
-    assert criteria == [{**earlier.CRITERIA[0], "reason": OLDER}]
+    assert criteria == [{**earlier.CRITERIA[0], "reason": NO_STORED_REASON}]
 
 
 @pytest.mark.parametrize(

@@ -46,8 +46,8 @@ def database(tmp_path: Path) -> Iterator[Database]:
 def test_a_kept_loop_has_every_part_of_a_tuning_and_the_seed() -> None:
     assert [part.name for part in fields(StoredLoopSettings)] == [part.name for part in fields(LoopSettings)]
     kept = StoredLoopSettings(**asdict(LoopSettings(lam_q=0.6, bank=3, seed=4)))
-    assert TuningSettings.from_values(kept.known()) == TuningSettings(lam_q=0.6, bank=3)
-    assert kept.known()["seed"] == 4
+    assert TuningSettings.from_values(kept.get_known_values()) == TuningSettings(lam_q=0.6, bank=3)
+    assert kept.get_known_values()["seed"] == 4
 
 
 @pytest.mark.parametrize("document", [PROGRAM, SESSION])
@@ -63,7 +63,7 @@ def test_an_early_session_had_its_tuning_beside_the_mode(database: Database) -> 
         told = runs.get(session, 2).set_to
     assert (told.mode, told.plan, told.declared) == ("run", None, None)
     assert told.loop == StoredLoopSettings(lam_q=0.5, lam_S=0.42, interpolate=False)
-    assert told.told() == {"lam_q": 0.5, "lam_S": 0.42, "interpolate": False}
+    assert told.get_values() == {"lam_q": 0.5, "lam_S": 0.42, "interpolate": False}
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ MOTORS = quality_of("motor", identified.MOTORS["model"])
             upgrades.upgrade_criteria,
             [*earlier.CRITERIA, {**earlier.CRITERIA[0], "figure": 1.0, "passed": True}],
             [
-                {**earlier.CRITERIA[0], "reason": upgrades.OLDER},
+                {**earlier.CRITERIA[0], "reason": upgrades.NO_STORED_REASON},
                 {**earlier.CRITERIA[0], "figure": 1.0, "passed": True, "reason": ""},
             ],
         ),
@@ -145,7 +145,7 @@ def test_a_record_has_all_its_documents_in_the_present_form() -> None:
     assert upgrades.upgrade_record("run", run) == {"settings": {"mode": "run", "loop": LOOP}, "who": "Ana"}
     result = upgrades.upgrade_record("result", {"metrics": earlier.METRICS, "criteria": earlier.CRITERIA})
     assert result["metrics"]["definitions"] == 0
-    assert result["criteria"][0]["reason"] == upgrades.OLDER
+    assert result["criteria"][0]["reason"] == upgrades.NO_STORED_REASON
     found = {"kind": "motor", "model": identified.MOTORS["model"], "quality": {"A": NO_GRADE, "B": NO_GRADE}}
     assert upgrades.upgrade_record("identification", found)["quality"]["B"]["grade"] == "not usable"
     assert upgrades.upgrade_record("bank", {"name": "bench"}) == {"name": "bench"}

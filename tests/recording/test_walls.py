@@ -1,6 +1,6 @@
 """Which walls a run keeps: those that stood in its samples, whenever that was told."""
 
-from backend.models.run import MOST, KeptWall, find_wall_at, merge_changes, wall_record
+from backend.models.run import MAX_WALL_CHANGES, StoredWall, build_stored_wall, find_wall_at, merge_wall_changes
 from backend.realtime.commands import WallChanged
 from backend.recording.recorder import Walls
 from backend.storage.database import Database
@@ -8,7 +8,7 @@ from plant.dynamics import Obstacle
 from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
 
 ABOVE, BELOW = Obstacle(1.0, 0.3, 2e4, 1.0), Obstacle(-1.0, -0.4, 5e3, 0.0)
-DOWN = KeptWall(0.0, 0.0, 0.0, 0.0, 0.0)
+DOWN = StoredWall(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_a_run_keeps_what_stood_in_its_samples_and_the_next_one_what_stands(database: Database, writer: Writer) -> None:
@@ -32,9 +32,9 @@ def test_a_run_keeps_what_stood_in_its_samples_and_the_next_one_what_stands(data
     writer.write(1)
     recorder.drain()
     kept = [stored_run(database, run).set_to.walls for run in (first, second, third)]
-    assert kept[0] == (wall_record(0.0, ABOVE), wall_record(0.4, None))
-    assert kept[1] == (wall_record(0.05, BELOW),)
-    assert kept[2] == (wall_record(1.05, ABOVE),)
+    assert kept[0] == (build_stored_wall(0.0, ABOVE), build_stored_wall(0.4, None))
+    assert kept[1] == (build_stored_wall(0.05, BELOW),)
+    assert kept[2] == (build_stored_wall(1.05, ABOVE),)
 
 
 def test_a_run_without_walls_and_one_of_a_new_loop_keep_none(database: Database, writer: Writer) -> None:
@@ -57,8 +57,9 @@ def test_a_run_without_walls_and_one_of_a_new_loop_keep_none(database: Database,
 
 
 def test_what_stands_at_a_moment() -> None:
-    changes = merge_changes(
-        [wall_record(0.5, ABOVE), wall_record(0.2, BELOW)], [wall_record(0.9, None), wall_record(0.5, BELOW)]
+    changes = merge_wall_changes(
+        [build_stored_wall(0.5, ABOVE), build_stored_wall(0.2, BELOW)],
+        [build_stored_wall(0.9, None), build_stored_wall(0.5, BELOW)],
     )
     assert [find_wall_at(changes, t) for t in (0.1, 0.2, 0.5, 0.899, 0.9, 5.0)] == [
         None,
@@ -68,10 +69,10 @@ def test_what_stands_at_a_moment() -> None:
         None,
         None,
     ]
-    many = merge_changes((), [wall_record(float(t), ABOVE) for t in range(MOST + 10)])
-    assert len(many) == MOST
-    assert find_wall_at(many, MOST - 2.0) == ABOVE
-    assert find_wall_at(many, MOST + 5.0) is None
+    many = merge_wall_changes((), [build_stored_wall(float(t), ABOVE) for t in range(MAX_WALL_CHANGES + 10)])
+    assert len(many) == MAX_WALL_CHANGES
+    assert find_wall_at(many, MAX_WALL_CHANGES - 2.0) == ABOVE
+    assert find_wall_at(many, MAX_WALL_CHANGES + 5.0) is None
 
 
 def test_many_changes_before_a_run_leave_the_last() -> None:
@@ -79,6 +80,6 @@ def test_many_changes_before_a_run_leave_the_last() -> None:
     for tick in range(12_000):
         walls.add(WallChanged(tick, 0, ABOVE if tick % 2 else None))
     walls.begin(20_000)
-    assert walls.until(21_000) == [wall_record(0.0, ABOVE)]
+    assert walls.until(21_000) == [build_stored_wall(0.0, ABOVE)]
     walls.discard_until(21_000)
     assert walls.until(22_000) == []

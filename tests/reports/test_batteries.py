@@ -95,14 +95,14 @@ def test_the_prediction_is_of_the_bank_that_was_in_use(database: Database, bank:
     """Gains of geometry would expect another response: it is the bank's that the lab's friction spares."""
     source = played(database, "frequency_response", {"period_s": 8.0}, bank=bank, lam_q=0.7, lam_S=0.7)
     assert source.result is not None
-    with_bank = source.result.metrics.value_of("bandwidth_q_predicted_Hz")
+    with_bank = source.result.metrics.find_value("bandwidth_q_predicted_Hz")
     plain = played(database, "frequency_response", {"period_s": 8.0}, lam_q=0.7, lam_S=0.7)
     assert plain.result is not None
-    without = plain.result.metrics.value_of("bandwidth_q_predicted_Hz")
+    without = plain.result.metrics.find_value("bandwidth_q_predicted_Hz")
     assert with_bank is not None
     assert without is not None
     assert abs(with_bank / without - 1.0) > 0.05
-    measured = source.result.metrics.value_of("bandwidth_q_Hz")
+    measured = source.result.metrics.find_value("bandwidth_q_Hz")
     assert measured == pytest.approx(with_bank, rel=0.15)
 
 

@@ -10,9 +10,9 @@ from backend.identification.models import FirstOrder
 from backend.models.identification import (
     ActuatorModel,
     ChannelModel,
-    Fitted,
     IdentifiedMotor,
-    Pair,
+    MotorConstants,
+    MotorFit,
     SpringModel,
     StoredSpringFit,
 )
@@ -98,7 +98,13 @@ def test_motors_are_rebuilt_too() -> None:
     numbers: dict[Side, tuple[float, float]] = {"A": (2.861, 0.2213), "B": (2.93, 0.2187)}
     motors = {
         side: IdentifiedMotor(
-            Fitted(K_m, T_m, 0.12), Fitted(0.01, 0.002, 0.003), True, (), Pair(K_m, T_m), Pair(0, 0), Pair(2.86, 0.22)
+            MotorFit(K_m, T_m, 0.12),
+            MotorFit(0.01, 0.002, 0.003),
+            True,
+            (),
+            MotorConstants(K_m, T_m),
+            MotorConstants(0, 0),
+            MotorConstants(2.86, 0.22),
         )
         for side, (K_m, T_m) in numbers.items()
     }

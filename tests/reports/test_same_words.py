@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from backend.models.run import CRITERIA, METRICS
-from backend.models.upgrades import OLDER, upgrade_criteria, upgrade_metrics
+from backend.models.upgrades import NO_STORED_REASON, upgrade_criteria, upgrade_metrics
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.run_data import RunData
 from backend.schemas.run import EvaluationView
@@ -56,7 +56,7 @@ def test_a_result_without_reasons_says_that_it_is_old() -> None:
     view = build_experiment_view(source.run, old, 1.0)
     missing = [item.reason for item in view.metrics if item.value is None]
     assert missing
-    assert set(missing) == {OLDER}
+    assert set(missing) == {NO_STORED_REASON}
 
 
 def test_settings_of_a_run_have_units_wherever_they_are_shown() -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from backend.models.run import SETTINGS, KeptGrant
+from backend.models.run import SETTINGS, StoredRealTimeStatus
 from backend.reports.model import Table
 from backend.reports.run_data import RunData
 from backend.reports.timing import timing_section
@@ -34,7 +34,9 @@ def test_lateness_deadlines_and_gaps_are_those_of_the_samples(tracking_source: R
 
 
 def test_what_the_machine_granted_is_told_and_what_not(tracking_source: RunData) -> None:
-    granted = KeptGrant(60, memory_locked=False, timer_slack_ns=1, refusals=("locked memory: raise memlock",))
+    granted = StoredRealTimeStatus(
+        60, memory_locked=False, timer_slack_ns=1, refusals=("locked memory: raise memlock",)
+    )
     settings = SETTINGS.write(replace(tracking_source.run.set_to, granted=granted))
     found = rows(replace(tracking_source, run=replace(tracking_source.run, settings=settings)))
     assert found["Scheduling"][0] == "SCHED_FIFO 60"

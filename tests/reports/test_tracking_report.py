@@ -11,7 +11,7 @@ import pytest
 
 from backend.exports.base import export_columns
 from backend.models.run import CRITERIA, METRICS
-from backend.models.upgrades import OLDER, upgrade_criteria, upgrade_metrics
+from backend.models.upgrades import NO_STORED_REASON, upgrade_criteria, upgrade_metrics
 from backend.reports.build import write_report_files
 from backend.reports.experiment_report import tracking_report
 from backend.reports.model import Figure, Report, Table, to_html
@@ -162,7 +162,7 @@ def test_a_result_of_an_older_version_is_shown_and_says_what_it_lacks(tracking_s
     old = replace(result, metrics=METRICS.read(metrics, "run 12"), criteria=CRITERIA.read(criteria, "run 12"))
     report = tracking_report(replace(tracking_source, result=old))
     assert report.outcome == "incomplete"
-    assert OLDER in to_html(report)
+    assert NO_STORED_REASON in to_html(report)
 
 
 def test_a_run_without_samples_still_has_a_report(tracking_source: RunData) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import text
 
 from backend.experiments.library import find_experiment, plan_values
-from backend.models.upgrades import OLDER, upgrade_quality
+from backend.models.upgrades import NO_STORED_REASON, upgrade_quality
 from backend.storage import identifications, results, runs
 from backend.storage.database import Database
 from tests.migrations.old_schema import migrated
@@ -84,7 +84,7 @@ def test_a_database_of_an_earlier_version_is_rewritten_once(database: Database, 
         assert told[0] == {"mode": "run", "loop": {**LOOP, "bank": None}}
         assert told[1] == BUDGET | {"loop": {**LOOP, "u_plan": 7.5, "motion": "time-optimal"}}
         assert result is not None
-        assert (result.metrics.definitions, [item.reason for item in result.criteria]) == (0, [OLDER])
+        assert (result.metrics.definitions, [item.reason for item in result.criteria]) == (0, [NO_STORED_REASON])
         for found, documents in ((actuator, BANDS), (motor, UNGRADED)):
             assert found.model == documents["model"]
             assert found.quality == upgrade_quality(found.kind, found.model, documents["quality"])
