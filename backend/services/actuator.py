@@ -230,7 +230,7 @@ class ActuatorService:
             supervisor=supervisor,
             live_state=live_state,
             event_log=event_log,
-            command=self._send,
+            send=self._send,
             on_change=self.publish_change,
             start_lock=self.start_lock,
             events=events,

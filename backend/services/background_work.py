@@ -123,7 +123,7 @@ def preview_motor(snapshot: TuningSnapshot, lam_motor: float) -> MotorPreview:
     return snapshot.resolve().preview_motor(lam_motor)
 
 
-def compute_robustness(snapshot: TuningSnapshot, M_s: float) -> RobustTuning:
+def compute_robust_tuning(snapshot: TuningSnapshot, M_s: float) -> RobustTuning:
     """Return what ``ActiveTuning.robust`` does."""
     return snapshot.resolve().compute_robust_tuning(M_s)
 

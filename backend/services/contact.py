@@ -1,4 +1,4 @@
-"""Touch: learning the bias of the outside force, at rest and over a sweep, and compliance on contact."""
+"""Contact detection: calibration of the bias of the external force, and the reaction to a contact."""
 
 import asyncio
 import logging
@@ -40,24 +40,30 @@ from backend.services.state import LiveState
 from backend.units import format_number
 from plant import ErrorCode, T_s
 
-# Touch rest ----------------------------------------------------------------------------------------
+# Rest ----------------------------------------------------------------------------------------------
 #
-# Whether joint and estimate of the outside force are at rest, so that something may be learned of
-# it.
+# Checks that the joint and the estimate of the external force are at rest, as a calibration of the
+# bias requires.
 
 
 REST_TICKS = 1000
-"""Samples at rest that a point is learned from: 1 s."""
+"""Samples at rest from which one point of the bias is computed: 1 s."""
 
 DRIFT_N = 0.1
-"""What the estimate may move by from one half of them to the other [N]: as much as a count of the joint's encoder."""
+"""Largest drift of the estimate [N] between both halves of the samples: as much as one count of the joint encoder."""
 
 _MOVING_RAD, _MOVING_S = 0.01, 0.1
-"""At rest, the joint stays within so much, and its stiffness [N·m/rad]."""
+"""Largest range of joint position [rad] and stiffness [N·m/rad] at rest."""
 
 
 def explain_not_at_rest(rows: NDArray[np.float64], since: int) -> str:
-    """Why nothing can be learned from these samples, of one bias from the tick ``since`` on; empty where it can."""
+    """Return why the bias cannot be calibrated from these samples; empty if it can.
+
+    Args:
+        rows: The last samples, shape (n, columns).
+        since: Tick from which on bias and references are unchanged.
+
+    """
     if len(rows) < REST_TICKS or not np.all(np.isfinite(rows[:, INDEX["F_ext_hat"]])):
         return "the outside force is not known yet, the motors' zeros come with pretension"
     if set(rows[:, INDEX["mode"]].astype(int)) != {MODES.index(Mode.RUN)}:
@@ -73,90 +79,88 @@ def explain_not_at_rest(rows: NDArray[np.float64], since: int) -> str:
 
 
 def find_acting_input(rows: NDArray[np.float64]) -> str:
-    """Say what of the simulation acts on the joint in these samples; empty for nothing."""
+    """Return which simulated input acts on the joint in these samples; empty for none."""
     if np.any(rows[:, INDEX["F_push"]] != 0.0):
         return "the joint is pushed"
-    if np.any(np.nan_to_num(rows[:, INDEX["F_wall"]]) != 0.0):  # nan on a rig, where nobody simulates one
+    if np.any(np.nan_to_num(rows[:, INDEX["F_wall"]]) != 0.0):  # NaN on a rig, which has no simulated obstacle
         return "the joint presses on a wall"
     return ""
 
 
 def compute_drift(rows: NDArray[np.float64]) -> float:
-    """Return by how much the mean of the estimate [N] differs between both halves of the samples."""
+    """Return the difference of the mean estimate [N] between both halves of the samples."""
     F = rows[:, INDEX["F_ext_hat"]]
     half = len(F) // 2
     return abs(float(F[:half].mean() - F[half:].mean()))
 
 
-# Touch sweep ---------------------------------------------------------------------------------------
+# Sweep ---------------------------------------------------------------------------------------------
 #
-# Learning what the outside force reads with nothing outside, over all of the stiffness by itself.
+# Calibrates the bias of the external force automatically over the whole range of stiffness.
 #
-# In run, with nobody at the joint: S_ref goes through SWEEP_POINTS, waits at each until joint,
-# stiffness and estimate are at rest, learns there, and is then put back. Whatever else moves the
-# joint ends it; what was learned so far stays.
+# In mode run and without contact, S_ref is set to SWEEP_POINTS values. At each value the sweep
+# waits for rest and calibrates one point; afterwards it restores S_ref. Any other motion of the
+# joint aborts the sweep, and the points calibrated so far remain.
 
 
 SWEEP_POINTS = 5
-"""From the least to the largest S_ref; on ``lab`` straight lines between them are within 0.01 N of the bias."""
+"""Points from the smallest to the largest S_ref. On ``lab``, linear interpolation is within 0.01 N of the bias."""
 
 LONGEST_S = 20.0
-"""How long a point may take to come to rest [s]; the slowest λ_S that is usual takes half of it."""
+"""Longest wait for rest at a point [s]; the slowest common λ_S needs half of it."""
 
 _POLL_S = 0.1
 _NEAR_S = 0.2
-"""So near to what was asked for [N·m/rad] the stiffness has to come."""
+"""Largest deviation of the stiffness from S_ref at rest [N·m/rad]."""
 
 _log = logging.getLogger(__name__)
 
 
 class BiasSweep:
-    """Belongs to the service's event loop. ``learn`` learns at the stiffness that is held, of samples since a tick.
-
-    ``is_reaction_active`` tells whether the joint gives way to contacts: then it is not held for learning.
-    ``problem`` says that the last one died, until another is begun.
-    """
+    """Calibrates the bias over the range of stiffness. Runs in the event loop of the service."""
 
     def __init__(
         self,
         supervisor: Supervisor,
         live_state: LiveState,
         event_log: EventLog,
-        command: Callable[[Command], Awaitable[Accepted]],
-        learn: Callable[[int], Awaitable[None]],
+        send: Callable[[Command], Awaitable[Accepted]],
+        calibrate_point: Callable[[int], Awaitable[None]],
         is_reaction_active: Callable[[], bool],
         on_change: Callable[[], None],
     ) -> None:
-        self._supervisor, self._live_state, self._event_log = supervisor, live_state, event_log
-        self._command, self._learn, self._is_reaction_active, self._on_change = (
-            command,
-            learn,
-            is_reaction_active,
-            on_change,
-        )
+        """Use ``calibrate_point`` at each stiffness, with samples from the tick that it gets as argument.
+
+        ``is_reaction_active`` returns whether the joint reacts to contacts, which excludes a calibration.
+        """
+        self._supervisor = supervisor
+        self._live_state = live_state
+        self._event_log = event_log
+        self._send = send
+        self._calibrate_point = calibrate_point
+        self._is_reaction_active = is_reaction_active
+        self._on_change = on_change
         self._view: SweepView | None = None
         self._task: asyncio.Task[None] | None = None
         self._start_references = (0.0, 0.0)
         self.problem = ""
+        """Why the last sweep failed unexpectedly; empty after the next one has started."""
 
     @property
     def is_running(self) -> bool:
-        """Whether it goes on at present."""
+        """Whether a sweep is in progress."""
         return self._view is not None and self._view.under_way
 
     def view(self) -> SweepView | None:
-        """Return how far it is or how the last one ended, None where there was none."""
+        """Return the progress of the sweep or the end of the last one; None before the first."""
         return self._view
 
     def clear(self) -> None:
-        """Say no more of the last one, which has ended."""
+        """Remove the last sweep from the view."""
         self._view, self.problem = None, ""
 
     async def begin(self, who: str) -> None:
-        """Go to the first point and on from there.
-
-        Raises RequestRejectedError where the joint is not held untouched in run.
-        """
+        """Start a sweep. Raises RequestRejectedError unless the mode is run and nothing acts on the joint."""
         _, rows, _ = self._supervisor.ring.read(max(self._supervisor.ring.count - 1, 0), 1)
         why = self._explain_not_startable(rows)
         if why:
@@ -171,18 +175,18 @@ class BiasSweep:
         except BaseException:
             self._view = None
             raise
-        if self.is_running:  # nobody has done something else meanwhile
+        if self.is_running:  # not aborted meanwhile
             self._task = asyncio.create_task(self._run(points, accepted.tick, who), name="learning over S")
 
     async def stop(self, who: str) -> None:
-        """Break off and put S_ref back. Raises RequestRejectedError where there is nothing to stop."""
+        """Stop the sweep and restore S_ref. Raises RequestRejectedError if no sweep is in progress."""
         if not self.is_running:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is being learned over S: there is nothing to stop")
         self.abort("it was stopped", who)
         await self._restore_stiffness()
 
     def abort(self, why: str, who: str = "") -> None:
-        """End it at once and say why, where it goes on; S_ref stays as it is."""
+        """End a sweep in progress without restoring S_ref; ``why`` is shown and logged."""
         if not self.is_running:
             return
         self._end(why, who)
@@ -197,20 +201,20 @@ class BiasSweep:
                     self._set_progress(number, S_ref)
                     since = (await self._command_stiffness(S_ref, who)).tick
                 await self._wait_at_rest(S_ref, since)
-                # a reference that ends it meanwhile leaves loop and service of one mind about what is learned
-                await asyncio.shield(self._learn(since))
+                # Shielded against an abort meanwhile: the points of service and control loop must stay the same.
+                await asyncio.shield(self._calibrate_point(since))
         except asyncio.CancelledError:
-            if not self.is_running:  # who ended it has said so
+            if not self.is_running:  # ``abort`` has logged the reason
                 raise
             why = self._record_failure("its task was cancelled")
         except (RequestRejectedError, LoopExitedError) as error:
             why = str(error)
         except Exception as error:
-            _log.exception("The sweep that learns the bias over S failed.")
+            _log.exception("The sweep that calibrates the bias over S failed.")
             why = self._record_failure(f"{type(error).__name__}: {error}")
         try:
             await self._restore_stiffness()
-        finally:  # whatever becomes of that, it is not shown as going on
+        finally:
             self._end(why)
 
     def _record_failure(self, cause: str) -> str:
@@ -218,7 +222,7 @@ class BiasSweep:
         return f"it died ({cause})"
 
     async def _wait_at_rest(self, S_ref: float, since: int) -> None:
-        """Wait until the joint is at rest. Raises RequestRejectedError for what acts on it, or after LONGEST_S."""
+        """Wait for rest at ``S_ref``. Raises RequestRejectedError if an input acts on the joint, or after LONGEST_S."""
         ring, why = self._supervisor.ring, ""
         end = ring.count + round(LONGEST_S / T_s)
         while ring.count < end:
@@ -238,14 +242,14 @@ class BiasSweep:
     async def _command_stiffness(
         self, S_ref: float, who: str = "", why: str = "to learn the outside force"
     ) -> Accepted:
-        accepted = await self._command(SetReferences(self._start_references[0], S_ref))
+        accepted = await self._send(SetReferences(self._start_references[0], S_ref))
         self._event_log.add_mark(
             MarkKind.REFERENCES, f"S_ref {format_number(S_ref, 4)} N·m/rad, {why}", accepted.tick, who
         )
         return accepted
 
     async def _restore_stiffness(self) -> None:
-        """Hold S as it was before, where the joint is still held for it."""
+        """Restore S_ref from before the sweep, if the joint is still in mode run."""
         if self._live_state.mode is Mode.RUN and self._supervisor.is_alive:
             with suppress(RequestRejectedError, LoopExitedError):
                 await self._command_stiffness(self._start_references[1], why="as before learning")
@@ -265,7 +269,7 @@ class BiasSweep:
         self._on_change()
 
     def _explain_not_startable(self, rows: NDArray[np.float64]) -> str:
-        """Why it cannot begin; ``rows`` is the newest sample."""
+        """Return why a sweep cannot start; empty if it can. ``rows`` is the newest sample."""
         task = self._live_state.task
         if self.is_running:
             return "that is under way already"
@@ -281,34 +285,33 @@ class BiasSweep:
 
 
 def _explain_drift(rows: NDArray[np.float64], S_ref: float) -> str:
-    """Why the estimate is not at rest at ``S_ref`` [N·m/rad], though joint and stiffness are; empty where it is."""
-    S, moved = float(rows[:, INDEX["S"]].mean()), compute_drift(rows)
+    """Return why a joint at rest cannot be calibrated at ``S_ref`` [N·m/rad]: stiffness off, or estimate drifting."""
+    S, drift = float(rows[:, INDEX["S"]].mean()), compute_drift(rows)
     if not abs(S - S_ref) <= _NEAR_S:
         return f"the stiffness stands at {S:.2f} N·m/rad"
-    if not moved <= DRIFT_N:
-        return f"the estimate moves by {moved:.2f} N in half a second, {DRIFT_N:g} N is at rest"
+    if not drift <= DRIFT_N:
+        return f"the estimate moves by {drift:.2f} N in half a second, {DRIFT_N:g} N is at rest"
     return ""
 
 
-# Touching ------------------------------------------------------------------------------------------
+# Contact service -----------------------------------------------------------------------------------
 #
-# Touch: what the estimate of the outside force has learned, and whether the joint gives way to a
-# contact.
+# The calibrated bias of the external force, and the threshold of the contact reaction.
 #
-# Both hold for one loop process and the zeros of its motors: what is learned is how springs and
-# zeros differ from what was identified. A new loop, or zeros found anew, begins with nothing
-# learned and gives way to nothing.
+# The bias comes from deviations of springs and motor zeros from their identified values. It is
+# valid for one loop process and its motor zeros. A new loop process, or new zeros, start without
+# bias and without contact reaction.
 
 
 @dataclass(frozen=True)
 class BiasDiscarded:
-    """The loop knows nothing of the outside force any more."""
+    """Event: the bias of the external force is no longer calibrated."""
 
 
 class ContactService:
-    """Learns, arms and shows. Belongs to the service's event loop.
+    """Calibrates the bias and configures the contact reaction. Runs in the event loop of the service.
 
-    ``changed`` is called when there is news. Publishes TouchForgotten.
+    Publishes BiasDiscarded.
     """
 
     def __init__(
@@ -316,7 +319,7 @@ class ContactService:
         supervisor: Supervisor,
         live_state: LiveState,
         event_log: EventLog,
-        command: Callable[[Command], Awaitable[Accepted]],
+        send: Callable[[Command], Awaitable[Accepted]],
         on_change: Callable[[], None],
         start_lock: asyncio.Lock,
         events: EventBus,
@@ -325,37 +328,37 @@ class ContactService:
             supervisor=supervisor,
             live_state=live_state,
             event_log=event_log,
-            command=command,
-            learn=self._calibrate_point,
+            send=send,
+            calibrate_point=self._calibrate_point,
             is_reaction_active=lambda: self._contact_N != 0.0,
             on_change=on_change,
         )
         self._supervisor = supervisor
         self._event_log = event_log
-        self._command = command
+        self._send = send
         self._on_change = on_change
         self._events = events
         self._command_lock, self._start_lock = asyncio.Lock(), start_lock
         self._points: list[TouchPoint] = []
-        self._contact_N = 0.0
+        self._contact_N = 0.0  # threshold of the contact reaction; 0 for none
         self._detected: ContactView | None = None
-        self._since = 0
+        self._since = 0  # tick from which on the configuration is active
         supervisor.listen(self._handle_event)
 
     @property
     def points(self) -> Sequence[TouchPoint]:
-        """What is known of the outside force, by stiffness; empty for nothing."""
+        """Calibrated points of the bias, sorted by stiffness."""
         return self._points
 
     def view(self) -> TouchView:
-        """Return what is learned and armed, and the contact that the joint gives way to."""
+        """Return calibration, threshold, progress of the sweep, and the contact that the joint reacts to."""
         sweep = self.sweep.view()
         return TouchView(contact_N=self._contact_N, learned=self._points, felt=self._detected, sweep=sweep)
 
     async def apply(self, order: TouchOrder, who: str) -> TouchView:
-        """Learn at the stiffness that is held now or over all of it, forget, or give way from another force on.
+        """Calibrate one point or start a sweep, discard the calibration, or set the threshold of the reaction.
 
-        An order of nothing returns what is. Raises RequestRejectedError, OutOfRangeError; what was in force stays then.
+        An empty order changes nothing. Raises RequestRejectedError and OutOfRangeError without a change.
         """
         if order == TouchOrder():
             return self.view()
@@ -401,7 +404,7 @@ class ContactService:
         return self.view()
 
     async def _calibrate_point(self, since: int) -> None:
-        """Learn one more point, of samples from the tick ``since`` on."""
+        """Calibrate one more point with samples from the tick ``since`` on."""
         async with self._command_lock:
             await self._configure(
                 _insert_point(self._points, self._measure_point(max(since, self._since))), self._contact_N
@@ -409,14 +412,14 @@ class ContactService:
         self._on_change()
 
     async def _configure(self, points: list[TouchPoint], contact_N: float) -> int:
-        """Put in force what is learned and armed; return the tick of it."""
+        """Send bias and threshold to the control loop; return the tick from which on they are active."""
         bias = tuple((point.S, point.F) for point in points)
-        accepted = await self._command(commands.ConfigureContactDetection(bias, contact_N))
+        accepted = await self._send(commands.ConfigureContactDetection(bias, contact_N))
         self._points, self._contact_N, self._since = points, contact_N, accepted.tick
         return accepted.tick
 
     def _measure_point(self, since: int) -> TouchPoint:
-        """Return what is estimated at rest now. Raises RequestRejectedError where the joint does not rest."""
+        """Return the bias at the current stiffness. Raises RequestRejectedError unless the joint is at rest."""
         ring = self._supervisor.ring
         _, rows, _ = ring.read(max(ring.count - REST_TICKS, 0), REST_TICKS)
         why = explain_not_at_rest(rows, since)
@@ -424,6 +427,7 @@ class ContactService:
             raise RequestRejectedError(ErrorCode.NOT_NOW, f"nothing was learned: {why}")
         S, F = float(rows[:, INDEX["S"]].mean()), rows[:, INDEX["F_ext_hat"]]
         bias = np.array([(point.S, point.F) for point in self._points], dtype=np.float64).reshape(-1, 2)
+        # The samples have the active bias subtracted.
         return TouchPoint(S=S, F=float(F.mean()) + disturbance_observer.interpolate_bias(bias, S), std_N=float(F.std()))
 
     def _handle_event(self, event: Event | LoopExited) -> None:
@@ -442,19 +446,20 @@ class ContactService:
         self._on_change()
 
     def discard(self, why: str) -> None:
-        """Begin with nothing learned, as a new loop does, and ``why``."""
+        """Discard the calibration because of ``why``, as a new loop process does."""
         self.sweep.abort(why)
         self._points, self._contact_N, self._detected, self._since = [], 0.0, None, 0
         self._events.publish(BiasDiscarded())
 
 
 def _insert_point(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]:
+    """Return the points, sorted by stiffness, with ``new`` in place of close ones."""
     others = [point for point in points if abs(point.S - new.S) >= NEIGHBOUR]
     return sorted([*others, new], key=lambda point: point.S)
 
 
 def _require_calibrated(points: list[TouchPoint], contact_N: float) -> None:
-    """Raise RequestRejectedError for a threshold that what is not known of the bias could pass by itself."""
+    """Raise RequestRejectedError for a threshold without calibration, or one that noise could exceed."""
     if not points:
         raise RequestRejectedError(
             ErrorCode.NOT_NOW, "what the estimate reads with nothing outside is not known: learn it at rest first"
@@ -469,13 +474,13 @@ def _require_calibrated(points: list[TouchPoint], contact_N: float) -> None:
 
 
 def _describe_changes(order: TouchOrder, points: list[TouchPoint]) -> list[str]:
-    """Say what came into force."""
-    said = ["what the outside force reads with nothing outside was forgotten"] if order.forget else []
+    """Return the texts of an applied order for the event log."""
+    texts = ["what the outside force reads with nothing outside was forgotten"] if order.forget else []
     if order.learn:
         known = ", ".join(f"{format_number(point.F)} N at {format_number(point.S)} N·m/rad" for point in points)
-        said.append(f"outside force learned: {known}")
+        texts.append(f"outside force learned: {known}")
     if order.contact_N is not None:
-        said.append(
+        texts.append(
             f"gives way to contacts from {order.contact_N:g} N on" if order.contact_N else "gives way to no contact"
         )
-    return said
+    return texts

@@ -1,4 +1,4 @@
-"""Changes of the tuning, and the tunings saved for banks."""
+"""Changes of the tuning: by an operator, for a trial, or for a run; and the tunings saved for banks."""
 
 import asyncio
 import logging
@@ -34,23 +34,21 @@ from backend.supervision import Supervision
 from backend.tuning import DEVIATIONS, UNSEEN_F
 from plant import ErrorCode
 
-# Retuning ------------------------------------------------------------------------------------------
+# Tuning service ------------------------------------------------------------------------------------
 #
-# Changes of the tuning in force: by a person for good or on trial, and lent to a run that asks for
-# its own.
-#
-# What a run asks for is in force until its program has ended; then what the operator had chosen
-# comes back. Only the operator's tuning outlives the service.
+# An operator changes the active tuning permanently or for a limited trial. A run can replace it by
+# a temporary tuning: when the program of the run has ended, the operator's tuning is restored. Only
+# the operator's tuning is stored for the next start of the service.
 
 
 RETRY_S = 0.5
-"""How soon it is tried again to put a tuning back that the loop did not take [s]."""
+"""Time [s] until a tuning that the control loop has refused is restored again."""
 
 _log = logging.getLogger(__name__)
 
 
 class TuningService:
-    """Belongs to the service's event loop. ``send`` hands a tuning to the loop; ``turn`` is held by who changes it."""
+    """Changes the active tuning. Runs in the event loop of the service."""
 
     def __init__(
         self,
@@ -65,6 +63,7 @@ class TuningService:
         contact: ContactService,
         events: EventBus,
     ) -> None:
+        """Send tunings with ``send``; ``change_lock`` is held during each change."""
         self._supervisor = supervisor
         self._live_state = live_state
         self._event_log = event_log
@@ -78,24 +77,27 @@ class TuningService:
         live_state.reset_undo(tuning_store.load_previous(live_state.tuning))
 
     def view_trial(self) -> TrialView | None:
-        """Return what is on trial; None for nothing."""
+        """Return the trial in progress; None without one."""
         return self._trial.view()
 
     async def apply(self, request: TuningRequest, who: str) -> TuningView:
-        """Change the tuning while the loop runs. Raises OutOfRangeError; nothing changes then."""
+        """Change the active tuning permanently. Raises OutOfRangeError and RequestRejectedError without a change."""
         view = await self._change(request, who, self._apply_permanently)
         await self._store_active(who)
         return view
 
     async def start_trial(self, request: TrialRequest, who: str) -> None:
-        """Change the tuning for a while. Raises OutOfRangeError. A trial of a trial goes back to before the first."""
+        """Change the active tuning for a trial. A trial during a trial reverts to the tuning before the first.
+
+        Raises OutOfRangeError and RequestRejectedError without a change.
+        """
         before = self._trial.before or self._live_state.tuning
         await self._change(request, who, self._send_tuning)
         self._trial.begin(before, request.duration_s)
         self._on_change()
 
     async def end_trial(self, keep: bool, who: str) -> None:
-        """Keep what is tried, or go back at once. Raises RequestRejectedError when nothing is on trial."""
+        """Keep the tuning of the trial, or revert now. Raises RequestRejectedError without a trial."""
         before = self._trial.before
         if before is None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is on trial: what is in force stays")
@@ -109,37 +111,40 @@ class TuningService:
         self._on_change()
 
     def cancel_trial(self, cause: str) -> None:
-        """End a trial because of ``cause``; returns at once, and does nothing where nothing is on trial."""
+        """Revert a trial in progress because of ``cause``; does not wait for it."""
         self._trial.end(cause)
 
     async def use_bank(self, bank: Bank | None, who: str) -> TuningView:
-        """Use the models of a bank, None for those of geometry. Raises OutOfRangeError when λ is not safe on them."""
+        """Use the models of a bank, or geometric gains for None. Raises OutOfRangeError if λ is unsafe with them."""
         async with self._change_lock:
             self._require_no_override()
             before = self._live_state.tuning
             tick = await self._apply_permanently(await asyncio.to_thread(before.with_bank, bank))
-            said = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
-            self._event_log.add_mark(MarkKind.BANK, said, tick, who)
+            text = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
+            self._event_log.add_mark(MarkKind.BANK, text, tick, who)
         await self._store_active(who)
         return self._live_state.tuning.view(self._live_state.entry)
 
     async def undo(self, who: str) -> TuningView:
-        """Put back in force what the operator had before the last change; once more goes one change further back.
+        """Restore the operator's tuning from before the last change; each further call goes one change back.
 
-        Raises RequestRejectedError where there is nothing to undo, OutOfRangeError where it would not be safe any more.
+        Raises RequestRejectedError if there is nothing to undo, and OutOfRangeError if that tuning is no longer safe.
         """
         stack, other = self._live_state.undo_stack, self._live_state.redo_stack
         return await self._move_between_stacks(stack, other, "undone", "no change of the tuning is left to undo", who)
 
     async def redo(self, who: str) -> TuningView:
-        """Put in force again what the last undo took back. Raises like ``undo``."""
+        """Restore the tuning that the last undo has replaced. Raises like ``undo``."""
         stack, other = self._live_state.redo_stack, self._live_state.undo_stack
         return await self._move_between_stacks(stack, other, "done again", "no change of the tuning was undone", who)
 
     async def _move_between_stacks(
         self, stack: deque[ResolvedTuning], other: deque[ResolvedTuning], done: str, nothing: str, who: str
     ) -> TuningView:
-        """Put in force the newest tuning of a stack; what was in force goes onto the other one."""
+        """Activate the newest tuning of ``stack`` and push the active one onto ``other``.
+
+        ``done`` starts the text for the event log; ``nothing`` is the message for an empty stack.
+        """
         async with self._change_lock:
             self._require_no_override()
             if self._trial.before is not None:
@@ -157,9 +162,9 @@ class TuningService:
         return self._live_state.tuning.view(self._live_state.entry)
 
     async def apply_temporary(self, choice: TuningSettings, bank: Bank | None, who: str) -> None:
-        """Put in force what a run asks for, until ``give_back``; nobody changes the tuning meanwhile.
+        """Activate the tuning of a run and lock the tuning until ``restore_operator_tuning``.
 
-        Raises OutOfRangeError and RequestRejectedError; nothing changes then.
+        Raises OutOfRangeError and RequestRejectedError without a change.
         """
         async with self._change_lock:
             self._require_no_override()
@@ -174,7 +179,7 @@ class TuningService:
         self._on_change()
 
     async def restore_operator_tuning(self) -> None:
-        """Put the operator's tuning back in force; does so as soon as the loop takes it."""
+        """Restore the operator's tuning after a run; repeats it until the control loop accepts."""
         own = self._live_state.overridden_tuning
         if own is not None:
             await self._retry_restore("The operator's tuning", own, lambda: self._restore_after_run(own))
@@ -192,9 +197,20 @@ class TuningService:
         printed: bool = False,
         compute: Compute,
     ) -> TuningPreview:
-        """Predict what λ, a motion, its limit [V] and a share of pushes would do at S [N·m/rad]; None: as now.
+        """Predict robustness and step responses of a tuning.
 
-        Raises OutOfRangeError for a stiffness, a limit or a share that is not offered.
+        Args:
+            lam_q: Tuning parameter of the position loop [s].
+            lam_S: Tuning parameter of the stiffness loop [s].
+            S: Stiffness [N·m/rad]; None for the current reference.
+            motion: Motion; None for the active one.
+            u_plan: Feed-forward voltage limit [V]; None for the active one.
+            k_ext: Gain of the disturbance rejection; None for the active one.
+            printed: Whether to add the prediction of the formula printed in the paper.
+            compute: Runs the computation in a worker process.
+
+        Raises OutOfRangeError.
+
         """
         live_state, bounds = self._live_state, self._live_state.bounds
         if S is None:
@@ -202,37 +218,35 @@ class TuningService:
             S = bounds.S_min if S_ref is None else min(max(S_ref, bounds.S_min), bounds.S_max)
         check_range("S_ref", S, bounds.S_min, bounds.S_max, "N·m/rad")
         snapshot = TuningSnapshot.from_active(live_state.tuning)
-        wanted = lam_q, lam_S, S, live_state.entry, motion, u_plan, k_ext, printed
-        previewed: TuningPreview = await compute(background_work.preview_tuning, snapshot, *wanted)
-        return previewed
+        arguments = lam_q, lam_S, S, live_state.entry, motion, u_plan, k_ext, printed
+        preview: TuningPreview = await compute(background_work.preview_tuning, snapshot, *arguments)
+        return preview
 
     async def preview_motor(self, lam_motor: float, compute: Compute) -> MotorPreview:
-        """Tell how robust the motor loops are at a λ."""
-        found: MotorPreview = await compute(
-            background_work.preview_motor, TuningSnapshot.from_active(self._live_state.tuning), lam_motor
-        )
-        return found
+        """Return the robustness of the motor loops at ``lam_motor`` [s]."""
+        snapshot = TuningSnapshot.from_active(self._live_state.tuning)
+        preview: MotorPreview = await compute(background_work.preview_motor, snapshot, lam_motor)
+        return preview
 
     async def compute_robust_tuning(self, M_s: float, compute: Compute) -> RobustTuning:
-        """Find the λ of each loop for a wanted M_s."""
-        found: RobustTuning = await compute(
-            background_work.compute_robustness, TuningSnapshot.from_active(self._live_state.tuning), M_s
-        )
-        return found
+        """Return the λ of each loop that gives the sensitivity peak ``M_s``."""
+        snapshot = TuningSnapshot.from_active(self._live_state.tuning)
+        robust: RobustTuning = await compute(background_work.compute_robust_tuning, snapshot, M_s)
+        return robust
 
     async def _change(
-        self, request: TuningRequest, who: str, put: Callable[[ActiveTuning], Awaitable[int]]
+        self, request: TuningRequest, who: str, activate: Callable[[ActiveTuning], Awaitable[int]]
     ) -> TuningView:
         async with self._change_lock:
             self._require_no_override()
             before = self._live_state.tuning
             after = await asyncio.to_thread(before.with_request, request)
-            tick = await put(after)
+            tick = await activate(after)
             self._event_log.add_mark(MarkKind.TUNING, after.difference(before), tick, who)
         return after.view(self._live_state.entry)
 
     def _disable_rejection(self) -> None:
-        """Show that pushes are left to the position loop: what was learned is gone, and the loop does so by itself."""
+        """Show disturbance rejection as off after the bias was discarded; the control loop has turned it off itself."""
         live_state = self._live_state
         if live_state.tuning.choice.k_ext == 0.0:
             return
@@ -244,11 +258,11 @@ class TuningService:
         self._on_change()
 
     def _drop_unusable_rejection(self, tuning: ActiveTuning) -> ActiveTuning:
-        """Return what can come back into force of a tuning."""
+        """Return a tuning without disturbance rejection if the bias is not calibrated."""
         return tuning if self._contact.points else tuning.without_rejection()
 
     def _require_known_bias(self, tuning: ActiveTuning) -> None:
-        """Raise RequestRejectedError for a rejection of a force that is not known, or not well enough."""
+        """Raise RequestRejectedError for a disturbance rejection without calibrated bias, or with a noisy estimate."""
         if tuning.choice.k_ext == 0.0:
             return
         points = self._contact.points
@@ -263,13 +277,13 @@ class TuningService:
             )
 
     async def _retry_restore(self, what: str, tuning: ActiveTuning, restore: Callable[[], Awaitable[None]]) -> None:
-        """Call ``restore`` until it works; meanwhile the problems of the state tell what is not back in force."""
+        """Call ``restore`` until it succeeds; meanwhile the state shows that ``tuning`` is not restored."""
         try:
             while True:
                 try:
                     return await restore()
                 except Exception as error:
-                    # A loop that is being restarted refuses for a moment; what was promised to come back does.
+                    # For example, the control loop is restarting. The tuning must be restored in any case.
                     _log.exception("The service could not restore %s yet.", what)
                     self._live_state.tuning_problem = (
                         f"{what} ({tuning.difference(self._live_state.tuning)}) is not back in force: {error}. "
@@ -285,15 +299,16 @@ class TuningService:
 
     async def _restore_after_run(self, own: ActiveTuning) -> None:
         async with self._change_lock:
-            if self._live_state.overridden_tuning is not own:  # given back by another road while this waited
+            if self._live_state.overridden_tuning is not own:  # restored by another task meanwhile
                 return
-            lent, back = self._live_state.tuning, self._drop_unusable_rejection(own)
-            if back.choice != lent.choice:
+            temporary, restored = self._live_state.tuning, self._drop_unusable_rejection(own)
+            if restored.tuning != temporary.choice:
                 try:
-                    tick = await self._send_tuning(back) if self._supervisor.is_alive else self._set_active(back)
+                    is_alive = self._supervisor.is_alive
+                    tick = await self._send_tuning(restored) if is_alive else self._set_active(restored)
                 except LoopExitedError:
-                    tick = self._set_active(back.without_rejection())
-                self._event_log.add_mark(MarkKind.TUNING, f"after the run: {back.difference(lent)}", tick)
+                    tick = self._set_active(restored.without_rejection())
+                self._event_log.add_mark(MarkKind.TUNING, f"after the run: {restored.difference(temporary)}", tick)
             self._live_state.overridden_tuning = None
 
     async def _end_trial_automatically(self, before: ActiveTuning, cause: str) -> None:
@@ -302,15 +317,15 @@ class TuningService:
     async def _end_trial(self, before: ActiveTuning, who: str = "", cause: str = "") -> None:
         async with self._change_lock:
             tried = self._live_state.tuning
-            if self._trial.before is not before:  # somebody chose another tuning while this waited
+            if self._trial.before is not before:  # the operator has changed the tuning meanwhile
                 return
-            back = self._drop_unusable_rejection(before)
-            tick = await self._send_tuning(back) if self._supervisor.is_alive else self._set_active(back)
+            restored = self._drop_unusable_rejection(before)
+            tick = await self._send_tuning(restored) if self._supervisor.is_alive else self._set_active(restored)
             ended = f"trial over, {cause}" if cause else "trial over"
-            self._event_log.add_mark(MarkKind.TUNING, f"{ended}: {back.difference(tried)}", tick, who)
+            self._event_log.add_mark(MarkKind.TUNING, f"{ended}: {restored.difference(tried)}", tick, who)
 
     def _require_no_override(self) -> None:
-        """Raise RequestRejectedError while a run has the tuning."""
+        """Raise RequestRejectedError while a run has replaced the operator's tuning."""
         if self._live_state.overridden_tuning is None:
             return
         task = self._live_state.task
@@ -318,11 +333,11 @@ class TuningService:
         raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what} and its tuning is part of its record: stop it first")
 
     async def _store_active(self, who: str) -> None:
-        """Let the next start of the service find this tuning; a trial and what a run was lent are not kept."""
+        """Store the operator's tuning for the next start of the service; not for a trial or a temporary tuning."""
         await asyncio.to_thread(self._tuning_store.save, self._live_state.tuning, who)
 
     async def _apply_permanently(self, tuning: ActiveTuning) -> int:
-        """Put in force what the operator has chosen for good; the way back is remembered."""
+        """Activate an operator's tuning and return its tick; ``undo`` can return to the one before."""
         before = self._trial.before or self._live_state.tuning
         tick = await self._send_tuning(tuning)
         if tuning.choice != before.choice:
@@ -331,7 +346,7 @@ class TuningService:
         return tick
 
     def _push_undo(self, before: ResolvedTuning) -> None:
-        """Let ``undo`` go back to a tuning; what was undone before is not done again any more."""
+        """Let ``undo`` return to ``before``; ``redo`` has nothing to restore after a change."""
         self._live_state.undo_stack.append(before)
         self._live_state.redo_stack.clear()
 
@@ -342,7 +357,7 @@ class TuningService:
         return accepted.tick
 
     def _set_active(self, tuning: ActiveTuning) -> int:
-        """Show ``tuning`` as in force, and give it to a loop process that is started anew."""
+        """Store ``tuning`` as the active one, also for a restarted loop process; return the tick of the change."""
         self._trial.forget()
         self._live_state.tuning = tuning
         self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
@@ -352,38 +367,41 @@ class TuningService:
 
 # Saved tunings -------------------------------------------------------------------------------------
 #
-# The tuning that each bank is meant to run with, saved by a person, as settings in the database.
+# The tuning that an operator has saved for each bank, as settings in the database.
 
 
 class SavedTunings:
-    """Reads and writes settings in the database. All methods wait for it: the event loop calls them in a thread."""
+    """Reads and writes saved tunings. The methods access the database: the event loop calls them in a thread."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def of(self, tuning: ActiveTuning) -> SavedTuning:
-        """Return what was saved for the bank in use; the defaults on its models where nobody has saved."""
+    def load(self, tuning: ActiveTuning) -> SavedTuning:
+        """Return the tuning saved for the active bank; without one, the default on its models."""
         with self._database.reading() as session:
-            stored = settings.newest(session, _setting_of(tuning))
+            stored = settings.newest(session, _get_setting_name(tuning))
         if stored is not None:
-            return _saved(stored)
+            return _read_saved(stored)
         default = tuning.default()
         return SavedTuning(**list_tuning_parts(default.tuning), who=None, at=None, moved=default.moved)
 
     def save(self, tuning: ActiveTuning, who: str) -> SavedTuning:
-        """Save what is in force as what the bank in use is meant to run with; earlier values stay in the history."""
+        """Save the active tuning for the active bank; earlier values remain in the history of the setting."""
         parts = SAVED_TUNING.write(SavedLoopSettings(**list_tuning_parts(tuning.choice)))
         with self._database.session() as session:
-            stored = settings.save(session, _setting_of(tuning), parts, who)
-        return _saved(stored)
+            stored = settings.save(session, _get_setting_name(tuning), parts, who)
+        return _read_saved(stored)
 
 
-def _saved(stored: StoredSetting) -> SavedTuning:
-    read = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”")
+def _read_saved(stored: StoredSetting) -> SavedTuning:
+    saved = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”")
     return SavedTuning(
-        **list_tuning_parts(TuningSettings.from_values(read.get_known_values())), who=stored.who, at=stored.at, moved=""
+        **list_tuning_parts(TuningSettings.from_values(saved.get_known_values())),
+        who=stored.who,
+        at=stored.at,
+        moved="",
     )
 
 
-def _setting_of(tuning: ActiveTuning) -> str:
+def _get_setting_name(tuning: ActiveTuning) -> str:
     return saved_tuning_key(None if tuning.bank is None else tuning.bank.id)

@@ -92,7 +92,7 @@ def test_what_is_saved_by_default_is_offered_with_the_tuning_in_force(database: 
     weak = load_parameters(str(weak_motors(tmp_path)))
     for choice in (TuningSettings(lam_q=1.2), TuningSettings(lam_q=2.5, lam_S=1.5, lam_motor=0.2, b=1.0)):
         tuning = make_active_tuning(weak, choice)
-        saved = SavedTunings(database).of(tuning)
+        saved = SavedTunings(database).load(tuning)
         wanted = {name: getattr(saved, name) for name in TuningParts.model_fields}
         assert tuning.with_request(TuningRequest(**wanted)).choice == TuningSettings(**wanted)
         assert "λ_q 0.5 → " in saved.moved

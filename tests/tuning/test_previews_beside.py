@@ -15,7 +15,7 @@ def test_it_is_the_same_from_what_goes_to_another_process() -> None:
     wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
     assert background_work.preview_tuning(asked, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
     assert background_work.preview_motor(asked, 0.2) == tuning.preview_motor(0.2)
-    assert background_work.compute_robustness(asked, 1.5) == tuning.compute_robust_tuning(1.5)
+    assert background_work.compute_robust_tuning(asked, 1.5) == tuning.compute_robust_tuning(1.5)
 
 
 def test_models_are_kept_for_the_same_tuning_and_made_for_another_one() -> None:

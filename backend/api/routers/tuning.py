@@ -180,7 +180,7 @@ async def keep_trial(service: ServiceInUse, person: InControl) -> State:
 @tuning_router.get("/saved")
 def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTuning:
     """Return the tuning saved for the bank in use, to compare with what is in force."""
-    return service.saved_tunings.of(service.actuator.live_state.tuning)
+    return service.saved_tunings.load(service.actuator.live_state.tuning)
 
 
 @tuning_router.put("/saved")
