@@ -102,7 +102,7 @@ class TuningService:
         if before is None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is on trial: what is in force stays")
         if keep:
-            self._trial.forget()
+            self._trial.clear()
             self._push_undo(before)
             self._event_log.add_mark(MarkKind.TUNING, "trial kept", self._live_state.tick, who)
             await self._store_active(who)
@@ -358,7 +358,7 @@ class TuningService:
 
     def _set_active(self, tuning: ActiveTuning) -> int:
         """Store ``tuning`` as the active one, also for a restarted loop process; return the tick of the change."""
-        self._trial.forget()
+        self._trial.clear()
         self._live_state.tuning = tuning
         self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
         self._on_change()

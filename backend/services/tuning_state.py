@@ -1,4 +1,4 @@
-"""The tuning in use: trials of it, what follows from it, and what is kept of it."""
+"""The active tuning, its predictions, its storage, and trials of another tuning."""
 
 import asyncio
 import hashlib
@@ -44,7 +44,7 @@ from backend.schemas import (
     TuningRequest,
     TuningView,
 )
-from backend.storage import Bank, Database, StorageError, UnknownRecordError, active_entry_name, banks
+from backend.storage import Bank, Database, Session, StorageError, UnknownRecordError, active_entry_name, banks
 from backend.supervision import Part, SupervisedTask, Supervision
 from backend.tuning import (
     FIGURES,
@@ -64,13 +64,14 @@ from backend.tuning import (
 )
 from plant import CACHE, PlantParameters
 
-# Kept figures --------------------------------------------------------------------------------------
+# Robustness cache ----------------------------------------------------------------------------------
 #
-# What was computed once for a tuning outlives the process: a start neither loads python-control nor
-# computes anew.
+# Stores computed robustness in a file, so that a start neither loads python-control nor computes it
+# again.
 #
-# A file beside the compiled functions, named after the sources and the libraries that compute: with
-# others it is another file. Whoever finds it damaged, or of another form, computes anew.
+# The file lies next to the compiled functions. Its name contains a digest of the sources and
+# libraries that compute the values, so that a change of them leads to a new file. A damaged file is
+# ignored.
 
 
 _SOURCES = ("plant/*.py", "backend/control/*.py", "backend/tuning/*.py")
@@ -80,55 +81,57 @@ _log = logging.getLogger(__name__)
 
 
 class RobustnessCache:
-    """The file of ``robustness.FIGURES`` in a ``folder``, that of caches where none is given; None without either."""
+    """File with the values of ``backend.tuning.FIGURES``, the cache in memory."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        place = folder or (None if CACHE is None else CACHE.parent)
-        self.file = None if place is None else place / f"figures-{_digest_of_what_computes()[:16]}.json"
-        self._kept: dict[str, tuple[float, ...]] = {}
+        """Use ``folder``, by default the folder of the compiled functions. Without either, nothing is stored."""
+        folder = folder or (None if CACHE is None else CACHE.parent)
+        self.file = None if folder is None else folder / f"figures-{_compute_code_digest()[:16]}.json"
+        self._stored: dict[str, tuple[float, ...]] = {}
 
     def load(self) -> None:
-        """Remember what is kept, if it can be read."""
+        """Add the values of the file to the cache in memory; a missing or damaged file is ignored."""
         if self.file is None:
             return
         try:
-            self._kept = _read(self.file.read_text(encoding="ascii"))
+            self._stored = _parse(self.file.read_text(encoding="ascii"))
         except FileNotFoundError:
             return
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-            _log.warning("The service cannot use %s and computes its figures anew: %s", self.file, error)
+            _log.warning("The service cannot use the cache %s and computes its values again: %s", self.file, error)
             return
-        FIGURES.update(self._kept)
+        FIGURES.update(self._stored)
 
     def save(self) -> None:
-        """Write down what is remembered, where that is not what the file holds; a disk that refuses is no matter."""
-        live_state = dict(FIGURES)
-        if self.file is None or live_state == self._kept:
+        """Write the cache in memory to the file if it has changed; a write error is only logged."""
+        current = dict(FIGURES)
+        if self.file is None or current == self._stored:
             return
-        content = {key: list(figures) for key, figures in live_state.items()}
+        content = {key: list(values) for key, values in current.items()}
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             write_private(self.file, json.dumps({"figures": content, "digest": _digest(content)}))
         except OSError as error:
             _log.info("The service cannot write %s, so that its next start takes longer: %s", self.file, error)
         else:
-            self._kept = live_state
+            self._stored = current
 
 
-def _read(text: str) -> dict[str, tuple[float, ...]]:
-    """Return the figures of a file. Raises ValueError and its like where it is damaged."""
+def _parse(text: str) -> dict[str, tuple[float, ...]]:
+    """Return the values of a file. Raises ValueError, TypeError, KeyError or AttributeError for a damaged one."""
     document = json.loads(text)
     content = document["figures"]
     if document["digest"] != _digest(content):
         raise ValueError("its digest is another one")
-    return {str(key): tuple(map(float, figures)) for key, figures in content.items()}
+    return {str(key): tuple(map(float, values)) for key, values in content.items()}
 
 
 def _digest(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _digest_of_what_computes() -> str:
+def _compute_code_digest() -> str:
+    """Return a digest of Python, of the libraries and of the sources that compute the values."""
     digest = hashlib.sha256(sys.version.encode())
     for library in _LIBRARIES:
         digest.update(f"{library} {version(library)} ".encode())
@@ -138,14 +141,14 @@ def _digest_of_what_computes() -> str:
     return digest.hexdigest()
 
 
-# Tuning in use -------------------------------------------------------------------------------------
+# Active tuning -------------------------------------------------------------------------------------
 #
-# The tuning in force: λ, the bank whose models it is applied to, and what follows from both.
+# Tuning parameters, the bank whose models they apply to, and the predictions from both.
 
 
 @dataclass(frozen=True)
 class ResolvedTuning:
-    """A choice with the bank that it names, None for gains from geometry."""
+    """Tuning settings with the bank that they name; None for geometric gains."""
 
     choice: TuningSettings
     bank: Bank | None
@@ -153,50 +156,50 @@ class ResolvedTuning:
 
 @dataclass(frozen=True)
 class ActiveTuning(ResolvedTuning):
-    """A choice with the models that its bank stands for; without a bank the models follow from geometry."""
+    """Tuning settings with the models of their bank, or those of the geometry without a bank."""
 
     parameters: PlantParameters
     previewer: TuningPreviewer
 
     @property
     def lambdas(self) -> TuningParameters:
-        """The tuning parameters and b alone."""
+        """The tuning parameters λ and the weight b of the reference."""
         return self.choice.lambdas
 
     def command(self) -> SetTuning:
-        """Return what tells the loop."""
+        """Return the command that activates the tuning in the control loop."""
         return build_tuning_command(self.parameters, self.choice, self.bank)
 
     def with_request(self, request: TuningRequest) -> "ActiveTuning":
-        """Return the tuning after ``request``. Raises OutOfRangeError; takes a while where models change."""
-        wanted = request.model_dump(exclude_none=True, include=set(TuningParts.model_fields))
-        return self.with_choice(self.choice.replace_values(wanted), self.bank)
+        """Return the tuning with the changes of ``request``; slow if models change. Raises OutOfRangeError."""
+        changes = request.model_dump(exclude_none=True, include=set(TuningParts.model_fields))
+        return self.with_choice(self.choice.replace_values(changes), self.bank)
 
     def with_choice(self, choice: TuningSettings, bank: Bank | None) -> "ActiveTuning":
-        """Return another tuning of the same plant, ``bank`` being what the choice names.
+        """Return another tuning of the same plant; ``bank`` is the bank that ``choice`` names.
 
-        Raises OutOfRangeError where a λ is not safe on its models.
+        Raises OutOfRangeError if a λ is unsafe with its models.
         """
         return _resolve(self.parameters, choice, bank, self)
 
     def with_bank(self, bank: Bank | None) -> "ActiveTuning":
-        """Return the tuning with another bank. Raises OutOfRangeError where a λ is not safe on its models."""
+        """Return the tuning with another bank. Raises OutOfRangeError if a λ is unsafe with its models."""
         return self.with_choice(self.choice, bank)
 
     def without_rejection(self) -> "ActiveTuning":
-        """Return the tuning with pushes left to the position loop."""
+        """Return the tuning without disturbance rejection."""
         return replace(self, choice=replace(self.choice, k_ext=0.0))
 
     def difference(self, before: "ActiveTuning") -> str:
-        """Return in words what differs from ``before``."""
+        """Return a description of the differences from ``before``."""
         return ", ".join(self.choice.list_differences(before.choice)) or "the same tuning again"
 
     def default(self) -> DefaultTuning:
-        """Return what would be in force on these models where nobody had chosen; takes a while at another λ_motor."""
+        """Return the default tuning on these models; slow if its λ_motor differs from the active one."""
         return compute_default_tuning(self.parameters, list_point_models(self.bank), self.previewer)
 
     def view(self, entry: float) -> TuningView:
-        """Return what the page shows; ``entry`` is the active entry of the bank."""
+        """Return the tuning as the page shows it; ``entry`` is the index of the active operating point."""
         lam_q_min, lam_S_min = self.previewer.safe_range()
         lam_motor_min, lam_motor_max = self.previewer.motor_range()
         u_plan_min, u_plan_max = self.previewer.plan_range()
@@ -210,7 +213,7 @@ class ActiveTuning(ResolvedTuning):
             lam_motor_max=lam_motor_max,
             u_plan_min=u_plan_min,
             u_plan_max=u_plan_max,
-            bank=_reference(self.bank),
+            bank=_build_bank_reference(self.bank),
             entry=entry,
             entry_name="" if self.bank is None else active_entry_name(self.bank.entries, entry),
         )
@@ -228,104 +231,107 @@ class ActiveTuning(ResolvedTuning):
         steps: Steps | None = None,
         printed: bool = False,
     ) -> TuningPreview:
-        """Predict what these λ would do at S [N·m/rad]: robustness, a step of each reference, a held push.
+        """Predict robustness, a step of each reference, and the response to a constant push.
 
-        ``entry``: bank entry in use at present, −1 for the one nearest to S. ``motion``, ``u_plan`` [V], ``k_ext``
-        [1]: None as now. ``steps``: other steps than the usual ones. ``printed``: with the printed formula beside it.
-        Raises OutOfRangeError for a voltage limit or a share of the push that is not offered.
+        Args:
+            lam_q: Tuning parameter of the position loop [s].
+            lam_S: Tuning parameter of the stiffness loop [s].
+            S: Stiffness [N·m/rad].
+            entry: Index of the active operating point; −1 for the one nearest to ``S``.
+            motion: Motion; None for the active one.
+            u_plan: Feed-forward voltage limit [V]; None for the active one.
+            k_ext: Gain of the disturbance rejection; None for the active one.
+            steps: Reference steps; None for the default ones.
+            printed: Whether to add the prediction of the formula printed in the paper.
+
+        Raises OutOfRangeError for a voltage limit or a gain out of range.
+
         """
         lambdas = replace(self.lambdas, lam_q=lam_q, lam_S=lam_S)
-        wanted = {name: value for name, value in (("motion", motion), ("u_plan", u_plan)) if value is not None}
-        budget = self.choice.replace_values(wanted).budget
-        share = self.choice.k_ext if k_ext is None else k_ext
-        require_budget(self.parameters, budget)
-        require_share(share)
-        with ThreadPoolExecutor() as beside:
+        changes = {name: value for name, value in (("motion", motion), ("u_plan", u_plan)) if value is not None}
+        voltage_limit = self.choice.replace_values(changes).budget
+        gain = self.choice.k_ext if k_ext is None else k_ext
+        require_budget(self.parameters, voltage_limit)
+        require_share(gain)
+        with ThreadPoolExecutor() as executor:
             predicted = self.previewer.preview(
                 lambdas,
                 S,
                 entry,
                 interpolate=self.choice.interpolate,
-                u_plan=budget,
-                shares=(0.0, share) if share else (0.0,),
+                u_plan=voltage_limit,
+                shares=(0.0, gain) if gain else (0.0,),
                 steps=steps,
                 printed=printed,
-                each=beside.map,
+                each=executor.map,
             )
-        without, *rejected = map(_push, predicted.pushes)
+        without, *rejected = map(_build_push_preview, predicted.pushes)
         return TuningPreview(
-            motion="time-optimal" if budget else "lambda",
+            motion="time-optimal" if voltage_limit else "lambda",
             S=S,
-            motor=_motor(predicted.motor),
-            position=_loop(lam_q, predicted.position),
-            stiffness=_loop(lam_S, predicted.stiffness),
-            step_q=_step(predicted.step_q),
-            step_S=_step(predicted.step_S),
+            motor=_build_motor_preview(predicted.motor),
+            position=_build_loop_preview(lam_q, predicted.position),
+            stiffness=_build_loop_preview(lam_S, predicted.stiffness),
+            step_q=_build_step_preview(predicted.step_q),
+            step_S=_build_step_preview(predicted.step_S),
             pushed=PushedPreview(
-                F=PUSH_N, near=NEAR_RAD, k_ext=share, without=without, rejected=rejected[0] if rejected else None
+                F=PUSH_N, near=NEAR_RAD, k_ext=gain, without=without, rejected=rejected[0] if rejected else None
             ),
         )
 
     def preview_motor(self, lam_motor: float) -> MotorPreview:
-        """Return how robust the motor loops are at this λ. Raises OutOfRangeError for one that is not offered."""
-        return _motor(self.previewer.motor_at(lam_motor))
+        """Return the robustness of the motor loops at ``lam_motor`` [s]. Raises OutOfRangeError."""
+        return _build_motor_preview(self.previewer.motor_at(lam_motor))
 
     def compute_robust_tuning(self, M_s: float) -> RobustTuning:
-        """Return λ of the three loops for a wanted M_s."""
-        found = {
+        """Return the λ of the three loops that give the sensitivity peak ``M_s``, or why there is none."""
+        lambdas = {
             name: RobustLambda(lam=None, reason=str(lam))
             if isinstance(lam, TuningError)
             else RobustLambda(lam=lam, reason="")
             for name, lam in self.previewer.lambdas_for(M_s).items()
         }
-        return RobustTuning(M_s=M_s, **found)
-
-
-def _motor(robustness: Robustness) -> MotorPreview:
-    return MotorPreview(
-        M_s=robustness.M_s,
-        gain_margin=_finite(robustness.gain_margin),
-        gain_reduction_margin=robustness.gain_reduction or None,
-        phase_margin_deg=_finite(degrees(robustness.phase_margin)),
-    )
+        return RobustTuning(M_s=M_s, **lambdas)
 
 
 def make_active_tuning(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None = None) -> ActiveTuning:
-    """Return a tuning to start from, ``bank`` being what the choice names. Raises OutOfRangeError."""
+    """Return a checked tuning with its models; ``bank`` is the bank that ``choice`` names. Raises OutOfRangeError."""
     return _resolve(parameters, choice, bank, None)
 
 
 def default_tuning(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
-    """Return the tuning where nobody has chosen one, and what to say of it: empty where it is the method's."""
+    """Return the default tuning, and a text if it differs from the default of the method."""
     default = compute_default_tuning(parameters)
     return ActiveTuning(default.tuning, None, parameters, default.previewer), default.moved
 
 
 def list_tuning_parts(choice: TuningSettings) -> dict[str, Any]:
-    """Return the parts of a tuning that ``schemas.tuning.TuningParts`` shows; the bank is shown beside them."""
+    """Return the fields of ``schemas.TuningParts``: all settings except the bank."""
     return {name: value for name, value in choice.to_document().items() if name != "bank"}
 
 
 def build_chosen_tuning(tuning: ResolvedTuning) -> ChosenTuning:
-    """Return a tuning with its bank, as the page shows one that is not in force."""
-    return ChosenTuning(**list_tuning_parts(tuning.choice), bank=_reference(tuning.bank))
+    """Return a tuning that is not active, as the page shows it."""
+    return ChosenTuning(**list_tuning_parts(tuning.choice), bank=_build_bank_reference(tuning.bank))
 
 
-def overlay_tuning(view: TuningView, chosen: ResolvedTuning, entry: float) -> TuningView:
-    """Return what the page shows of a tuning with parts and bank of another one; ``entry`` is the active one."""
-    bank = chosen.bank
+def overlay_tuning(view: TuningView, tuning: ResolvedTuning, entry: float) -> TuningView:
+    """Return ``view`` with settings and bank of ``tuning``; ``entry`` is the index of the active operating point."""
+    bank = tuning.bank
     name = "" if bank is None else active_entry_name(bank.entries, entry)
-    parts = {**list_tuning_parts(chosen.choice), "bank": _reference(bank), "entry": entry, "entry_name": name}
+    reference = _build_bank_reference(bank)
+    parts = {**list_tuning_parts(tuning.choice), "bank": reference, "entry": entry, "entry_name": name}
     return view.model_copy(update=parts)
 
 
-def _reference(bank: Bank | None) -> BankReference | None:
+def _build_bank_reference(bank: Bank | None) -> BankReference | None:
     return None if bank is None else BankReference(id=bank.id, name=bank.name, version=bank.version)
 
 
 def _resolve(
     parameters: PlantParameters, choice: TuningSettings, bank: Bank | None, before: ActiveTuning | None
 ) -> ActiveTuning:
+    """Return a checked tuning; reuses the models of ``before`` if they are the same. Raises OutOfRangeError."""
     choice = replace(choice, bank=0 if bank is None else bank.id)
     check_range("b", choice.b, 0.0, 1.0, "1", words="weight b of the reference")
     if before is not None and all(
@@ -339,7 +345,16 @@ def _resolve(
     return ActiveTuning(choice, bank, parameters, previewer)
 
 
-def _loop(lam: float, predicted: preview.OuterLoopPreview) -> LoopPreview:
+def _build_motor_preview(robustness: Robustness) -> MotorPreview:
+    return MotorPreview(
+        M_s=robustness.M_s,
+        gain_margin=_finite_or_none(robustness.gain_margin),
+        gain_reduction_margin=robustness.gain_reduction or None,
+        phase_margin_deg=_finite_or_none(degrees(robustness.phase_margin)),
+    )
+
+
+def _build_loop_preview(lam: float, predicted: preview.OuterLoopPreview) -> LoopPreview:
     robustness, printed = predicted.robustness, predicted.printed
     stable = robustness.stable
     return LoopPreview(
@@ -348,13 +363,13 @@ def _loop(lam: float, predicted: preview.OuterLoopPreview) -> LoopPreview:
         lam_max=predicted.lam_max,
         stable=stable,
         M_s=robustness.M_s if stable else None,
-        gain_margin=_finite(robustness.gain_margin) if stable else None,
-        phase_margin_deg=_finite(degrees(robustness.phase_margin)) if stable else None,
-        printed=None if printed is None else _printed(printed),
+        gain_margin=_finite_or_none(robustness.gain_margin) if stable else None,
+        phase_margin_deg=_finite_or_none(degrees(robustness.phase_margin)) if stable else None,
+        printed=None if printed is None else _build_printed_formula(printed),
     )
 
 
-def _printed(printed: preview.Printed) -> PrintedFormula:
+def _build_printed_formula(printed: preview.Printed) -> PrintedFormula:
     stable, step = printed.robustness.stable, printed.step
     return PrintedFormula(
         stable=stable,
@@ -364,12 +379,12 @@ def _printed(printed: preview.Printed) -> PrintedFormula:
     )
 
 
-def _step(step: StepForecast) -> StepPreview:
+def _build_step_preview(step: StepForecast) -> StepPreview:
     return StepPreview(
         start=step.start,
         end=step.end,
-        rise_s=_finite(step.t90_s),
-        settling_s=_finite(step.settling_s),
+        rise_s=_finite_or_none(step.t90_s),
+        settling_s=_finite_or_none(step.settling_s),
         overshoot_percent=step.overshoot_percent,
         u_peak_V=step.peak_voltage,
         F_min_N=step.least_tension,
@@ -378,61 +393,60 @@ def _step(step: StepForecast) -> StepPreview:
     )
 
 
-def _push(push: PushForecast) -> PushPreview:
+def _build_push_preview(push: PushForecast) -> PushPreview:
     return PushPreview(
         give=push.deflection,
         t=push.t.tolist(),
         off=push.off.tolist(),
-        back_s=_finite(push.recovery_s),
+        back_s=_finite_or_none(push.recovery_s),
         felt_slow=push.felt_slow,
         felt_fast=push.felt_fast,
     )
 
 
-def _finite(value: float) -> float | None:
-    """Return None for an unlimited margin: JSON has no infinity."""
+def _finite_or_none(value: float) -> float | None:
+    """Return None for an infinite margin, because JSON has no infinity."""
     return value if isfinite(value) else None
 
 
-# Kept tuning ---------------------------------------------------------------------------------------
+# Tuning store --------------------------------------------------------------------------------------
 #
-# The tuning in force outlives the service: kept at each change, in force again at the next start.
+# Stores the operator's tuning at each change and restores it at the next start of the service.
 
 
 class TuningStore:
-    """Writes and reads the tuning in force as a setting in the database."""
+    """Stores the operator's tuning as a setting in the database."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def save(self, tuning: ActiveTuning, who: str) -> None:
-        """Keep a tuning that has come into force; where the disk refuses, the loop goes on and the log says so."""
+        """Store a tuning that is now active; a write error is only logged, because the tuning is in use already."""
         try:
             tuning_settings.store_tuning(self._database, tuning.choice, tuning.parameters, who)
         except StorageError:
             _log.exception("The service could not store the active tuning for its next start.")
 
     def load_previous(self, tuning: ActiveTuning) -> ResolvedTuning | None:
-        """Return what was in force before ``tuning`` came into force on this plant; None where nothing else was."""
+        """Return the tuning that was active on this plant before ``tuning``; None if there was no other."""
         try:
             with self._database.reading() as session:
                 choice = tuning_settings.load_earlier_tuning(session, tuning.choice, tuning.parameters)
-                if choice is None:
-                    return None
-                return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
+                return None if choice is None else _resolve_bank(session, choice)
         except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
             _log.exception("The service cannot read the tuning before the active one.")
             return None
 
     def choose_for_parameters(self, now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
-        """Return what to go on with on other ``parameters``: what they were left with, else λ as it is, else defaults.
+        """Return the tuning for other ``parameters``: the last one used with them, else the active λ, else the default.
 
-        A bank stays with the parameters that its models were made with. Raises TuningError where nothing is safe.
+        A bank is used only with the parameters that its models were identified with. Raises TuningError if no tuning is
+        safe.
         """
-        left = self._load_last_for(parameters)
-        for choice in [*([left] if left else []), ResolvedTuning(replace(now.choice, bank=0), None)]:
+        last = self._load_last_for(parameters)
+        for candidate in [*([last] if last else []), ResolvedTuning(replace(now.choice, bank=0), None)]:
             try:
-                return make_active_tuning(parameters, replace(choice.choice, k_ext=0.0), choice.bank)
+                return make_active_tuning(parameters, replace(candidate.choice, k_ext=0.0), candidate.bank)
             except (OutOfRangeError, TuningError) as error:
                 _log.warning("The active tuning does not fit the new parameters: %s", error)
         return default_tuning(parameters)[0]
@@ -441,60 +455,62 @@ class TuningStore:
         try:
             with self._database.reading() as session:
                 choice = tuning_settings.load_tuning_of_plant(session, parameters)
-                if choice is None:
-                    return None
-                return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
+                return None if choice is None else _resolve_bank(session, choice)
         except (SettingError, OutOfRangeError, UnknownRecordError, UnreadableDocumentError):
             _log.exception("The service cannot read the last tuning for these parameters.")
             return None
 
     def restore(self, parameters: PlantParameters) -> tuple[ActiveTuning, str]:
-        """Return what to start with, and a sentence on it for the journal; mostly empty on a new data folder.
+        """Return the tuning to start with, and a text about it for the event log, which may be empty.
 
-        What was kept for other parameters, or cannot be used any more, gives way to the defaults.
+        Returns the default if the stored tuning belongs to other parameters or cannot be used.
         """
         try:
-            kept = tuning_settings.load_last_tuning(self._database, parameters)
-            if kept is None:
+            stored = tuning_settings.load_last_tuning(self._database, parameters)
+            if stored is None:
                 return default_tuning(parameters)
-            if not kept.same_plant:
-                return _defaults(parameters, "the tuning of last time was for other parameters")
+            if not stored.same_plant:
+                return _fall_back(parameters, "the tuning of last time was for other parameters")
             with self._database.reading() as session:
-                bank = None if kept.tuning.bank == 0 else banks.own(session, kept.tuning.bank)
-            tuning = make_active_tuning(parameters, replace(kept.tuning, k_ext=0.0), bank)  # as nothing is learned yet
+                bank = None if stored.tuning.bank == 0 else banks.own(session, stored.tuning.bank)
+            # Without disturbance rejection, because the bias is not calibrated yet.
+            tuning = make_active_tuning(parameters, replace(stored.tuning, k_ext=0.0), bank)
         except (SettingError, OutOfRangeError, TuningError, UnknownRecordError, UnreadableDocumentError) as error:
-            return _defaults(parameters, f"the tuning of last time is refused, {error}")
-        return tuning, _describe_restored(tuning, kept)
+            return _fall_back(parameters, f"the tuning of last time is refused, {error}")
+        return tuning, _describe_restored(tuning, stored)
 
 
-def _defaults(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]:
+def _resolve_bank(session: Session, choice: TuningSettings) -> ResolvedTuning:
+    return ResolvedTuning(choice, None if choice.bank == 0 else banks.own(session, choice.bank))
+
+
+def _fall_back(parameters: PlantParameters, why: str) -> tuple[ActiveTuning, str]:
+    """Return the default tuning, and a text with the reason ``why``."""
     tuning, moved = default_tuning(parameters)
     return tuning, f"defaults in force: {why}" + (f"; {moved}" if moved else "")
 
 
-def _describe_restored(tuning: ActiveTuning, kept: LastTuning) -> str:
+def _describe_restored(tuning: ActiveTuning, stored: LastTuning) -> str:
     bank = tuning.bank
     models = "gains from geometry" if bank is None else f"bank {bank.name}, version {bank.version}"
-    return f"in force again as {kept.who} left it: {models}, {tuning.choice.format()}"
+    return f"in force again as {stored.who} left it: {models}, {tuning.choice.format()}"
 
 
 # Tuning trial --------------------------------------------------------------------------------------
 #
-# A tuning in force for a while only: the service puts the earlier one back, whatever has become of
-# the page.
-#
-# A trial ends at its time, or earlier when the mode or the person in control changes: nobody
-# watches it any more then.
+# A temporary tuning that reverts after a set time, independently of the page. It reverts earlier if
+# the mode or the holder of control changes, because then no operator observes the trial.
 
 
 _PART = Part("The clock of a tuning on trial", "The earlier tuning is put back at its time all the same.")
 
 
 class TuningTrial:
-    """At most one trial at a time. ``put_back`` gets a tuning to put in force again and why the trial ends."""
+    """Timer of a trial; at most one trial at a time."""
 
-    def __init__(self, put_back: Callable[[ActiveTuning, str], Awaitable[None]], supervision: Supervision) -> None:
-        self._put_back = put_back
+    def __init__(self, restore: Callable[[ActiveTuning, str], Awaitable[None]], supervision: Supervision) -> None:
+        """Call ``restore`` at the end, with the tuning before the trial and the cause, empty for the set time."""
+        self._restore = restore
         self._supervision = supervision
         self._before: ActiveTuning | None = None
         self._ends = 0.0
@@ -504,31 +520,31 @@ class TuningTrial:
 
     @property
     def before(self) -> ActiveTuning | None:
-        """What comes back at the end; None while nothing is tried."""
+        """The tuning that is restored at the end; None without a trial."""
         return self._before
 
     def begin(self, before: ActiveTuning, duration_s: float) -> None:
-        """Count down from ``duration_s`` [s], then put ``before`` back."""
-        self.forget()
+        """Start a trial that restores ``before`` after ``duration_s`` [s]."""
+        self.clear()
         self._before, self._duration_s = before, duration_s
         self._ends = asyncio.get_running_loop().time() + duration_s
         self._cause = asyncio.get_running_loop().create_future()
         self._timer = self._supervision.start_task(_PART, lambda: self._count_down(before))
 
-    def forget(self) -> None:
-        """Let what is in force stay."""
+    def clear(self) -> None:
+        """End the trial without restoring the earlier tuning."""
         self._before = self._cause = None
         if self._timer is not None and not self._timer.is_current:
             self._timer.cancel()
         self._timer = None
 
     def end(self, cause: str) -> None:
-        """Put back what was before at once, because of ``cause``; nothing happens where nothing is on trial."""
+        """Restore the earlier tuning now because of ``cause``; does nothing without a trial."""
         if self._cause is not None and not self._cause.done():
             self._cause.set_result(cause)
 
     def view(self) -> TrialView | None:
-        """Return what the page shows of it."""
+        """Return the trial as the page shows it; None without one."""
         if self._before is None:
             return None
         return TrialView(
@@ -538,9 +554,9 @@ class TuningTrial:
         )
 
     async def _count_down(self, before: ActiveTuning) -> None:
-        """Wait for the time or for a cause; a task that is started again after it died finds what is left of both."""
+        """Wait for the set time or a cause, then restore; continues after a restart of the task by the supervision."""
         cause = self._cause
         if cause is None:
             return
         await asyncio.wait([cause], timeout=max(0.0, self._ends - asyncio.get_running_loop().time()))
-        await self._put_back(before, cause.result() if cause.done() else "")
+        await self._restore(before, cause.result() if cause.done() else "")
