@@ -39,19 +39,21 @@ FORMULAS = Cost("a thread of the service, formulas of bounded numbers", at_a_tim
 TEXT = Cost(
     "the process for texts: one for operators, one for viewers",
     workers.TEXT_LIMITS,
-    _places(background_work.TEXT_PLACES, background_work.VIEWERS_TEXT_PLACES, background_work.TEXT_PLACES_EACH),
+    _places(background_work.MAX_TEXTS, background_work.MAX_VIEWER_TEXTS, background_work.MAX_TEXTS_PER_USER),
 )
 PREVIEW = Cost(
     "the process for texts: one for operators, one for viewers",
     workers.TEXT_LIMITS,
-    _places(background_work.PREVIEWS, background_work.VIEWERS_PREVIEWS, background_work.PREVIEWS_EACH),
+    _places(background_work.MAX_PREVIEWS, background_work.MAX_VIEWER_PREVIEWS, background_work.MAX_PREVIEWS_PER_USER),
 )
 ORDERED_TEXT = Cost("the process for texts of operators", workers.TEXT_LIMITS)
-DRY_RUN = Cost("the process for dry runs", workers.DRY_RUN_LIMITS, _places(queue.PLACES, queue.VIEWERS_PLACES, each=1))
+DRY_RUN = Cost(
+    "the process for dry runs", workers.DRY_RUN_LIMITS, _places(queue.MAX_DRY_RUNS, queue.MAX_VIEWER_DRY_RUNS, each=1)
+)
 SHEET = Cost(
     "the process for sheets of charts",
     workers.SHEET_LIMITS,
-    _places(background_work.SHEET_PLACES, background_work.VIEWERS_SHEET_PLACES, background_work.SHEET_PLACES_EACH),
+    _places(background_work.MAX_SHEETS, background_work.MAX_VIEWER_SHEETS, background_work.MAX_SHEETS_PER_USER),
 )
 REPORT = Cost("the process for reports", workers.REPORT_LIMITS)
 LONG_RECORDING = Cost("a thread; of long recordings the process for reports", workers.REPORT_LIMITS)

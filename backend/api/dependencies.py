@@ -244,13 +244,13 @@ class Service:
         if method != "POST":
             return None
         return {
-            SHEETS: self.sheets.places,
-            "/api/experiments/check": self.texts.places,
-            "/api/experiments/own": self.texts.places,
-            "/api/studies/check": self.texts.places,
-            "/api/spring-tables": self.texts.places,
-            "/api/identifications/prediction": self.texts.previews,
-            "/api/experiments/dry-run": self.dry_runs.places,
+            SHEETS: self.sheets.limiter,
+            "/api/experiments/check": self.texts.limiter,
+            "/api/experiments/own": self.texts.limiter,
+            "/api/studies/check": self.texts.limiter,
+            "/api/spring-tables": self.texts.limiter,
+            "/api/identifications/prediction": self.texts.preview_limiter,
+            "/api/experiments/dry-run": self.dry_runs.limiter,
         }.get(path)
 
 

@@ -1,4 +1,4 @@
-"""Work of persons in worker processes, within limits: texts, previews, sheets."""
+"""Work of users in worker processes, within limits: texts, tuning previews, chart sheets."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
@@ -19,46 +19,115 @@ from backend.tuning import TuningPreviewer
 from backend.workers import WorkerProcess
 from plant import ErrorCode, PlantParameters
 
-# Departure -----------------------------------------------------------------------------------------
+# Cancellation --------------------------------------------------------------------------------------
 #
-# Work that ends when whoever asked for it leaves, so that nobody keeps a process busy whom nobody
-# waits for.
+# Cancels work when its client disconnects, so that no worker process computes a result that no
+# client receives.
 
 
+P = ParamSpec("P")
 T = TypeVar("T")
 
 IsDisconnected = Callable[[], Awaitable[bool]]
-"""Tells whether the connection of whoever asked is closed."""
+"""Returns whether the client of a request has disconnected."""
 
 POLL_S = 0.5
 
 
 async def run_while_connected(work: Coroutine[Any, Any, T], is_disconnected: IsDisconnected) -> T:
-    """Return what ``work`` returns; cancel it when whoever waits for it has left.
+    """Return the result of ``work``; cancel it when its client disconnects.
 
-    Work in a process beside the service ends with that process. Raises RequestRejectedError after whoever asked has
-    left.
+    The cancellation also ends the worker process. Raises RequestRejectedError after a disconnection.
     """
-    working = asyncio.ensure_future(work)
+    task = asyncio.ensure_future(work)
     try:
-        while not (await asyncio.wait({working}, timeout=POLL_S))[0]:
+        while not (await asyncio.wait({task}, timeout=POLL_S))[0]:
             if await is_disconnected():
                 raise RequestRejectedError(
                     ErrorCode.UNAVAILABLE, "whoever asked for this has left: its computation was ended"
                 )
-        return working.result()
+        return task.result()
     finally:
-        working.cancel()
-        await asyncio.gather(working, return_exceptions=True)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+# Limits --------------------------------------------------------------------------------------------
+#
+# Limits concurrent work: in total, of all viewers, and of each user. Viewers can use a part of the
+# total only, so that operators are served.
+
+
+RETRY_S = 1
+"""Time [s] after which a rejected client may try again."""
+
+_reserved_limiter: ContextVar["WorkLimiter | None"] = ContextVar("held", default=None)
+"""Limiter in which the current request has reserved its work already."""
+
+
+class WorkLimiter:
+    """Limits concurrent work of users. Used in one event loop.
+
+    A request with a large body reserves before the body is read; its work then uses the same reservation.
+    """
+
+    def __init__(self, work: str, works: str, total: int, viewers: int, per_user: int) -> None:
+        """Limit work to ``total``, to ``viewers`` of all viewers, and to ``per_user`` of each user.
+
+        ``work`` and ``works`` name one and several pieces of work in messages.
+        """
+        self._work, self._works = work, works
+        self._total, self._viewers, self._per_user = total, viewers, per_user
+        self._active: list[User] = []
+
+    @contextmanager
+    def reserve(self, user: User) -> Iterator[None]:
+        """Reserve one piece of work for the block, unless the request has reserved it already.
+
+        Raises RequestRejectedError at a limit.
+        """
+        if _reserved_limiter.get() is self:
+            yield
+            return
+        self._require_capacity(user)
+        self._active.append(user)
+        context = _reserved_limiter.set(self)
+        try:
+            yield
+        finally:
+            _reserved_limiter.reset(context)
+            self._active.remove(user)
+
+    def _require_capacity(self, user: User) -> None:
+        own = sum(other.name == user.name and other.role == user.role for other in self._active)
+        if own >= self._per_user:
+            number = f"{self._work} of yours is" if self._per_user == 1 else f"{own} {self._works} of yours are"
+            raise RequestRejectedError(
+                ErrorCode.TOO_MANY,
+                f"{number} under way or waiting, at most {self._per_user}: wait for one, or leave it",
+                code="busy",
+                retry_after_s=RETRY_S,
+            )
+        viewers = sum(not is_operator(other) for other in self._active)
+        if len(self._active) >= self._total or (not is_operator(user) and viewers >= self._viewers):
+            raise RequestRejectedError(
+                ErrorCode.TOO_MANY,
+                f"{len(self._active)} {self._works} are under way or wait: try again later",
+                code="busy",
+                retry_after_s=RETRY_S,
+            )
+
+
+def is_operator(user: User) -> bool:
+    """Return whether a user has the role of an operator."""
+    return user.role is Role.OPERATOR
 
 
 # Tuning previews -----------------------------------------------------------------------------------
 #
-# What a tuning would do, computed beside the service: a preview holds the interpreter for up to
-# half a second.
-#
-# A process keeps the models of the tunings that it was asked for last, which take longer than all
-# else of a preview.
+# Computes previews of a tuning in a worker process, because a preview holds Python's interpreter
+# lock for up to half a second. Each process caches the models of recent tunings, whose computation
+# takes most of the time of a preview.
 
 
 _MAX_RECENT = 6
@@ -68,35 +137,35 @@ _recent_lock = Lock()
 
 @dataclass(frozen=True)
 class TuningSnapshot:
-    """A tuning as it goes from one process to another: ``ranges`` are the smallest λ_q and λ_S [s] of each entry."""
+    """A tuning as it is sent to a worker process, without its models."""
 
     parameters: PlantParameters
     choice: TuningSettings
     bank: Bank | None
     ranges: Sequence[tuple[float, ...]]
+    """Smallest λ_q and λ_S [s] at each operating point, which are slow to compute."""
 
     @classmethod
     def from_active(cls, tuning: ActiveTuning) -> "TuningSnapshot":
-        """Return what is asked of a tuning in use."""
+        """Return a snapshot of the active tuning."""
         return cls(tuning.parameters, tuning.choice, tuning.bank, tuning.previewer.ranges)
 
     def resolve(self) -> ActiveTuning:
-        """Return the tuning with its models, which are kept where they were made before."""
+        """Return the tuning with its models, from the cache if possible."""
         with _recent_lock:
-            same = next((one for one in _recent if self._has_models_of(one)), None)
-            if same is None:
+            cached = next((one for one in _recent if self._has_models_of(one)), None)
+            if cached is None:
                 points = list_point_models(self.bank)
                 lam_motor, b = self.choice.lam_motor, self.choice.b
                 previewer = TuningPreviewer(self.parameters, points, lam_motor=lam_motor, b=b, ranges=self.ranges)
-                same = ActiveTuning(self.choice, self.bank, self.parameters, previewer)
-                _recent.insert(0, same)
+                cached = ActiveTuning(self.choice, self.bank, self.parameters, previewer)
+                _recent.insert(0, cached)
                 del _recent[_MAX_RECENT:]
-        return ActiveTuning(self.choice, self.bank, self.parameters, same.previewer)
+        return ActiveTuning(self.choice, self.bank, self.parameters, cached.previewer)
 
     def _has_models_of(self, other: ActiveTuning) -> bool:
-        mine, its = self.choice, other.choice
         return (
-            (mine.lam_motor, mine.b) == (its.lam_motor, its.b)
+            (self.choice.lam_motor, self.choice.b) == (other.choice.lam_motor, other.choice.b)
             and self.bank == other.bank
             and self.parameters == other.parameters
         )
@@ -113,190 +182,132 @@ def preview_tuning(
     k_ext: float | None,
     printed: bool,
 ) -> TuningPreview:
-    """Return what ``ActiveTuning.preview`` does. Raises OutOfRangeError."""
-    made = snapshot.resolve()
-    return made.preview(lam_q, lam_S, S, entry, motion=motion, u_plan=u_plan, k_ext=k_ext, printed=printed)
+    """Return ``ActiveTuning.preview`` of a snapshot. Raises OutOfRangeError."""
+    tuning = snapshot.resolve()
+    return tuning.preview(lam_q, lam_S, S, entry, motion=motion, u_plan=u_plan, k_ext=k_ext, printed=printed)
 
 
 def preview_motor(snapshot: TuningSnapshot, lam_motor: float) -> MotorPreview:
-    """Return what ``ActiveTuning.motor`` does. Raises OutOfRangeError."""
+    """Return ``ActiveTuning.preview_motor`` of a snapshot. Raises OutOfRangeError."""
     return snapshot.resolve().preview_motor(lam_motor)
 
 
 def compute_robust_tuning(snapshot: TuningSnapshot, M_s: float) -> RobustTuning:
-    """Return what ``ActiveTuning.robust`` does."""
+    """Return ``ActiveTuning.compute_robust_tuning`` of a snapshot."""
     return snapshot.resolve().compute_robust_tuning(M_s)
-
-
-# Work places ---------------------------------------------------------------------------------------
-#
-# Places for work that people order: so many at a time, so many of each person, and some that
-# viewers cannot take.
-
-
-RETRY_S = 1
-"""How long to wait before asking again where there was no place [s]."""
-
-_reserved_by: ContextVar["WorkLimiter | None"] = ContextVar("held", default=None)
-"""Where the request under way has had its place from its head on."""
-
-
-class WorkLimiter:
-    """``places`` in all, ``viewers`` of them for viewers, ``each`` for one person. Belongs to one event loop.
-
-    ``work`` names one such work, and ``works`` several, in refusals. A request whose body is large takes its place
-    before the body is read, and its work then has it.
-    """
-
-    def __init__(self, work: str, works: str, places: int, viewers: int, each: int) -> None:
-        self._work, self._works = work, works
-        self._places, self._viewers, self._each = places, viewers, each
-        self._active: list[User] = []
-
-    @contextmanager
-    def reserve(self, person: User) -> Iterator[None]:
-        """Hold a place for a person, that of the request where it has one. Raises RequestRejectedError for none."""
-        if _reserved_by.get() is self:
-            yield
-            return
-        self._require_capacity(person)
-        self._active.append(person)
-        before = _reserved_by.set(self)
-        try:
-            yield
-        finally:
-            _reserved_by.reset(before)
-            self._active.remove(person)
-
-    def _require_capacity(self, person: User) -> None:
-        own = sum(other.name == person.name and other.role == person.role for other in self._active)
-        if own >= self._each:
-            number = f"{self._work} of yours is" if self._each == 1 else f"{own} {self._works} of yours are"
-            raise RequestRejectedError(
-                ErrorCode.TOO_MANY,
-                f"{number} under way or waiting, at most {self._each}: wait for one, or leave it",
-                code="busy",
-                retry_after_s=RETRY_S,
-            )
-        viewers = sum(not is_operator(other) for other in self._active)
-        if len(self._active) >= self._places or (not is_operator(person) and viewers >= self._viewers):
-            raise RequestRejectedError(
-                ErrorCode.TOO_MANY,
-                f"{len(self._active)} {self._works} are under way or wait: try again later",
-                code="busy",
-                retry_after_s=RETRY_S,
-            )
-
-
-def is_operator(person: User) -> bool:
-    """Whether a person may do what operators may."""
-    return person.role is Role.OPERATOR
 
 
 # Chart sheets --------------------------------------------------------------------------------------
 #
-# Sheets of charts that people send to be made PDFs of: in a process of their own, which reports do
-# not wait for.
+# Renders sheets of charts, which users send, as PDF. They have their own worker process, so that
+# reports do not wait for them.
 
 
-SHEET_PLACES = 8
-VIEWERS_SHEET_PLACES = 6
-SHEET_PLACES_EACH = 2
+MAX_SHEETS = 8
+MAX_VIEWER_SHEETS = 6
+MAX_SHEETS_PER_USER = 2
 
 
 class ChartSheets:
-    """Belongs to the service's event loop; nothing is kept."""
+    """Renders chart sheets. Runs in the event loop of the service."""
 
     def __init__(self, worker: WorkerProcess) -> None:
         self._worker = worker
-        self.places = WorkLimiter(
-            "a sheet of charts", "sheets of charts", SHEET_PLACES, VIEWERS_SHEET_PLACES, SHEET_PLACES_EACH
+        self.limiter = WorkLimiter(
+            "a sheet of charts", "sheets of charts", MAX_SHEETS, MAX_VIEWER_SHEETS, MAX_SHEETS_PER_USER
         )
 
-    async def render(self, svg: str, person: User, is_disconnected: IsDisconnected) -> bytes:
-        """Return a sheet as PDF. Raises RequestRejectedError for what is no sheet or finds no place, WorkLimitError."""
-        with self.places.reserve(person):
+    async def render(self, svg: str, user: User, is_disconnected: IsDisconnected) -> bytes:
+        """Return a sheet as PDF. Raises RequestRejectedError for an invalid sheet or at a limit, WorkLimitError."""
+        with self.limiter.reserve(user):
             return await run_while_connected(self._worker.run(render_sheet_pdf, svg), is_disconnected)
 
 
-# Text work -----------------------------------------------------------------------------------------
+# Texts and previews --------------------------------------------------------------------------------
 #
-# What is computed for whoever asks, in processes of their own, within limits: texts that people
-# write, and previews.
-#
-# A text may be made to be slow, a preview holds Python's lock for up to half a second, and what
-# holds it holds STOP up. What viewers ask has another process than what operators do, so that
-# nobody without the right to operate makes an operator wait.
+# Evaluates texts of users and previews in worker processes. A text may be slow on purpose, and a
+# preview holds Python's interpreter lock: in the process of the service, both would delay STOP.
+# Viewers and operators have separate processes, so that a viewer cannot delay an operator.
 
 
-P = ParamSpec("P")
+MAX_TEXTS = 32
+MAX_VIEWER_TEXTS = 24
+MAX_TEXTS_PER_USER = 8
+"""Texts of one user: a browser sends six requests at a time."""
 
-TEXT_PLACES = 32
-VIEWERS_TEXT_PLACES = 24
-TEXT_PLACES_EACH = 8
-"""Texts of one person under way or waiting: a browser sends six requests at a time."""
-
-PREVIEWS = 32
-VIEWERS_PREVIEWS = 24
-PREVIEWS_EACH = 12
-"""Previews of one person: a slider that moves asks for the next one before the last one is there."""
+MAX_PREVIEWS = 32
+MAX_VIEWER_PREVIEWS = 24
+MAX_PREVIEWS_PER_USER = 12
+"""Previews of one user: a moving slider requests the next one before the last one has arrived."""
 
 
 Compute = Callable[..., Awaitable[Any]]
-"""Computes ``work(*asked)`` somewhere, as ``asyncio.to_thread`` does in a thread."""
+"""Runs ``function(*arguments)`` elsewhere, with the signature of ``asyncio.to_thread``."""
 
 
 class TextWork:
-    """Belongs to the service's event loop."""
+    """Runs work of users in the worker processes of operators and viewers. Runs in the event loop of the service."""
 
     def __init__(self, operators: WorkerProcess, viewers: WorkerProcess) -> None:
         self._operators, self._viewers = operators, viewers
-        self.places = WorkLimiter("a text", "texts", TEXT_PLACES, VIEWERS_TEXT_PLACES, TEXT_PLACES_EACH)
-        self.previews = WorkLimiter("a preview", "previews", PREVIEWS, VIEWERS_PREVIEWS, PREVIEWS_EACH)
-        self._locks = {operators: asyncio.Lock(), viewers: asyncio.Lock()}
+        self.limiter = WorkLimiter("a text", "texts", MAX_TEXTS, MAX_VIEWER_TEXTS, MAX_TEXTS_PER_USER)
+        self.preview_limiter = WorkLimiter(
+            "a preview", "previews", MAX_PREVIEWS, MAX_VIEWER_PREVIEWS, MAX_PREVIEWS_PER_USER
+        )
+        self._preview_locks = {operators: asyncio.Lock(), viewers: asyncio.Lock()}
 
     async def run(
-        self, person: User, is_disconnected: IsDisconnected, work: Callable[P, T], *asked: P.args, **_none: P.kwargs
+        self,
+        user: User,
+        is_disconnected: IsDisconnected,
+        work: Callable[P, T],
+        *arguments: P.args,
+        **keywords: P.kwargs,
     ) -> T:
-        """Return ``work(*asked)``, as long as the person who asked has not left.
+        """Return ``work(*arguments)``, cancelled if the user disconnects.
 
-        Raises what the work raises, WorkLimitError, and RequestRejectedError where there is no place.
+        Raises errors of the work, WorkLimitError, and RequestRejectedError at a limit.
         """
-        process = self._operators if is_operator(person) else self._viewers
-        with self.places.reserve(person):
-            return await run_while_connected(process.run(work, *asked, **_none), is_disconnected)
+        process = self._select_process(user)
+        with self.limiter.reserve(user):
+            return await run_while_connected(process.run(work, *arguments, **keywords), is_disconnected)
 
-    def make_preview_runner(self, person: User, is_disconnected: IsDisconnected) -> Compute:
-        """Return what computes previews for a person.
+    def make_preview_runner(self, user: User, is_disconnected: IsDisconnected) -> Compute:
+        """Return a function that computes previews of a user, one at a time per process.
 
-        One whose asker has left before its turn is not computed; one that is under way ends, with its process kept.
-        Raises what the work raises, WorkLimitError, and RequestRejectedError where there is no place.
+        A preview whose user has disconnected while it waited is not computed. One that has started is finished, because
+        its cancellation would end the process with its cache. The function raises errors of the work, WorkLimitError,
+        and RequestRejectedError at a limit.
         """
 
-        async def compute(work: Callable[..., T], *asked: Any) -> T:
-            process = self._operators if is_operator(person) else self._viewers
-            with self.previews.reserve(person):
-                await _acquire(self._locks[process], is_disconnected)
+        async def compute(work: Callable[..., T], *arguments: Any) -> T:
+            process = self._select_process(user)
+            lock = self._preview_locks[process]
+            with self.preview_limiter.reserve(user):
+                await _acquire(lock, is_disconnected)
                 try:
-                    return await process.run(work, *asked)
+                    return await process.run(work, *arguments)
                 finally:
-                    self._locks[process].release()
+                    lock.release()
 
         return compute
 
-    async def run_for_operator(self, work: Callable[P, T], *asked: P.args, **_none: P.kwargs) -> T:
-        """Return ``work(*asked)`` for an order of an operator, which goes on whoever leaves. Raises as ``run`` does."""
-        return await self._operators.run(work, *asked, **_none)
+    async def run_for_operator(self, work: Callable[P, T], *arguments: P.args, **keywords: P.kwargs) -> T:
+        """Return ``work(*arguments)`` for a command of an operator, also after a disconnection. Raises as ``run``."""
+        return await self._operators.run(work, *arguments, **keywords)
+
+    def _select_process(self, user: User) -> WorkerProcess:
+        return self._operators if is_operator(user) else self._viewers
 
 
-async def _acquire(turn: asyncio.Lock, is_disconnected: IsDisconnected) -> None:
-    """Wait for a turn and take it. Raises RequestRejectedError where whoever asked has left meanwhile."""
-    waiting = asyncio.ensure_future(turn.acquire())
+async def _acquire(lock: asyncio.Lock, is_disconnected: IsDisconnected) -> None:
+    """Acquire a lock. Raises RequestRejectedError if the client disconnects meanwhile."""
+    acquiring = asyncio.ensure_future(lock.acquire())
     try:
-        while not (await asyncio.wait({waiting}, timeout=POLL_S))[0]:
+        while not (await asyncio.wait({acquiring}, timeout=POLL_S))[0]:
             if await is_disconnected():
                 raise RequestRejectedError(ErrorCode.UNAVAILABLE, "whoever asked for this has left: it is not computed")
     except BaseException:
-        if not waiting.cancel():  # it is there after all
-            turn.release()
+        if not acquiring.cancel():  # the lock was acquired meanwhile
+            lock.release()
         raise

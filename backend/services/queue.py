@@ -36,19 +36,19 @@ POINTS = 1200
 LONGEST_S = 600.0
 """Longest program that is played dry [s]. What is longer is played with ``sinew experiment``."""
 
-PLACES = 4
+MAX_DRY_RUNS = 4
 """Dry runs under way or waiting."""
 
-VIEWERS_PLACES = 2
+MAX_VIEWER_DRY_RUNS = 2
 """So many of them for viewers, so that an operator always finds one."""
 
 
 class DryRuns:
-    """One dry run per person, PLACES in all. Belongs to the service's event loop."""
+    """One dry run per person, MAX_DRY_RUNS in all. Belongs to the service's event loop."""
 
     def __init__(self, worker: WorkerProcess) -> None:
         self._worker = worker
-        self.places = WorkLimiter("a dry run", "dry runs", PLACES, VIEWERS_PLACES, each=1)
+        self.limiter = WorkLimiter("a dry run", "dry runs", MAX_DRY_RUNS, MAX_VIEWER_DRY_RUNS, per_user=1)
         self._running_folders: dict[User, tuple[Path, float]] = {}
 
     def prepare(self, parameters: PlantParameters, settings: LoopSettings) -> None:
@@ -88,7 +88,7 @@ class DryRuns:
             words="length of a dry run",
             path=(),
         )
-        with self.places.reserve(person):
+        with self.limiter.reserve(person):
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
             self._running_folders[person] = Path(folder), duration_s
             try:

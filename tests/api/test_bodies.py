@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from backend.server.security import MOST_LISTED, MOST_NAMES
-from backend.services.background_work import SHEET_PLACES_EACH
+from backend.services.background_work import MAX_SHEETS_PER_USER
 from tests.api.conftest import until
 from tests.e2e.service import Service
 
@@ -98,7 +98,7 @@ def begun(service: Service, token: str, length: int) -> socket.socket:
 
 def test_where_no_place_is_free_a_body_is_not_waited_for(service: Service, viewer: httpx.Client) -> None:
     token = viewer.headers["Authorization"]
-    waiting = [begun(service, token, 1_000_000) for _ in range(SHEET_PLACES_EACH)]
+    waiting = [begun(service, token, 1_000_000) for _ in range(MAX_SHEETS_PER_USER)]
     until(lambda: viewer.post("/api/chart-sheet.pdf", json={"svg": "x"}).status_code == 429)
     with begun(service, token, 1_000_000) as one_more:
         answer = one_more.recv(4096).lower()
