@@ -1,4 +1,4 @@
-"""The queue of experiments, and dry runs beside the service."""
+"""The queue of experiments, and dry runs in a worker process."""
 
 import asyncio
 import logging
@@ -23,60 +23,58 @@ from plant import ErrorCode, PlantParameters
 
 # Dry runs ------------------------------------------------------------------------------------------
 #
-# Experiments played on a simulator beside the service: one after the other, in a process of their
-# own.
-#
-# Who asks for many of them waits for oneself only: reports, exports and evaluations have other
-# processes.
+# Runs experiments on a simulator in a worker process, one after the other. Reports, exports and
+# evaluations have other processes, so that they do not wait for dry runs.
 
 
 SIGNALS = ("q", "q_ref", "S", "S_ref", "F_A", "F_B", "u_A", "u_B")
 POINTS = 1200
+"""Points of each curve of the result."""
 
 LONGEST_S = 600.0
-"""Longest program that is played dry [s]. What is longer is played with ``sinew experiment``."""
+"""Longest program of a dry run [s]. ``sinew experiment`` runs longer ones."""
 
 MAX_DRY_RUNS = 4
-"""Dry runs under way or waiting."""
+"""Dry runs in progress or waiting."""
 
 MAX_VIEWER_DRY_RUNS = 2
-"""So many of them for viewers, so that an operator always finds one."""
+"""Dry runs of viewers among them, so that operators are served."""
 
 
 class DryRuns:
-    """One dry run per person, MAX_DRY_RUNS in all. Belongs to the service's event loop."""
+    """Dry runs of users, at most one of each. Runs in the event loop of the service."""
 
     def __init__(self, worker: WorkerProcess) -> None:
         self._worker = worker
         self.limiter = WorkLimiter("a dry run", "dry runs", MAX_DRY_RUNS, MAX_VIEWER_DRY_RUNS, per_user=1)
-        self._running_folders: dict[User, tuple[Path, float]] = {}
+        self._in_progress: dict[User, tuple[Path, float]] = {}
 
     def prepare(self, parameters: PlantParameters, settings: LoopSettings) -> None:
-        """Let the process load what a dry run takes, once, so that the first one is as soon there as those after it."""
+        """Start to load what a dry run needs into the worker process, so that the first one is not slower."""
         self._worker.warm_up(_prepare_process, parameters, settings)
 
-    async def progress(self, person: User) -> DryRunProgress:
-        """Return how far the dry run of a person is."""
-        if person not in self._running_folders:
+    async def progress(self, user: User) -> DryRunProgress:
+        """Return the progress of the dry run of a user."""
+        if user not in self._in_progress:
             return DryRunProgress(under_way=False, doing=RunPhase.STARTING, played_s=0.0, duration_s=0.0)
-        folder, duration_s = self._running_folders[person]
-        doing, elapsed_s = await asyncio.to_thread(read_progress, folder)
-        played_s = {RunPhase.PROGRAM: min(elapsed_s, duration_s), RunPhase.EVALUATION: duration_s}.get(doing, 0.0)
-        return DryRunProgress(under_way=True, doing=doing, played_s=played_s, duration_s=duration_s)
+        folder, duration_s = self._in_progress[user]
+        phase, elapsed_s = await asyncio.to_thread(read_progress, folder)
+        simulated_s = {RunPhase.PROGRAM: min(elapsed_s, duration_s), RunPhase.EVALUATION: duration_s}.get(phase, 0.0)
+        return DryRunProgress(under_way=True, doing=phase, played_s=simulated_s, duration_s=duration_s)
 
     async def play(
         self,
         parameters: PlantParameters,
-        order: RunRequest,
+        request: RunRequest,
         used: Sequence[Bank],
-        person: User,
+        user: User,
         is_disconnected: IsDisconnected,
     ) -> DryRunView:
-        """Play an order with the banks that it uses, until whoever asked has left.
+        """Run a request with the banks that it uses; cancelled if the user disconnects.
 
-        Raises OutOfRangeError when it takes too long, RequestRejectedError where there is no place, WorkerDiedError.
+        Raises OutOfRangeError for a program longer than LONGEST_S, RequestRejectedError at a limit, WorkerDiedError.
         """
-        duration_s = order.plan.program().duration_s
+        duration_s = request.plan.program().duration_s
         remedy = "play it with `sinew experiment` on the command line"
         check_range(
             "duration_s",
@@ -88,35 +86,38 @@ class DryRuns:
             words="length of a dry run",
             path=(),
         )
-        with self.limiter.reserve(person):
+        with self.limiter.reserve(user):
             folder = await asyncio.to_thread(mkdtemp, prefix="sinew-dry-run-")
-            self._running_folders[person] = Path(folder), duration_s
+            self._in_progress[user] = Path(folder), duration_s
             try:
                 played = await run_while_connected(
-                    self._worker.run(dry_run, parameters, order, used, SIGNALS, POINTS, Path(folder)), is_disconnected
+                    self._worker.run(dry_run, parameters, request, used, SIGNALS, POINTS, Path(folder)),
+                    is_disconnected,
                 )
             finally:
-                self._running_folders.pop(person, None)
-                # Here, not in the process: one that is killed clears up nothing.
+                self._in_progress.pop(user, None)
+                # Not in the worker process, which a cancellation kills.
                 shutil.rmtree(folder, ignore_errors=True)
-        settings = {**list_setting_values(order.plan), **asdict(order.loop_settings)}
+        settings = {**list_setting_values(request.plan), **asdict(request.loop_settings)}
         return build_dry_run_view(played.run, played.result, played.curves, duration_s, settings)
 
 
 def _prepare_process(parameters: PlantParameters, settings: LoopSettings) -> None:
-    """Take over what was computed for a tuning before, which loads half of SciPy, and load the rest."""
+    """Load cached robustness, which avoids half of SciPy, and warm up the rest."""
     RobustnessCache().load()
     warm_up_dry_run(parameters, settings)
 
 
 # Experiment queue ----------------------------------------------------------------------------------
 #
-# Experiments that wait for their turn: one after the other, until one does not complete.
+# Experiments that wait for execution. They run one after the other until one does not complete.
 
 
 _log = logging.getLogger(__name__)
 
 LONGEST = 50
+"""Experiments that may wait."""
+
 _PART = Part("The step to the next experiment of the queue", "Look at the queue: it goes on, or says why it is held.")
 
 Start = Callable[[ExperimentRequest, str], Awaitable[int]]
@@ -124,14 +125,17 @@ Check = Callable[[ExperimentRequest], Awaitable[ExperimentRequest]]
 
 
 class ExperimentQueue:
-    """Belongs to the service's event loop. ``start`` starts one experiment.
+    """The queue of experiments, which is also stored in the database. Runs in the event loop of the service.
 
-    ``check`` raises for one that cannot be, and returns it with all its settings: what is shown of one that waits is
-    what it will run with, whatever is in force by then. What waits is in ``database`` too, and is there again, held,
-    after a restart of the service: nothing starts by itself then.
+    After a restart of the service the queue is paused, so that no experiment starts without an operator.
     """
 
     def __init__(self, start: Start, check: Check, supervision: Supervision, database: Database) -> None:
+        """Start experiments with ``start``, which returns the run.
+
+        ``check`` raises errors for a request that cannot start, and returns it with all its settings, so that a waiting
+        experiment runs with the settings that were active when it was added.
+        """
         self._supervision = supervision
         self._database = database
         self._change_lock = asyncio.Lock()
@@ -142,29 +146,29 @@ class ExperimentQueue:
         self._problem = ""
         self._rejected_item: int | None = None
         self._run: int | None = None
-        self._restore()
+        self._load()
 
     def view(self) -> QueueView:
-        """Return what waits and whether the queue goes on by itself."""
+        """Return the waiting experiments and whether the queue runs."""
         return QueueView(items=list(self._items), running=self._running, run=self._run, problem=self._problem)
 
     async def add(self, request: ExperimentRequest, who: str) -> QueueView:
-        """Put an experiment at the end; nothing starts yet.
+        """Add an experiment at the end, without starting it.
 
-        Raises what a start with these settings would raise, and StorageError where it cannot be kept.
+        Raises the errors of a start with these settings, and StorageError.
         """
         self._require_space()
-        whole = await self._check(request)
+        complete = await self._check(request)
         async with self._change_lock:
             self._require_space()  # others may have been added meanwhile
-            kept = await asyncio.to_thread(self._store, whole, who)
+            stored = await asyncio.to_thread(self._store, complete, who)
             if not self._items:
-                self._set_problem("")  # what once held the queue, with nothing left in it, says nothing about this one
-            self._items.append(QueuedView(id=kept.id, name=whole.name, settings=whole.settings, who=who))
+                self._set_problem("")  # the problem of an earlier, now empty queue
+            self._items.append(QueuedView(id=stored.id, name=complete.name, settings=complete.settings, who=who))
         return self.view()
 
     async def remove(self, item_id: int) -> QueueView:
-        """Take an experiment out. Raises RequestRejectedError when it does not wait any more, StorageError."""
+        """Remove an experiment. Raises RequestRejectedError if it is not waiting, StorageError."""
         async with self._change_lock:
             self._find_waiting(item_id)
             await asyncio.to_thread(self._delete, item_id)
@@ -174,9 +178,9 @@ class ExperimentQueue:
         return self.view()
 
     async def move(self, item_id: int, place: int) -> QueueView:
-        """Let an experiment wait at a place, counted from 0.
+        """Move an experiment to a place, counted from 0.
 
-        Raises RequestRejectedError when it does not wait any more, OutOfRangeError, StorageError.
+        Raises RequestRejectedError if it is not waiting, OutOfRangeError, StorageError.
         """
         async with self._change_lock:
             moved = self._find_waiting(item_id)
@@ -190,20 +194,11 @@ class ExperimentQueue:
                 self._items = [*others[:place], moved, *others[place:]]
         return self.view()
 
-    def _find_waiting(self, item_id: int) -> QueuedView:
-        found = next((item for item in self._items if item.id == item_id), None)
-        if found is None:
-            raise RequestRejectedError(ErrorCode.UNKNOWN, f"experiment {item_id} does not wait in the queue")
-        return found
-
-    def _require_space(self) -> None:
-        if len(self._items) >= LONGEST:
-            raise RequestRejectedError(
-                ErrorCode.NOT_NOW, f"the queue is full: it holds {LONGEST} experiments; remove one first"
-            )
-
     async def run(self) -> QueueView:
-        """Start the first one and go on until the queue is empty, held, or an experiment does not complete."""
+        """Start the first experiment; the others follow until the queue is empty or paused, or one does not complete.
+
+        Raises RequestRejectedError for an empty queue, and the errors of the start.
+        """
         if not self._items:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "the queue is empty: add an experiment first")
         if not self._running:
@@ -213,12 +208,12 @@ class ExperimentQueue:
         return self.view()
 
     def hold(self) -> QueueView:
-        """Start no further experiment; the one that runs goes on."""
+        """Start no further experiment; the current one continues."""
         self._running = False
         return self.view()
 
     def handle_run_end(self, run_id: int, end_state: EndState | None) -> None:
-        """Go on after an experiment; None when it failed without an end state."""
+        """Start the next experiment after a completed run, else pause; ``end_state`` is None for a run that failed."""
         if run_id != self._run:
             return
         self._run = None
@@ -230,31 +225,20 @@ class ExperimentQueue:
         elif self._running:
             self._supervision.start_task(_PART, self._start_next)
 
-    def _set_problem(self, problem: str, refused: int | None = None) -> None:
-        """Say why the queue is held: until it runs, is empty, or what was ``refused`` does not wait any more."""
-        self._problem, self._rejected_item = problem, refused
-
     async def _start_next(self) -> None:
-        if not (self._running and self._items):  # a person was quicker: held, or nothing waits any more
+        if not (self._running and self._items):  # an operator has paused or emptied the queue meanwhile
             self._running = False
             return
         next_item = self._items[0]
         try:
             await self._start_first()
         except Exception as error:
-            # Whatever refuses the next one is for a person to read; those that wait stay.
+            # Any error pauses the queue and is shown to an operator; the experiments stay in the queue.
             _log.warning("The queue is paused: %s", error)
             if next_item in self._items:
                 self._pause(f"the next one was refused: {error}", next_item.id)
             else:
                 self._pause(f"the one that a person has taken out meanwhile was refused: {error}")
-
-    def _pause(self, cause: str, refused: int | None = None) -> None:
-        """Stop here, and say how to go on; ``refused`` is the experiment that the cause lies with."""
-        count = len(self._items)
-        remedy = "nothing waits any more" if count == 0 else "start the queue again to go on with the first that waits"
-        self._set_problem(f"held because {cause}; {remedy}", refused)
-        self._running = False
 
     async def _start_first(self) -> None:
         item = self._items[0]
@@ -262,30 +246,53 @@ class ExperimentQueue:
         self._items = [waiting for waiting in self._items if waiting.id != item.id]
         try:
             await asyncio.to_thread(self._delete, item.id)
-        except StorageError as error:  # it plays: that it may wait again after a restart is no reason to stop it
+        except StorageError as error:  # no reason to stop the run: the experiment only waits again after a restart
             _log.warning(
                 "Run %s has started, but the service could not remove its entry from the stored queue: %s",
                 self._run,
                 error,
             )
 
-    def _restore(self) -> None:
-        """Take what waited when the service ended, and hold it: a person says when it goes on."""
+    def _pause(self, cause: str, rejected_item: int | None = None) -> None:
+        """Pause the queue and show ``cause``; ``rejected_item`` is the experiment that has caused it."""
+        count = len(self._items)
+        remedy = "nothing waits any more" if count == 0 else "start the queue again to go on with the first that waits"
+        self._set_problem(f"held because {cause}; {remedy}", rejected_item)
+        self._running = False
+
+    def _set_problem(self, problem: str, rejected_item: int | None = None) -> None:
+        """Show why the queue is paused, until it runs or is empty, or ``rejected_item`` is removed."""
+        self._problem, self._rejected_item = problem, rejected_item
+
+    def _find_waiting(self, item_id: int) -> QueuedView:
+        item = next((item for item in self._items if item.id == item_id), None)
+        if item is None:
+            raise RequestRejectedError(ErrorCode.UNKNOWN, f"experiment {item_id} does not wait in the queue")
+        return item
+
+    def _require_space(self) -> None:
+        if len(self._items) >= LONGEST:
+            raise RequestRejectedError(
+                ErrorCode.NOT_NOW, f"the queue is full: it holds {LONGEST} experiments; remove one first"
+            )
+
+    def _load(self) -> None:
+        """Load the stored queue and pause it."""
         try:
             with self._database.reading() as session:
-                kept = queue.load_waiting(session)
+                stored = queue.load_waiting(session)
         except StorageError as error:
             _log.warning("The service cannot read the stored queue: %s", error)
             self._set_problem(f"held because what waited in it cannot be read: {error}")
             return
-        self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in kept]
-        if kept:
-            _log.warning("%d experiments wait in the stored queue. An operator starts them.", len(kept))
+        self._items = [QueuedView(id=it.id, name=it.name, settings=it.settings, who=it.who, kept=True) for it in stored]
+        if stored:
+            _log.warning("%d experiments wait in the stored queue. An operator starts them.", len(stored))
             self._pause("the service was started again")
 
-    def _store(self, whole: ExperimentRequest, who: str) -> queue.StoredQueued:
+    def _store(self, request: ExperimentRequest, who: str) -> queue.StoredQueued:
         with self._database.session() as session:
-            return queue.add(session, whole.name, dict(whole.settings), who)
+            return queue.add(session, request.name, dict(request.settings), who)
 
     def _delete(self, item_id: int) -> None:
         with self._database.session() as session:
