@@ -1,4 +1,4 @@
-"""The event log: what happened and who asked for it, refused commands included."""
+"""The event log: commands, faults and runs with time and author, including refused commands."""
 
 import asyncio
 import logging
@@ -16,47 +16,52 @@ from backend.schemas import EventMessage, MarkKind
 from backend.storage import Database, EventKind, UnfitError, events
 from backend.supervision import Part
 
-# Journal -------------------------------------------------------------------------------------------
+# Event log -----------------------------------------------------------------------------------------
 #
-# What happened and who asked for it: marks on the time axis at once, rows in the database as they
-# can be written.
+# Publishes marks on the time axis at once, and stores events in the database as fast as it accepts
+# them.
 
 
 EVENT_LOG_PART = Part("The journal", "Events wait in memory meanwhile.")
 
 BOUND = 10_000
-"""So many events wait in memory while the database takes none: hours of them, at most some MB."""
+"""Events that wait in memory while the database accepts none: several hours, a few MB."""
 
 BATCH = 500
+"""Events that one transaction stores."""
+
 RETRY_S = 1.0
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """One event; ``lost`` is how many others it stands for, ``tick`` None where no sample is the one."""
+    """One event to be stored."""
 
     kind: EventKind
     text: str
     tick: int | None
+    """Sample of the event; None for an event without a place on the time axis."""
+
     who: str
     run: int | None
     at: datetime
     lost: int = 0
+    """Number of lost events that this entry represents."""
 
 
 @dataclass(frozen=True)
 class MarkAdded:
-    """A mark is on the time axis."""
+    """Event: a mark was added to the time axis."""
 
     mark: EventMessage
 
 
 class EventLog:
-    """Takes marks from the event loop; a task writes them, so that a slow disk delays nobody.
+    """Accepts events in the event loop and stores them in a task, so that a slow disk delays no command.
 
-    What cannot be written waits in memory, in order and with the time at which it happened; ``problem`` says so. Past
-    ``bound`` events, the next ones are lost: how many stands in their place.
+    Events that cannot be stored wait in memory, in order and with their time. Above ``bound`` events the newest are
+    lost, and an entry with their number is stored in their place.
     """
 
     def __init__(self, database: Database, events: EventBus, bound: int = BOUND) -> None:
@@ -64,58 +69,58 @@ class EventLog:
         self._events = events
         self._bound = bound
         self._waiting: deque[_Entry] = deque()
-        self._under_way = 0  # so many of the first of those are being written at this moment
+        self._in_progress = 0  # the first entries of ``_waiting``, which are being stored
         self._arrived = asyncio.Event()
         self._error = ""
 
     @property
     def problem(self) -> str:
-        """Why nothing can be written at present, "" while all is well."""
+        """Why no event can be stored; empty if storing works."""
         if not self._error:
             return ""
         lost = sum(entry.lost for entry in self._waiting)
-        past = f", {lost} more were lost" if lost else ""
-        kept = sum(not entry.lost for entry in self._waiting)
-        return f"events cannot be stored: {self._error}; {kept} wait in memory{past}"
+        and_lost = f", {lost} more were lost" if lost else ""
+        waiting = sum(not entry.lost for entry in self._waiting)
+        return f"events cannot be stored: {self._error}; {waiting} wait in memory{and_lost}"
 
     def add_mark(self, kind: MarkKind, text: str, tick: int, who: str = "", run: int | None = None) -> None:
-        """Put a mark at ``tick``; ``who`` is empty when nobody asked for what happened."""
+        """Add an event with a mark at ``tick``; ``who`` is empty for an event that no user has caused."""
         mark = EventMessage(tick=tick, kind=kind, text=f"{text} ({who})" if who else text)
         self._events.publish(MarkAdded(mark))
-        self._keep(_Entry(kind=EventKind(kind), text=text, tick=tick, who=who, run=run, at=datetime.now(UTC)))
+        self._add(_Entry(kind=EventKind(kind), text=text, tick=tick, who=who, run=run, at=datetime.now(UTC)))
 
     def add_entry(self, kind: EventKind, text: str, who: str = "") -> None:
-        """Keep an event that is nothing on the time axis: for the log alone."""
-        self._keep(_Entry(kind=kind, text=text, tick=None, who=who, run=None, at=datetime.now(UTC)))
+        """Add an event without a mark on the time axis."""
+        self._add(_Entry(kind=kind, text=text, tick=None, who=who, run=None, at=datetime.now(UTC)))
 
     async def run(self) -> None:
-        """Write until cancelled; a transaction that is under way then is waited for."""
+        """Store events until cancelled; finishes a transaction in progress."""
         while True:
             while self._waiting:
-                if not await self._write_next():
+                if not await self._store_next():
                     await asyncio.sleep(RETRY_S)
             self._arrived.clear()
             await self._arrived.wait()
 
     def close(self) -> None:
-        """Write what still waits; what the database does not take goes to the log."""
+        """Store the waiting events; those that the database does not accept go to the log."""
         while self._waiting:
             batch = list(islice(self._waiting, BATCH))
-            done = self._write(batch)
-            self._forget(done)
+            done = self._store(batch)
+            self._remove_first(done)
             if done < len(batch):
                 break
         for entry in self._waiting:
             _log.error("The event log did not store an event: %s", entry.text)
 
-    def _keep(self, entry: _Entry) -> None:
+    def _add(self, entry: _Entry) -> None:
         by, run = f" by {entry.who}" if entry.who else "", "" if entry.run is None else f", run {entry.run}"
         _log.info("%s: %s%s%s", entry.kind, entry.text, by, run, extra=EVENT)
-        if len(self._waiting) - self._under_way < self._bound:
+        if len(self._waiting) - self._in_progress < self._bound:
             self._waiting.append(entry)
         else:
-            counts = self._waiting[-1].lost and len(self._waiting) > self._under_way
-            lost = self._waiting.pop().lost + 1 if counts else 1
+            is_last_a_count = self._waiting[-1].lost and len(self._waiting) > self._in_progress
+            lost = self._waiting.pop().lost + 1 if is_last_a_count else 1
             text = f"{lost} events that followed could not be kept"
             self._waiting.append(
                 _Entry(kind=EventKind.NOTE, text=text, tick=entry.tick, who="", run=None, at=entry.at, lost=lost)
@@ -123,29 +128,29 @@ class EventLog:
             _log.error("The event log lost an event: %s", entry.text)
         self._arrived.set()
 
-    async def _write_next(self) -> bool:
-        """Write the oldest entries; whether the database has taken them."""
+    async def _store_next(self) -> bool:
+        """Store the oldest entries; return whether the database has accepted all of them."""
         batch = list(islice(self._waiting, BATCH))
-        self._under_way = len(batch)
-        writing = asyncio.ensure_future(asyncio.to_thread(self._write, batch))
+        self._in_progress = len(batch)
+        storing = asyncio.ensure_future(asyncio.to_thread(self._store, batch))
         try:
-            await asyncio.shield(writing)
+            await asyncio.shield(storing)
         finally:
-            done = await writing  # whoever cancels this waits for the transaction that is under way
-            self._under_way = 0
-            self._forget(done)
+            done = await storing  # a cancellation waits for the transaction in progress
+            self._in_progress = 0
+            self._remove_first(done)
         return done == len(batch)
 
-    def _forget(self, count: int) -> None:
+    def _remove_first(self, count: int) -> None:
         for _ in range(count):
             self._waiting.popleft()
 
-    def _write(self, batch: Sequence[_Entry]) -> int:
-        """Write all of ``batch`` in one transaction; return how many of its first entries are dealt with."""
+    def _store(self, batch: Sequence[_Entry]) -> int:
+        """Store a batch in one transaction; return how many of its first entries need no further attempt."""
         try:
-            self._store(batch)
+            self._insert(batch)
         except (UnfitError, ValueError) as error:
-            return self._write_singly(batch, error)
+            return self._store_singly(batch, error)
         except Exception as error:
             if not self._error:
                 _log.error("The event log cannot store events: %s", error)
@@ -154,42 +159,41 @@ class EventLog:
         self._error = ""
         return len(batch)
 
-    def _write_singly(self, batch: Sequence[_Entry], error: Exception) -> int:
-        """Write what can be written; what never can is logged and left out, so that it does not hold up the rest."""
+    def _store_singly(self, batch: Sequence[_Entry], error: Exception) -> int:
+        """Store entries one by one; an invalid one goes to the log and is dropped, so that it blocks no other."""
         if len(batch) == 1:
             _log.error("The event log did not store an event: %s: %r", error, batch[0].text)
             return 1
         for position, entry in enumerate(batch):
-            if not self._write([entry]):
+            if not self._store([entry]):
                 return position
         return len(batch)
 
-    def _store(self, batch: Sequence[_Entry]) -> None:
+    def _insert(self, batch: Sequence[_Entry]) -> None:
         with self._database.session() as session:
             for entry in batch:
                 who, run, tick, at = entry.who, entry.run, entry.tick, entry.at
                 events.add(session, entry.kind, entry.text, who=who, run_id=run, tick=tick, at=at)
 
 
-# RejectionLog ------------------------------------------------------------------------------------------
+# Rejection log -------------------------------------------------------------------------------------
 #
-# Refused commands in the log: who asked for what, and why it was refused; a flood of them is
-# counted.
+# Logs refused commands with author and reason. In a flood of them, most are only counted.
 
 
 MOST = 10
-"""Different refusals that get an entry of their own in a window; what repeats one of them is counted beside it."""
+"""Different refusals of a window that get an entry; repetitions and further ones are counted."""
 
 WINDOW_S, LONGEST_WINDOW_S = 10.0, 600.0
-"""A window [s] doubles as long as one follows the other with something that was only counted: at most some
-thousand entries come of a day of refused commands."""
+"""First and longest window [s]. The window doubles while refusals are counted, so that a day of refused commands
+leads to a few thousand entries at most."""
 
 TEXT_MAX = 500
-"""Longest entry [characters]: the reason may repeat what was asked for."""
+"""Longest entry [characters]: the reason may contain the refused text."""
 
 
-class Clock(Protocol):
-    """What calls later: an event loop."""
+class CallLater(Protocol):
+    """The method ``call_later`` of an event loop."""
 
     def __call__(self, delay: float, callback: Callable[[], None], /) -> object:
         """Call ``callback`` after ``delay`` [s]."""
@@ -197,45 +201,45 @@ class Clock(Protocol):
 
 
 class RejectionLog:
-    """Writes refusals into the journal; ``call_later`` ends a window."""
+    """Logs refused commands; ``call_later`` ends a window."""
 
-    def __init__(self, event_log: EventLog, call_later: Clock) -> None:
+    def __init__(self, event_log: EventLog, call_later: CallLater) -> None:
         self._event_log, self._call_later = event_log, call_later
         self._window_s = WINDOW_S
-        self._told: set[tuple[str, str]] = set()
-        self._again: Counter[tuple[str, str]] = Counter()
+        self._logged: set[tuple[str, str]] = set()
+        self._repetitions: Counter[tuple[str, str]] = Counter()
         self._others = 0
 
     def add(self, what: str, reason: str, who: str) -> None:
-        """Keep that ``what`` was refused to ``who``; the reason has angles in SI, as all texts of the log."""
+        """Log that the command ``what`` of ``who`` was refused; angles in ``reason`` are in SI units."""
         text = escape_line(f"{what} refused: {reason}")
         entry = (text if len(text) <= TEXT_MAX else f"{text[: TEXT_MAX - 1]}…", who)
-        if entry in self._told:
-            self._again[entry] += 1
-        elif len(self._told) == MOST:
+        if entry in self._logged:
+            self._repetitions[entry] += 1
+        elif len(self._logged) == MOST:
             self._others += 1
         else:
-            if not self._told:
+            if not self._logged:
                 self._call_later(self._window_s, self.close)
-            self._told.add(entry)
-            self._record(*entry)
+            self._logged.add(entry)
+            self._add_entry(*entry)
 
     def close(self) -> None:
-        """End the window: tell how often each of its refusals came again, and how many others came."""
-        for (text, who), count in self._again.items():
-            self._record(f"{text} ({_times(count)} more in {self._window_s:g} s)", who)
+        """End the window: log how often its refusals were repeated, and the number of others."""
+        for (text, who), count in self._repetitions.items():
+            self._add_entry(f"{text} ({_format_times(count)} more in {self._window_s:g} s)", who)
         if self._others:
             commands = "command was" if self._others == 1 else "commands were"
-            self._record(f"{self._others} further {commands} refused in {self._window_s:g} s", "")
-        flooded = bool(self._again or self._others)
-        self._window_s = min(2.0 * self._window_s, LONGEST_WINDOW_S) if flooded else WINDOW_S
-        self._told.clear()
-        self._again.clear()
+            self._add_entry(f"{self._others} further {commands} refused in {self._window_s:g} s", "")
+        has_counted = bool(self._repetitions or self._others)
+        self._window_s = min(2.0 * self._window_s, LONGEST_WINDOW_S) if has_counted else WINDOW_S
+        self._logged.clear()
+        self._repetitions.clear()
         self._others = 0
 
-    def _record(self, text: str, who: str) -> None:
+    def _add_entry(self, text: str, who: str) -> None:
         self._event_log.add_entry(EventKind.REFUSAL, text, who)
 
 
-def _times(count: int) -> str:
+def _format_times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"

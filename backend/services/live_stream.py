@@ -1,4 +1,4 @@
-"""The live stream: one frame per period for all clients, and the marks of events."""
+"""The live stream: samples, state and event marks for all connected clients."""
 
 import asyncio
 from collections import deque
@@ -40,7 +40,7 @@ from plant import T_s
 
 # Event marks ---------------------------------------------------------------------------------------
 #
-# What an event of the loop leaves on the time axis and in the journal.
+# Marks of events of the control loop, for the time axis and the event log.
 
 
 class Mark(NamedTuple):
@@ -52,7 +52,7 @@ class Mark(NamedTuple):
 
 
 def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
-    """Return the mark of an event, None where whoever asked for it leaves one; ``now`` is the newest tick."""
+    """Return the mark of an event; None if the command that caused it adds one. ``now`` is the newest tick."""
     match event:
         case ModeChanged(tick, before, after):
             return Mark(MarkKind.MODE, f"{before} → {after}", tick)
@@ -72,8 +72,8 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
             return Mark(MarkKind.NOTE, f"by the program: {describe_wall(wall)}", tick)
         case Stopped(fault=Fault.STOP_PRESSED):
             return None
-        case Stopped(fault=fault, arrived_tick=tick, detail=seen):
-            return Mark(MarkKind.TRIP, describe_fault(fault, seen), tick)
+        case Stopped(fault=fault, arrived_tick=tick, detail=detail):
+            return Mark(MarkKind.TRIP, describe_fault(fault, detail), tick)
         case PlantFailing(tick, reason):
             return Mark(MarkKind.FAULT, f"the plant cannot be read or written: {reason}", tick)
         case PlantAnswers(tick):
@@ -88,37 +88,46 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
 
 # Live stream ---------------------------------------------------------------------------------------
 #
-# The live stream: one frame is built per tick of the stream and shared by all clients.
+# Builds one frame of samples per period and shares it among all clients.
 #
-# A client that reads slowly loses frames, never delays another, and is told how many samples it was
-# not sent.
+# A client that reads slowly loses frames but does not delay other clients. Its next frame contains
+# the number of missed samples.
 
 
 LIVE_STREAM_PART = Part("The live stream", "Charts and state stood still meanwhile; no sample is lost.")
 
 RATE_HZ = 30.0
+"""Frames per second."""
+
 STATE_PERIOD_S = 0.5
 HISTORY_S = 30.0
+"""Samples [s] that a new client gets first."""
+
 FRAME_SAMPLES = 4096
+"""Samples of one frame at most."""
+
 QUEUE_FRAMES = 60
+"""Frames that wait for one client at most."""
+
 MARKS = 200
+"""Marks that are stored for new clients."""
 
 
 class SampleSource(Protocol):
-    """What the stream reads from: the ring of the loop that runs at present."""
+    """Source of samples: the ring buffer of the current loop process."""
 
     @property
     def count(self) -> int:
-        """Ticks appended so far."""
+        """Number of samples written so far."""
         ...
 
     def read(self, since: int, limit: int) -> tuple[int, NDArray[np.float64], int]:
-        """Return (first tick, rows, samples overwritten before they could be read)."""
+        """Return (first tick, rows, number of samples that were overwritten before this call)."""
         ...
 
 
 class StreamClient:
-    """One open websocket: what waits to be sent to it, and what it has missed."""
+    """Messages that wait for one websocket, and the number of samples that it has missed."""
 
     def __init__(self) -> None:
         self._frames: deque[bytes] = deque()
@@ -128,7 +137,7 @@ class StreamClient:
         self._wake = asyncio.Event()
 
     def queue_frame(self, frame: bytes) -> None:
-        """Queue a frame; when the queue is full it is not sent, and its samples are counted as missed."""
+        """Queue a frame; drop it if the queue is full, and count its samples as missed."""
         if len(self._frames) >= QUEUE_FRAMES:
             self._missed += wire.read_sample_count(frame)
             return
@@ -137,17 +146,17 @@ class StreamClient:
         self._wake.set()
 
     def queue_state(self, state: str) -> None:
-        """Replace the state that waits to be sent: the newest wins."""
+        """Queue the state in place of an older one that waits."""
         self._state = state
         self._wake.set()
 
     def queue_text(self, text: str) -> None:
-        """Queue a message that must arrive in order: an event mark, a pong."""
+        """Queue an event mark or a pong; these keep their order."""
         self._texts.append(text)
         self._wake.set()
 
     async def next(self) -> str | bytes:
-        """Wait for what is to be sent next."""
+        """Wait for the next message: first texts, then the state, then frames."""
         while True:
             if self._texts:
                 return self._texts.popleft()
@@ -161,13 +170,10 @@ class StreamClient:
 
 
 class LiveStream:
-    """Reads the ring at 30 Hz and hands each frame to all clients.
-
-    ``samples`` returns the ring in use (another one after the loop process was started anew), ``state`` the state to
-    tell. ``announce`` marks an event; ``state_changed`` sends the state with the next frame instead of at its turn.
-    """
+    """Sends samples, state and marks to all clients."""
 
     def __init__(self, samples: Callable[[], SampleSource], state: Callable[[], StateMessage]) -> None:
+        """Read from the ring buffer that ``samples`` returns, which changes when the loop process restarts."""
         self._samples = samples
         self._state = state
         self._clients: set[StreamClient] = set()
@@ -178,18 +184,18 @@ class LiveStream:
 
     @property
     def clients(self) -> int:
-        """How many websockets are open."""
+        """Number of connected clients."""
         return len(self._clients)
 
     def publish_mark(self, mark: EventMessage) -> None:
-        """Put a mark on the time axis of all clients and of those who come later."""
+        """Send a mark to all clients, and store it for new ones."""
         text = mark.model_dump_json()
         self._marks.append(text)
         for client in self._clients:
             client.queue_text(text)
 
     def request_state(self) -> None:
-        """Send the state with the next frame."""
+        """Send the state with the next frame instead of after STATE_PERIOD_S."""
         self._state_due = 0.0
 
     async def run(self) -> None:
@@ -202,7 +208,7 @@ class LiveStream:
             self.step(clock())
 
     def step(self, now_s: float) -> None:
-        """Hand what is new to every client."""
+        """Queue new samples, and the state if it is due at ``now_s``, for all clients."""
         if self._samples() is not self._ring:
             self._restart()
         if now_s >= self._state_due:
@@ -214,7 +220,7 @@ class LiveStream:
 
     @contextmanager
     def connect(self) -> Iterator[tuple["StreamClient", Iterable[str | bytes]]]:
-        """Count one more client; beside it comes what it is sent first: how to read all, state, the seconds before."""
+        """Register a client for the block; yields it with its first messages: layout, state, marks and history."""
         client = StreamClient()
         first_messages = [build_layout().model_dump_json(), self._state().model_dump_json(), *self._marks]
         history = _read_frames(self._ring, max(0, self._position - round(HISTORY_S / T_s)), self._position)
@@ -228,9 +234,9 @@ class LiveStream:
         self._ring = self._samples()
         self._position = 0
         self._marks.clear()
-        again = build_layout().model_dump_json()
+        text = build_layout().model_dump_json()
         for client in self._clients:
-            client.queue_text(again)
+            client.queue_text(text)  # a second layout tells a client that ticks start at 0 again
 
     def _broadcast_state(self) -> None:
         if self._clients:
@@ -245,7 +251,7 @@ class LiveStream:
 
 
 def build_layout() -> LayoutMessage:
-    """Return the message that tells how to read all others."""
+    """Return the message that describes the columns and codes of the frames."""
     return LayoutMessage(
         fields=list(STORED),
         period_s=T_s,
