@@ -236,7 +236,7 @@ class LiveStream:
         self._marks.clear()
         text = build_layout().model_dump_json()
         for client in self._clients:
-            client.queue_text(text)  # a second layout tells a client that ticks start at 0 again
+            client.queue_text(text)  # a page removes its marks and history at a layout
 
     def _broadcast_state(self) -> None:
         if self._clients:
