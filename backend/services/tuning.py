@@ -302,7 +302,7 @@ class TuningService:
             if self._live_state.overridden_tuning is not own:  # restored by another task meanwhile
                 return
             temporary, restored = self._live_state.tuning, self._drop_unusable_rejection(own)
-            if restored.tuning != temporary.choice:
+            if restored.choice != temporary.choice:
                 try:
                     is_alive = self._supervisor.is_alive
                     tick = await self._send_tuning(restored) if is_alive else self._set_active(restored)
