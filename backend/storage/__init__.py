@@ -1,14 +1,14 @@
-"""Everything that outlives the process: runs and their samples, models, banks, results, events, settings.
+"""Persistent data: runs, samples, models, banks, results, events, settings.
 
-The only package that speaks SQL. ``open_database`` gives a ``Database``; its ``session()`` is one writing transaction
-and its ``reading()`` one snapshot; the functions of the modules here take that session first and speak plain
-dataclasses::
+The only package with SQL. ``open_database`` returns a ``Database``; its ``session()`` is one writing transaction and
+its ``reading()`` one snapshot; the functions of the modules here take that session as their first argument and return
+plain dataclasses::
 
     database = open_database(settings.data)
     with database.session() as session:
         run = runs.create(session, NewRun(kind=RunKind.TRACKING, ...))
 
-Documents (``parameters``, ``settings``, ``model`` ...) are JSON: None stands for a number that is not there.
+Documents (``parameters``, ``settings``, ``model`` ...) are JSON: None represents a missing number.
 """
 
 import lazy_loader

@@ -29,12 +29,15 @@ from backend.units import format_percent
 
 # Banks ---------------------------------------------------------------------------------------------
 #
-# Controller banks in versions, each entry with the identification it came from.
+# Controller banks in versions, each entry with the identification it was made from.
 
 
 @dataclass(frozen=True)
 class BankEntry:
-    """One nominal point [N·m/rad] with its models of G_q and G_S; gains follow from these and λ."""
+    """One operating point [N·m/rad] with its models of G_q and G_S.
+
+    Gains follow from the models and λ.
+    """
 
     S_nominal: float
     model: Document
@@ -42,7 +45,7 @@ class BankEntry:
 
     @cached_property
     def known(self) -> EntryModel:
-        """What the models say. Raises UnreadableDocumentError."""
+        """Models of the entry. Raises UnreadableDocumentError."""
         return ENTRY.read(self.model, f"the entry at {self.S_nominal:.2f} N·m/rad of a bank")
 
 
@@ -63,9 +66,9 @@ class Bank:
 def add(
     session: OrmSession, name: str, entries: Sequence[BankEntry], who: str, note: str = "", number: int | None = None
 ) -> Bank:
-    """Store the next version of the bank of this name; earlier versions stay. ``number`` is given where it is known.
+    """Store the next version of the bank of this name; earlier versions remain.
 
-    Raises RequestRejectedError for a new name that reads like one there is.
+    ``number`` is its number, if given. Raises RequestRejectedError for a new name that resembles an existing one.
     """
     if not entries:
         raise ValueError(f"bank {name!r} has no entries: choose at least one identification")
@@ -93,12 +96,12 @@ def add(
 
 
 def get(session: OrmSession, bank_id: int) -> Bank:
-    """Return one version of a bank, whichever station's. Raises UnknownRecordError."""
+    """Return one version of a bank of any station. Raises UnknownRecordError."""
     return _with_entries(session, require(session, BankRow, bank_id, "bank"))
 
 
 def own(session: OrmSession, bank_id: int) -> Bank:
-    """Return one version of a bank of the station, to drive by it. Raises UnknownRecordError."""
+    """Return one version of a bank of this station. Raises UnknownRecordError."""
     bank = get(session, bank_id)
     if bank.station != session_station(session):
         whose = f"is one of station {bank.station}" if bank.station else "is of no station"
@@ -107,14 +110,15 @@ def own(session: OrmSession, bank_id: int) -> Bank:
 
 
 def newest_version(session: OrmSession, bank: Bank) -> int:
-    """Return the newest version of the bank of this name at the station that has it."""
-    name = select(BankRow.name).where(BankRow.id == bank.id).scalar_subquery()  # its own may be shown with escapes
+    """Return the newest version of the bank of this name at its station."""
+    # bank.name may contain escapes for display
+    name = select(BankRow.name).where(BankRow.id == bank.id).scalar_subquery()
     of_name = (BankRow.name == name, BankRow.station == bank.station)
     return session.scalar(select(func.max(BankRow.version)).where(*of_name)) or bank.version
 
 
 def find(session: OrmSession, *, name: str | None = None) -> list[Bank]:
-    """Return all versions of all banks of the station or of one name, newest first."""
+    """Return all versions of all banks of the station, or of one name, newest first."""
     query = select(BankRow).where(BankRow.station == session_station(session)).order_by(BankRow.id.desc())
     if name is not None:
         query = query.where(BankRow.name == name)
@@ -137,22 +141,24 @@ def _with_entries(session: OrmSession, row: BankRow) -> Bank:
 
 # Bank entry ----------------------------------------------------------------------------------------
 #
-# What a bank's entry is called wherever people read of it, and how good the identification behind
-# it was.
+# Names of a bank's entries for people, and the quality of the identifications behind them.
 
 
 def entry_name(S_nominal: float, tension_N: float | None) -> str:
-    """Return the tension of an entry, "10 N"; where that is not known its stiffness, "8.24 N·m/rad"."""
+    """Return the tension of an entry, "10 N", or its stiffness, "8.24 N·m/rad".
+
+    The stiffness if the tension is unknown.
+    """
     return f"{S_nominal:.2f} N·m/rad" if tension_N is None else f"{tension_N:g} N"
 
 
 def stored_entry_name(entry: BankEntry) -> str:
-    """Return what a stored entry is called."""
+    """Return the name of a stored entry."""
     return entry_name(entry.S_nominal, entry.known.tension_N)
 
 
 def active_entry_name(entries: Sequence[BankEntry], active: float) -> str:
-    """Return what is in use at the loop's ``active`` entry: "10 N", or between which two it interpolates."""
+    """Return the name of the ``active`` entry: "10 N", or the interpolated two."""
     if not entries:
         return ""
     last = len(entries) - 1
@@ -166,9 +172,10 @@ def active_entry_name(entries: Sequence[BankEntry], active: float) -> str:
 
 @dataclass(frozen=True)
 class StoredFit:
-    """How good the model of G_q or G_S is: fit on data not used [%], standard errors of its K and T [%].
+    """Quality of the model of G_q or G_S.
 
-    A figure that could not be had is None; so are all of an identification that cannot be read.
+    Fit on validation data [%], standard errors of its K and T [%]; None if not available, as for an unreadable
+    identification.
     """
 
     grade: Grade | None = field(metadata=describe_field("null where the identification cannot be read"))
@@ -177,9 +184,9 @@ class StoredFit:
     T_error_percent: float | None = field(metadata=describe_field("standard error of the time constant"))
 
     def in_words(self) -> str:
-        """Return all of it in one line: "usable, fit 98.2 %, standard errors: K 1.2 %, T 3.1 %".
+        """Return all values in one line: "usable, fit 98.2 %, standard errors: …".
 
-        Standard errors alone: what the verdict calls known may be less, as it counts what the model leaves out.
+        Only standard errors: the verdict's uncertainty may be larger, as it includes unmodelled dynamics.
         """
         parts = (
             "grade not recorded" if self.grade is None else str(self.grade),
@@ -191,17 +198,17 @@ class StoredFit:
 
 
 def read_fits(found: Identification) -> dict[str, StoredFit]:
-    """Return the fit of both channels of an actuator's identification, by "G_q" and "G_S"."""
+    """Return the quality of both models of an identification, by "G_q" and "G_S"."""
     try:
         return {name: _fit(found.actuator.channel(name)) for name in CHANNELS}
-    except UnreadableDocumentError:  # a bank is shown without what its identification cannot tell
+    except UnreadableDocumentError:  # a bank is shown without the values of an unreadable identification
         return dict.fromkeys(CHANNELS, StoredFit(None, None, None, None))
 
 
 def read_method_name(found: Identification) -> str:
-    """Name the estimators of an actuator's identification.
+    """Return the name of the estimators of an actuator's identification.
 
-    One that was stored before those of both channels were named has that of G_q alone.
+    Identifications of earlier versions name only that of G_q.
     """
     try:
         named = {name: found.actuator.channel(name).model.method for name in CHANNELS}
@@ -211,7 +218,10 @@ def read_method_name(found: Identification) -> str:
 
 
 def load_bank_fits(session: Session, bank: Bank) -> dict[int, dict[str, StoredFit]]:
-    """Return the fits behind a bank's entries, by the number of their estimate. Raises UnknownRecordError."""
+    """Return the quality of a bank's models by identification number.
+
+    Raises UnknownRecordError.
+    """
     named = [entry.identification_id for entry in bank.entries]
     return {number: read_fits(identifications.get(session, number)) for number in named if number is not None}
 

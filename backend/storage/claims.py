@@ -1,9 +1,9 @@
-"""The claim of a service on its database, with a sign of life, by whatever path or URL the database is reached.
+"""Claim of a service on its database, with a heartbeat, for any path or URL.
 
-The locks of a data folder do not see a database that lies in another folder, and a database server's lock ends with a
-connection. So a service writes into the database itself who it is, and counts a beat up every second. Whoever finds a
-claim asks the kernel whether its process lives, where both see the same processes; elsewhere (another machine, a
-container) it waits for a beat. No clocks are compared.
+The lock of a data folder does not protect a database elsewhere, and the lock of a database server ends with a
+connection. A service therefore writes its identity into the database, and increments a beat every second. A process
+that finds a claim asks the kernel whether the claiming process is alive, if both see the same processes; otherwise
+(another machine, a container) it waits for a beat. No clocks are compared.
 """
 
 import json
@@ -26,10 +26,10 @@ from backend.storage.orm import SettingRow
 from backend.storage.stations import StationTakenError
 
 BEAT_S = 1.0
-"""Time between two beats [s]."""
+"""Period of the heartbeat [s]."""
 
 LIFE_S = 10.0
-"""A claim that does not beat for so long [s] is given up: a beat may wait 5 s for the write lock of another program."""
+"""Time without a beat after which a claim is void [s]: a beat may wait 5 s for the write lock of another program."""
 
 _POLL_S = 0.1
 _SETTING = "service_claim"
@@ -38,7 +38,10 @@ _PROC = Path("/proc")
 
 @dataclass(frozen=True)
 class Claim:
-    """Who works on a database: a key of its own, version, host, and its process as the kernel of ``seen_by`` counts."""
+    """Service that uses a database: key, version, host, and process.
+
+    ``process`` and ``began`` identify the process as the kernel of ``seen_by`` counts.
+    """
 
     key: str
     version: str
@@ -50,7 +53,7 @@ class Claim:
 
     @property
     def describe(self) -> str:
-        """Who it is, for a person."""
+        """Description of the service for people."""
         return f"a service of version {self.version} (process {self.process} on {self.host})"
 
 
@@ -68,10 +71,16 @@ def own_claim() -> Claim:
 
 
 class HeldClaim:
-    """The claim of this service. ``run`` keeps it alive in a thread; ``problem`` says why it is lost, "" while held."""
+    """The claim of this service.
+
+    ``run`` renews it in a thread; ``problem`` says why it is lost, "" while held.
+    """
 
     def __init__(self, engine: Engine, station: str) -> None:
-        """Claim the database for a station. Raises StationTakenError while another service has it."""
+        """Claim the database for a station.
+
+        Raises StationTakenError while another service has it.
+        """
         self._engine, self._station, self._claim = engine, station, own_claim()
         self._over, self._problem = threading.Event(), ""
         found = _read_claim(engine, station)
@@ -88,17 +97,17 @@ class HeldClaim:
         return self._problem
 
     def run(self) -> None:
-        """Beat once a second until ``end``; a beat that cannot be written is tried again."""
+        """Beat once a second until ``end``; a failed beat is retried."""
         while not self._over.wait(BEAT_S):
-            with suppress(SQLAlchemyError):  # a database that cannot be written is told by what is recorded into it
+            with suppress(SQLAlchemyError):  # a database that cannot be written is reported by the writers of data
                 self.beat()
 
     def end(self) -> None:
-        """Let ``run`` return."""
+        """End ``run``."""
         self._over.set()
 
     def beat(self) -> None:
-        """Count the beat up, or note that another service has the claim."""
+        """Increment the beat, or record that another service has the claim."""
         with self._engine.begin() as connection:
             now = _load_claim(connection, self._station)
             if now is None or now.key != self._claim.key:
@@ -112,7 +121,7 @@ class HeldClaim:
             _write(connection, self._station, self._claim)
 
     def let_go(self) -> None:
-        """Give the claim up, if it is still held."""
+        """Release the claim if it is still held."""
         self.end()
         with suppress(SQLAlchemyError), self._engine.begin() as connection:
             now = _load_claim(connection, self._station)
@@ -121,7 +130,10 @@ class HeldClaim:
 
 
 def describe_claim(engine: Engine) -> str:
-    """Say which service works on a database, of whatever schema, under any station; "" where none does."""
+    """Return the description of the service that uses a database, "" for none.
+
+    Of any schema and any station.
+    """
     try:
         with engine.connect() as connection:
             rows = connection.execute(text("SELECT station, value FROM setting WHERE name = :name"), {"name": _SETTING})
@@ -133,7 +145,10 @@ def describe_claim(engine: Engine) -> str:
 
 
 def is_alive(engine: Engine, station: str, claim: Claim) -> bool:
-    """Return whether the service of a claim lives: at once where its process can be seen, else after LIFE_S at most."""
+    """Return whether the service of a claim is alive.
+
+    At once if its process is visible, else after at most LIFE_S.
+    """
     if claim.seen_by and claim.seen_by == _seen_by():
         return _began(claim.process) == claim.began
     end = time.monotonic() + LIFE_S
@@ -159,7 +174,7 @@ def _load_claim(connection: Connection, station: str) -> Claim | None:
 
 
 def _parse_claim(value: object) -> Claim | None:
-    """Return the claim of a row; None for what is none, so that a spoilt row keeps nobody out."""
+    """Return the claim of a row; None if it is invalid, so that it blocks nobody."""
     with suppress(TypeError, ValueError):
         document = json.loads(value) if isinstance(value, str) else value
         if isinstance(document, Mapping):
@@ -179,7 +194,10 @@ def _delete(connection: Connection, station: str) -> None:
 
 
 def _seen_by() -> str:
-    """Name the kernel and its namespace of processes, in which a number names one process; "" where that is unknown."""
+    """Return the kernel and its process namespace, which give a process id a meaning.
+
+    "" if unknown.
+    """
     try:
         boot = (_PROC / "sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
         return f"{boot} {os.readlink(_PROC / 'self/ns/pid')}"
@@ -188,7 +206,7 @@ def _seen_by() -> str:
 
 
 def _began(process: int) -> str:
-    """Return when a process began, in ticks since the kernel did; "" where there is none of that number."""
+    """Return the start of a process in ticks since boot; "" if there is none."""
     try:
         stat = (_PROC / str(process) / "stat").read_text(encoding="utf-8", errors="replace")
     except OSError:

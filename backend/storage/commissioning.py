@@ -1,4 +1,4 @@
-"""Results of the steps that bring a rig up: each attempt is a row, the newest of a step counts."""
+"""Results of commissioning steps: a row per attempt, the newest of a step counts."""
 
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
@@ -13,9 +13,9 @@ from backend.storage.stations import session_station
 
 @dataclass(frozen=True)
 class NewStepResult:
-    """What a step came to with the wiring ``wiring``, which ``fingerprint`` tells from any other.
+    """Result of a step with the wiring ``wiring``, identified by ``fingerprint``.
 
-    ``figures`` are (words, value, unit) by name, ``calibrations`` what takes effect, by name too.
+    ``figures`` are (text, value, unit) by name, ``calibrations`` the values that apply, by name too.
     """
 
     step: str
@@ -37,7 +37,7 @@ class StoredStepResult(NewStepResult):
 
 
 def add(session: Session, new: NewStepResult) -> StoredStepResult:
-    """Keep a result."""
+    """Store a result."""
     row = BringUpRow(at=datetime.now(UTC), station=session_station(session), **asdict(new))
     session.add(row)
     session.flush()
@@ -54,30 +54,33 @@ def newest(session: Session) -> dict[str, StoredStepResult]:
 
 
 def calibrations(session: Session, station: str) -> list[StoredStepResult]:
-    """Return all that was calibrated at a station, oldest first."""
+    """Return all calibrations at a station, oldest first."""
     query = select(BringUpRow).where(BringUpRow.station == station, BringUpRow.passed).order_by(BringUpRow.id)
     return [to_record(StoredStepResult, row) for row in session.scalars(query) if row.calibrations]
 
 
 def held_at(session: Session, station: str, at: datetime) -> list[StoredStepResult]:
-    """Return what was calibrated at a station up to a moment, of each step the newest."""
+    """Return the newest calibration of each step at a station up to a time."""
     return list({one.step: one for one in calibrations(session, station) if one.at <= at}.values())
 
 
 def describe_calibration(result: StoredStepResult) -> dict[str, Any]:
-    """Return the facts of a calibration for a lineage."""
+    """Return the data of a calibration for a lineage."""
     return {"step": result.step, "fingerprint": result.fingerprint, "calibrations": result.calibrations}
 
 
 def last_failure(session: Session, step: str) -> int:
-    """Return the number of the newest result of a step that did not pass, with whatever wiring; 0 for none."""
+    """Return the number of the newest failed result of a step, 0 for none.
+
+    With any wiring.
+    """
     failed = (BringUpRow.step == step, BringUpRow.passed.is_(False), BringUpRow.station == session_station(session))
     query = select(func.max(BringUpRow.id)).where(*failed)
     return session.scalar(query) or 0
 
 
 def passed_with(session: Session, fingerprint: str) -> list[StoredStepResult]:
-    """Return all that passed with one wiring, oldest first."""
+    """Return all passed results with one wiring, oldest first."""
     passed = (BringUpRow.fingerprint == fingerprint, BringUpRow.passed, BringUpRow.station == session_station(session))
     query = select(BringUpRow).where(*passed).order_by(BringUpRow.id)
     return [to_record(StoredStepResult, row) for row in session.scalars(query)]

@@ -1,4 +1,4 @@
-"""Events: what happened and who asked for it, in order. Text, person and time never change.
+"""Events in order of time: text, person and time of an event never change.
 
 The event of a trip gets its run and the trips that followed once its flight record ends.
 """
@@ -14,11 +14,11 @@ from backend.storage.orm import Document, EventRow, require, to_record
 from backend.storage.stations import session_station
 
 _ONE_TRIP = timedelta(seconds=2)
-"""So far apart may be the times that two parts of the service give one trip."""
+"""Largest difference between the times that two parts of the service assign to one trip."""
 
 
 class EventKind(StrEnum):
-    """What an event is about. Those that are marks on the time axis too are called as ``MarkKind`` calls them."""
+    """Kind of an event; marks on the time axis have the names of ``MarkKind``."""
 
     MODE = "mode"
     TUNING = "tuning"
@@ -35,12 +35,15 @@ class EventKind(StrEnum):
     ACCESS = "access"
     REFUSAL = "refusal"
     RUN = "run"
-    """Not stored as an event: runs say themselves when they began and ended."""
+    """Not stored as an event: derived from the start and end of runs."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """A stored event. ``run_id`` and ``tick`` are None where it belongs to no run or to no sample."""
+    """A stored event.
+
+    ``run_id`` and ``tick`` are None if it belongs to no run or to no sample.
+    """
 
     id: int
     at: datetime
@@ -63,7 +66,7 @@ def add(
     detail: Document | None = None,
     at: datetime | None = None,
 ) -> Event:
-    """Store an event that happened at ``at`` (None: now); ``who`` is empty when nobody asked for it."""
+    """Store an event at time ``at`` (None: now); ``who`` is empty without a person."""
     row = EventRow(
         at=at or datetime.now(UTC),
         kind=kind,
@@ -95,10 +98,10 @@ def find(session: Session, *, run_id: int | None = None, kind: str | None = None
 
 
 def find_trip(session: Session, tick: int, at: datetime) -> Event | None:
-    """Return the station's event of the trip at ``tick`` at about the time ``at``, None where none was stored.
+    """Return the station's event of the trip at ``tick``, around time ``at``, or None.
 
-    Ticks begin anew with each loop process, so the time decides between trips at one tick. The death of the loop is
-    kept at its last tick, its record at the tick that did not come.
+    Ticks restart with each loop process, so the time distinguishes trips at one tick. The death of the loop is stored
+    at its last tick, its record at the tick that was missing.
     """
     query = select(EventRow).where(
         EventRow.station == session_station(session),
@@ -111,7 +114,7 @@ def find_trip(session: Session, tick: int, at: datetime) -> Event | None:
 
 
 def complete(session: Session, event_id: int, *, run_id: int | None, followed_by: str) -> None:
-    """Add to the event of a trip what is known once its record ends: the run, and the trips that followed."""
+    """Complete the event of a trip once its record ends: run, and following trips."""
     row = require(session, EventRow, event_id, "event")
     row.run_id = row.run_id or run_id
     if followed_by:
@@ -121,7 +124,10 @@ def complete(session: Session, event_id: int, *, run_id: int | None, followed_by
 def between(
     session: Session, since: datetime, until: datetime | None, *, station: str | None = None, limit: int = 2000
 ) -> list[Event]:
-    """Return the events of a station (None: the own one) from ``since`` to ``until`` (None: to now), oldest first."""
+    """Return the events of a station from ``since`` to ``until``, oldest first.
+
+    ``station`` None: the own one; ``until`` None: now.
+    """
     whose = session_station(session) if station is None else station
     query = select(EventRow).where(EventRow.station == whose, EventRow.at >= since)
     if until is not None:

@@ -1,4 +1,4 @@
-"""Own experiments in versions, each as the text that somebody wrote."""
+"""Own experiments in versions, each as the text of its author."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -23,9 +23,9 @@ class StoredExperiment:
 
 
 def add(session: Session, name: str, text: str, who: str) -> StoredExperiment:
-    """Store the next version of the experiment of this name; earlier versions stay. The same text again is no other.
+    """Store the next version of the experiment of this name; earlier versions remain.
 
-    Raises RequestRejectedError for a new name that reads like one there is.
+    An unchanged text creates no version. Raises RequestRejectedError for a new name that resembles an existing one.
     """
     newest = _newest(session, name)
     if newest is not None and newest.text == text:
@@ -44,7 +44,10 @@ def add(session: Session, name: str, text: str, who: str) -> StoredExperiment:
 
 
 def get(session: Session, name: str, version: int | None = None) -> StoredExperiment:
-    """Return a version of an experiment, without a number the newest. Raises UnknownRecordError."""
+    """Return a version of an experiment, by default the newest.
+
+    Raises UnknownRecordError.
+    """
     query = _of_station(session).where(ExperimentRow.name == name, ExperimentRow.version == version)
     row = _newest(session, name) if version is None else session.scalar(query)
     if row is None:
@@ -53,7 +56,7 @@ def get(session: Session, name: str, version: int | None = None) -> StoredExperi
 
 
 def newest(session: Session) -> list[StoredExperiment]:
-    """Return the newest version of each, by name."""
+    """Return the newest version of each experiment, by name."""
     of_station = ExperimentRow.station == session_station(session)
     last = select(func.max(ExperimentRow.id)).where(of_station).group_by(ExperimentRow.name)
     rows = session.scalars(select(ExperimentRow).where(ExperimentRow.id.in_(last)).order_by(ExperimentRow.name))
@@ -61,7 +64,7 @@ def newest(session: Session) -> list[StoredExperiment]:
 
 
 def versions(session: Session, name: str) -> list[StoredExperiment]:
-    """Return all versions of one, the newest first."""
+    """Return all versions of an experiment, newest first."""
     of_name = _of_station(session).where(ExperimentRow.name == name).order_by(ExperimentRow.version.desc())
     return [to_record(StoredExperiment, row) for row in session.scalars(of_name)]
 

@@ -1,4 +1,4 @@
-"""Flight records: the samples around a trip or a trigger, kept with the event that tells of it."""
+"""Flight records: samples around a trip or a trigger, stored with its event."""
 
 from dataclasses import asdict, dataclass
 from datetime import datetime
@@ -12,7 +12,7 @@ from backend.storage.stations import session_station
 
 DELETE_BATCH = 50
 TRIGGER = "trigger"
-"""What stands in place of the fault in a record that a trigger made, and its condition in the detail of the event."""
+"""Name in place of the fault in a capture of a trigger, and key of the condition in the detail of the event."""
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class NewFlight:
 
 @dataclass(frozen=True)
 class Flight:
-    """A stored flight record without its samples; ``text`` tells what happened, ``run_id`` to what run.
+    """A stored flight record without its samples; ``text`` describes the event.
 
-    ``who`` pressed STOP or armed the trigger; ``trigger`` is what was waited for, None of a trip.
+    ``run_id`` is its run. ``who`` pressed STOP or armed the trigger; ``trigger`` is the condition, None for a trip.
     """
 
     event_id: int
@@ -51,13 +51,13 @@ class Flight:
 
 
 def add(session: Session, new: NewFlight) -> None:
-    """Keep a flight record with its event."""
+    """Store a flight record with its event."""
     session.add(FlightRow(**asdict(new)))
     session.flush()
 
 
 def known_run(session: Session, run_id: int) -> int | None:
-    """Return the number of a run that is stored, None of 0 and of one that is not."""
+    """Return the number of a stored run, None for 0 and unknown runs."""
     try:
         return runs.get(session, run_id).id if run_id else None
     except UnknownRecordError:
@@ -65,10 +65,10 @@ def known_run(session: Session, run_id: int) -> int | None:
 
 
 def delete_oldest(session: Session, records: int, size_bytes: int, of: str = "") -> int:
-    """Delete the station's oldest records beyond a number of them or of bytes; return how many. The newest stays.
+    """Delete the station's oldest records beyond a number or size; return how many.
 
-    Captures ``of`` triggers and records of trips are counted apart: neither takes the room of the other.
-    Their events stay too. At most ``DELETE_BATCH`` go, so that nobody waits long for the database.
+    The newest remains. Captures ``of`` triggers and records of trips have separate quotas. Their events remain. At most
+    ``DELETE_BATCH`` are deleted, so that other transactions do not wait long.
     """
     sizes = select(FlightRow.event_id, func.length(FlightRow.samples)).join(EventRow)
     alike = FlightRow.fault == TRIGGER if of == TRIGGER else FlightRow.fault != TRIGGER

@@ -1,4 +1,4 @@
-"""Derived signals of a station by name: written, changed and removed; earlier rows stay."""
+"""Derived signals of a station by name; each change is a new row."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -12,7 +12,10 @@ from backend.storage.stations import session_station
 
 @dataclass(frozen=True)
 class Formula:
-    """A formula as it is in force; ``unit`` and ``meaning`` are as its writer says, ``steps`` compute it."""
+    """An active formula; ``unit`` and ``meaning`` are its author's.
+
+    ``steps`` compute it.
+    """
 
     name: str
     expression: str
@@ -26,7 +29,7 @@ class Formula:
 def save(
     session: Session, name: str, expression: str, steps: list[Document], unit: str, meaning: str, who: str
 ) -> Formula:
-    """Write a formula, or change the one of this name."""
+    """Store a formula, or change the one of this name."""
     return to_record(
         Formula,
         _add(
@@ -68,7 +71,7 @@ def find(session: Session) -> list[Formula]:
 
 
 def ever(session: Session) -> set[str]:
-    """Return the names of all formulas that the station has or had."""
+    """Return the names of all current and removed formulas of the station."""
     return set(
         session.scalars(select(FormulaRow.name).where(FormulaRow.station == session_station(session)).distinct())
     )

@@ -1,4 +1,4 @@
-"""Stored identifications, and the checks of documents taken in as such."""
+"""Stored identifications, and checks of imported documents."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -30,34 +30,33 @@ from plant import ErrorCode, SinewError
 
 # Fit -----------------------------------------------------------------------------------------------
 #
-# What a document has to be, to be taken in as a record: what its columns hold, and what makes sense
-# together.
+# Checks of an imported document: contents of its columns, and consistency.
 
 
 _OVER = [str(state) for state in EndState if state is not EndState.RUNNING]
 _LISTS = ("criteria",)
-"""Columns of JSON that hold a list."""
+"""JSON columns that hold a list."""
 _MODELS = [name for name in EntryModel.__dataclass_fields__ if name != "version"]
 _LINES = ("name", "title", "label", "symbol", "unit", "kind", "who", "parameters_name", "plant", "software", "method")
-"""Parts of a document that are texts of one line, wherever they are."""
+"""Single-line texts in a document, in any place."""
 _LARGEST_NUMBER = 1e12
-"""As of a bank that comes by a request."""
+"""The limit of a bank in a request."""
 _CALIBRATION = {"step": str, "fingerprint": str, "calibrations": list}
 
 
 class UnfitDocumentError(SinewError, ValueError):
-    """A document that is no record of its kind; the message says which part of it is wrong."""
+    """A document that is no valid record of its kind; the message names the part."""
 
     category = ErrorCode.BAD_VALUE
 
 
 def unfit(name: str, value: Any, needed: str) -> UnfitDocumentError:
-    """Return the refusal of a part: what it is, what it would have to be, and what to do."""
+    """Return the error of a part: its value, the expected content, and the remedy."""
     return UnfitDocumentError(f"{name} cannot be {str(value)[:40]!r}: it is {needed}; make the file anew from the run")
 
 
 def require_fit(kind: str, column: Any, value: Any) -> None:
-    """Raise UnfitDocumentError for what the column cannot hold."""
+    """Raise UnfitDocumentError for a value that the column cannot hold."""
     if value is None and column.nullable:
         return
     assert isinstance(column.type, UtcDateTime | JSON | String | Boolean | Float | Integer | LargeBinary)
@@ -89,7 +88,7 @@ def _is_instant(value: Any) -> bool:
 
 
 def require_run(document: Document) -> None:
-    """Raise UnfitDocumentError for a run that cannot have been one, or was not over."""
+    """Raise UnfitDocumentError for a run that is implausible or was not over."""
     kinds, bank = [str(kind) for kind in RunKind], document["bank_id"]
     if document["kind"] not in kinds:
         raise unfit("kind of a run", document["kind"], f"one of {', '.join(kinds)}")
@@ -107,7 +106,7 @@ def require_run(document: Document) -> None:
 
 
 def require_lines(document: Any) -> None:
-    """Raise UnfitDocumentError for a name, title, label, symbol or unit in a document that is no text of one line."""
+    """Raise UnfitDocumentError for a name, label or unit that is not one plain line."""
     parts = [document]
     try:
         while parts:
@@ -125,7 +124,7 @@ def require_lines(document: Any) -> None:
 
 
 def require_entry(entry: Mapping[str, Any]) -> None:
-    """Raise UnfitDocumentError for an entry of a bank that no loop could be made of."""
+    """Raise UnfitDocumentError for a bank entry that yields no gains."""
     if entry["S_nominal"] <= 0.0:
         raise unfit("S_nominal of a bank entry", entry["S_nominal"], "a stiffness above 0 N·m/rad")
     if not set(_MODELS) & set(entry["model"]):
@@ -137,7 +136,7 @@ def require_entry(entry: Mapping[str, Any]) -> None:
 
 
 def require_identification_document(carried: Mapping[str, Any], *, of_run: bool) -> None:
-    """Raise UnfitDocumentError for what goes with no record, or is not what it is called."""
+    """Raise UnfitDocumentError for invalid data that accompany a record."""
     known = (CALIBRATIONS, BANKS) if of_run else ()
     for name in carried:
         if name not in known:
@@ -161,15 +160,15 @@ def _is_calibration(one: Any) -> bool:
 
 # Identifications -----------------------------------------------------------------------------------
 #
-# Identifications: what was estimated from which data, how, and whether it may be used for tuning.
+# Identifications: estimates with their data and method, and their verdict for tuning.
 
 
 @dataclass(frozen=True)
 class NewIdentification:
     """An estimate to store.
 
-    ``run_id`` is the run whose samples were used, None for data from elsewhere; ``data`` says which part of them
-    (signals, time span, or file name and digest); ``model`` and ``quality`` are the estimator's result, JSON.
+    ``run_id`` is the run whose samples were used, None for external data; ``data`` describes the part used (signals,
+    time span, or file name and digest); ``model`` and ``quality`` are the estimator's result as JSON.
     """
 
     kind: str
@@ -187,14 +186,14 @@ class NewIdentification:
 
 @dataclass(frozen=True)
 class Identification(NewIdentification):
-    """A stored estimate. What its documents say raises UnreadableDocumentError where they cannot be read."""
+    """A stored estimate; its documents raise UnreadableDocumentError if unreadable."""
 
     id: int
     created_at: datetime
 
     @cached_property
     def actuator(self) -> identification.ActuatorResult:
-        """What was found of an actuator."""
+        """Identified models of an actuator."""
         model, quality = (
             identification.MODEL.read(self.model, self._of),
             identification.QUALITY.read(self.quality, self._of),
@@ -203,17 +202,17 @@ class Identification(NewIdentification):
 
     @cached_property
     def actuator_record(self) -> identification.ActuatorRecord:
-        """Which samples the models of an actuator came from."""
+        """Samples from which the models of an actuator were identified."""
         return identification.RECORD.read(self.data, self._of)
 
     @cached_property
     def actuator_options(self) -> identification.ActuatorOptions:
-        """What was asked for with an actuator."""
+        """Options of an actuator's identification."""
         return identification.OPTIONS.read(self.options, self._of)
 
     @cached_property
     def motors(self) -> identification.MotorsResult:
-        """What was found of both motors."""
+        """Identified models of both motors."""
         models, qualities = (
             identification.MOTOR_MODELS.read(self.model, self._of),
             identification.MOTOR_QUALITIES.read(self.quality, self._of),
@@ -222,7 +221,7 @@ class Identification(NewIdentification):
 
     @cached_property
     def springs(self) -> dict[str, identification.SpringResult]:
-        """What was found of the springs, by name: "A" and "B", or "table"."""
+        """Identified springs by name: "A" and "B", or "table"."""
         return identification.combine_spring_results(
             identification.SPRING_MODELS.read(self.model, self._of),
             identification.SPRING_QUALITIES.read(self.quality, self._of),
@@ -231,11 +230,11 @@ class Identification(NewIdentification):
 
     @cached_property
     def table(self) -> identification.TableRecord:
-        """The file that a spring's table came from."""
+        """File of a spring's table."""
         return identification.TABLE.read(self.data, self._of)
 
     def readable(self) -> None:
-        """Raise UnreadableDocumentError for models of a known kind that cannot be read."""
+        """Raise UnreadableDocumentError for unreadable models of a known kind."""
         match self.kind:
             case "actuator":
                 _ = self.actuator
@@ -252,7 +251,7 @@ class Identification(NewIdentification):
 
 
 def add(session: Session, new: NewIdentification) -> Identification:
-    """Store an estimate beside all earlier ones."""
+    """Store an estimate; earlier ones remain."""
     row = IdentificationRow(**asdict(new), created_at=datetime.now(UTC), station=session_station(session))
     session.add(row)
     session.flush()
@@ -265,7 +264,7 @@ def get(session: Session, identification_id: int) -> Identification:
 
 
 def of_run(session: Session, run_id: int) -> Identification:
-    """Return the newest estimate made from a run. An identification goes by its run's number wherever people see it.
+    """Return the newest estimate of a run, whose number people use for it.
 
     Raises UnknownRecordError.
     """
@@ -276,28 +275,28 @@ def of_run(session: Session, run_id: int) -> Identification:
 
 
 def find_estimate_runs(session: Session) -> dict[int, int | None]:
-    """Return by the number of each stored estimate that of the run it came from; None for data from elsewhere."""
+    """Return the run of each stored estimate by its number; None for external data."""
     found = session.execute(select(IdentificationRow.id, IdentificationRow.run_id))
     return {row.id: row.run_id for row in found}
 
 
 def joint_positions(session: Session, numbers: Iterable[int]) -> dict[int, float]:
-    """Return the joint position [rad] at which each stored estimate of an actuator was made, where it says so."""
+    """Return the joint position [rad] of stored estimates of an actuator, if known."""
     rows = session.scalars(select(IdentificationRow).where(IdentificationRow.id.in_(tuple(numbers))))
     found: dict[int, float] = {}
     for row in rows:
-        with suppress(UnreadableDocumentError):  # a bank is shown without what its identification cannot tell
+        with suppress(UnreadableDocumentError):  # a bank is shown without the values of an unreadable identification
             q = to_record(Identification, row).actuator.model.q_nominal
             found |= {} if q is None else {row.id: q}
     return found
 
 
 def fits_of_runs(session: Session, runs: Iterable[int]) -> dict[int, dict[str, float]]:
-    """Return by run the fit [%] of each channel of its newest estimate of an actuator, where it says so."""
+    """Return the fits [%] of a run's newest actuator estimate, by channel, if known."""
     of_runs = (IdentificationRow.kind == "actuator", IdentificationRow.run_id.in_(tuple(runs)))
     found: dict[int, dict[str, float]] = {}
     for row in session.scalars(select(IdentificationRow).where(*of_runs).order_by(IdentificationRow.id)):
-        with suppress(UnreadableDocumentError):  # a list is shown without what cannot be read
+        with suppress(UnreadableDocumentError):  # a list is shown without unreadable values
             quality = to_record(Identification, row).actuator.quality
             fits = {"G_q": quality.G_q.fit_percent, "G_S": quality.G_S.fit_percent}
             found[row.run_id or 0] = {name: fit for name, fit in fits.items() if fit is not None and math.isfinite(fit)}
@@ -305,17 +304,20 @@ def fits_of_runs(session: Session, runs: Iterable[int]) -> dict[int, dict[str, f
 
 
 def of_kind_after(session: Session, earlier: Identification) -> list[Identification]:
-    """Return the estimates of the same kind that the same station has made since, newest first."""
+    """Return later estimates of the same kind and station, newest first."""
     of_station = select(IdentificationRow.station).where(IdentificationRow.id == earlier.id).scalar_subquery()
     imported = select(OriginRow.number).where(OriginRow.kind == IDENTIFICATION)
-    of_here = IdentificationRow.id.not_in(imported)  # an imported one is older than its number
+    of_here = IdentificationRow.id.not_in(imported)  # imported estimates are older than their number
     since = (IdentificationRow.id > earlier.id, IdentificationRow.kind == earlier.kind, of_here)
     query = select(IdentificationRow).where(*since, IdentificationRow.station == of_station)
     return [to_record(Identification, row) for row in session.scalars(query.order_by(IdentificationRow.id.desc()))]
 
 
 def find(session: Session, *, kind: str | None = None, run_id: int | None = None) -> list[Identification]:
-    """Return estimates, newest first: of a run, whoever made it, or all of the station, or those of a kind."""
+    """Return estimates, newest first: of a run of any station, or of this station.
+
+    ``kind`` selects those of a kind.
+    """
     query = select(IdentificationRow).order_by(IdentificationRow.id.desc())
     if run_id is None:
         query = query.where(IdentificationRow.station == session_station(session))

@@ -1,4 +1,4 @@
-"""Records as documents that another installation takes in: all their columns, but for number and station.
+"""Records as documents for import elsewhere, without number and station.
 
 Numbers of other records in them (``REFERENCES``) are those of the installation that wrote them.
 """
@@ -42,13 +42,16 @@ REFERENCES = {"run_id": RUN, "bank_id": BANK, "identification_id": IDENTIFICATIO
 ENTRIES = "entries"
 _OWN = ("id", "station")
 _CHANGES = {RUN: ("note", "evaluation_problem"), BANK: ("version", ENTRIES)}
-"""What may change of a record where it lies, or names others by their numbers."""
+"""Columns that may change, or that refer to other records by number."""
 _MADE = {RUN: "started_at"}
-"""The moment that tells a record from all others; ``created_at`` where nothing is said."""
+"""Column with the time that identifies a record; ``created_at`` by default."""
 
 
 def build_record_document(session: Session, kind: str, number: int) -> Document:
-    """Return a record as JSON: instants in ISO 8601, a bank with its entries. Raises UnknownRecordError."""
+    """Return a record as JSON: times in ISO 8601, a bank with its entries.
+
+    Raises UnknownRecordError.
+    """
     row = require(session, _TABLES[kind], number, kind)
     document = {column.name: _plain(getattr(row, column.name)) for column in _columns(_TABLES[kind])}
     if kind == BANK:
@@ -62,7 +65,7 @@ def build_record_document(session: Session, kind: str, number: int) -> Document:
 
 
 def parse_required_record(kind: str, document: Any) -> Document:
-    """Return a document that is a record of this kind, in the present form.
+    """Return a document that is a record of this kind, in the current form.
 
     Raises UnfitDocumentError.
     """
@@ -96,15 +99,18 @@ def _require_entries(entries: Any) -> None:
 
 
 def exclude_other_imports(session: Session) -> None:
-    """Wait until no other import is under way on the database server: two of one file would store it twice."""
+    """Wait until no other import is in progress on the database server.
+
+    Two imports of one file would store it twice.
+    """
     one_at_a_time(session.connection(), "import")
 
 
 def find_same_record(session: Session, kind: str, document: Document) -> int | None:
-    """Return the number of the station's record that was made at the same moment, None where there is none.
+    """Return the station's record made at the same time as the document, or None.
 
-    A result is one of the run that the document names, by its number here. Raises UnfitDocumentError where the record
-    says something else than the document.
+    A result must belong to the run of the document, by its number here. Raises UnfitDocumentError if record and
+    document differ.
     """
     table: Any = _TABLES[kind]
     made = _MADE.get(kind, "created_at")
@@ -128,9 +134,9 @@ def find_same_record(session: Session, kind: str, document: Document) -> int | N
 
 
 def import_document(session: Session, kind: str, document: Document) -> int:
-    """Store a document as a new record of the station and return its number; its references are those of here.
+    """Store a document as a new record of the station and return its number.
 
-    A bank whose version is taken becomes the next of its name.
+    Its references are numbers here. A bank whose version exists becomes the next version of its name.
     """
     table = _TABLES[kind]
     values = {
@@ -158,7 +164,10 @@ def import_document(session: Session, kind: str, document: Document) -> int:
 
 
 def connect_imported_bank(session: Session, run_id: int, document: Document) -> bool:
-    """Give a run that was imported without its banks those of a document; return whether it was without them."""
+    """Assign the banks of a document to a run that was imported without them.
+
+    Returns whether it was without them.
+    """
     row = require(session, RunRow, run_id, RUN)
     has_more = row.bank_id is None and document["bank_id"] is not None
     if not origins.bring_banks(session, run_id, where_there_are=has_more):
@@ -169,7 +178,7 @@ def connect_imported_bank(session: Session, run_id: int, document: Document) -> 
 
 
 def _normalise_for_comparison(name: str, document: Document) -> Any:
-    """Return what is compared of a part of a record: settings name banks by their numbers."""
+    """Return a part of a record for comparison, without the numbers of banks."""
     part = document[name]
     return renumber_banks(remove_initial_bank(part), lambda _: 0) if name == "settings" else part
 

@@ -1,4 +1,4 @@
-"""Where imported records came from; one that was made here has no origin."""
+"""Origins of imported records; local records have none."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -13,16 +13,16 @@ from backend.storage.runs import Run
 
 RUN, IDENTIFICATION = "run", "identification"
 CALIBRATIONS = "calibrations"
-"""In what is carried with a run: the steps of the bring-up that held when it began, at the rig that made it."""
+"""Key in ``carried``: commissioning steps that were valid at the start of the run, at its rig."""
 BANKS = "banks"
-"""In what is carried with a run: the banks that it names and that did not come with it, by their numbers there."""
+"""Key in ``carried``: banks that the run refers to and that were not imported, by their numbers at the origin."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """``was`` is the number of the record where it was made, ``sha256`` that of the file it came in.
+    """Origin of a record: ``was`` is its number there, ``sha256`` that of its file.
 
-    ``carried`` is what came with it that is no record here.
+    ``carried`` are accompanying data that are no records here.
     """
 
     kind: str
@@ -35,32 +35,33 @@ class Origin:
 
     @property
     def sentence(self) -> str:
-        """Say it."""
+        """Description of the origin."""
         return f"imported from {self.file}, there {self.kind} {self.was}"
 
 
 def add(session: Session, origin: Origin) -> None:
-    """Note where a record came from."""
+    """Store the origin of a record."""
     session.add(OriginRow(**asdict(origin), at=datetime.now(UTC)))
     session.flush()
 
 
 def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, Origin]:
-    """Return the origins of those of these runs that were imported."""
+    """Return the origins of the imported ones of these runs."""
     query = select(OriginRow).where(OriginRow.kind == RUN, OriginRow.number.in_(run_ids))
     return {row.number: to_record(Origin, row) for row in session.scalars(query)}
 
 
 def load_banks_during_run(session: Session, run: Run) -> BankChanges:
-    """Return the banks here that a run changed to on its way; of an imported one those that came with it."""
+    """Return the banks here that a run activated; of an imported one those imported."""
     named, origin = find_bank_changes(run.settings), of_runs(session, [run.id]).get(run.id)
     return named if origin is None or BANKS not in origin.carried else BankChanges(frozenset(), named.computed)
 
 
 def bring_banks(session: Session, run_id: int, *, where_there_are: bool) -> bool:
-    """Note that the banks of an imported run are here now; return whether it was without them.
+    """Record that the banks of an imported run are here.
 
-    An earlier Sinew did not note which these were: ``where_there_are`` says that there are any.
+    Return whether it lacked them. Earlier versions did not record which these were: ``where_there_are`` says that there
+    are any.
     """
     row = session.scalar(select(OriginRow).where(OriginRow.kind == RUN, OriginRow.number == run_id))
     if row is None or not (where_there_are or BANKS in row.carried):
@@ -70,5 +71,5 @@ def bring_banks(session: Session, run_id: int, *, where_there_are: bool) -> bool
 
 
 def load_imported_numbers(session: Session, kind: str) -> set[int]:
-    """Return the numbers of all records of a kind that were imported."""
+    """Return the numbers of all imported records of a kind."""
     return set(session.scalars(select(OriginRow.number).where(OriginRow.kind == kind)))

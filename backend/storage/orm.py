@@ -1,4 +1,4 @@
-"""Tables, rows as dataclasses, and the errors of a database."""
+"""Tables, conversion of rows to dataclasses, and errors of a database."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
@@ -36,50 +36,53 @@ if TYPE_CHECKING:
 
 # Errors --------------------------------------------------------------------------------------------
 #
-# What goes wrong with a database, by what can be done about it.
+# Errors of a database, by their remedies.
 
 
 class StorageError(SinewError):
-    """The database cannot be reached, read or written, or refuses what breaks its rules; the message is its own."""
+    """The database cannot be reached, read or written, or rejects a statement.
+
+    The message is its own.
+    """
 
     category = ErrorCode.UNAVAILABLE
 
 
 class UnfitError(StorageError):
-    """What was to be stored breaks the database's rules: trying again will not help."""
+    """The data violate the database's constraints: a retry will not help."""
 
 
 class GoneError(StorageError):
-    """The database's file is not where it was: what is written now would be kept nowhere."""
+    """The database's file was moved or deleted: new data would be lost."""
 
 
 class DamagedError(StorageError):
-    """The database's file is not whole; the message names the way back."""
+    """The database's file is damaged; the message names the remedy."""
 
 
 # Schema --------------------------------------------------------------------------------------------
 #
 # The tables. Rows stay inside this package: its functions take and return plain dataclasses.
 #
-# Nothing is overwritten, but by a migration with the same in another form: models, banks, results and
-# settings are added as new rows, and every gain can be walked back from ``bank_entry`` over
-# ``identification`` to the run, its samples and the parameters it was recorded with.
+# Nothing is overwritten, except by a migration to an equivalent form: models, banks, results and settings are added as
+# new rows, and every gain can be traced from ``bank_entry`` via ``identification`` to the run, its samples and its
+# parameters.
 
 
 Document = dict[str, Any]
 
 METHOD_MAX = 200
-"""Length of the estimators of both channels of an actuator, each with its noise model and weighting, and to spare."""
+"""Length of the names of both channels' estimators, each with noise model and weighting, with a reserve."""
 
 
 class UtcDateTime(TypeDecorator[datetime]):
-    """An instant, kept as UTC without zone (SQLite has no zones) and handed out with its zone."""
+    """A time, stored as UTC without zone (SQLite has no zones) and returned with it."""
 
     impl = DateTime
     cache_ok = True
 
     def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
-        """Refuse instants of unknown zone: they would silently shift."""
+        """Return the stored form; reject times without zone, which would silently shift."""
         if value is None:
             return None
         if value.tzinfo is None:
@@ -87,12 +90,12 @@ class UtcDateTime(TypeDecorator[datetime]):
         return value.astimezone(UTC).replace(tzinfo=None)
 
     def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
-        """Give the zone back."""
+        """Return the time with its zone."""
         return None if value is None else value.replace(tzinfo=UTC)
 
 
 class Base(DeclarativeBase):
-    """Common metadata; constraints carry names, so that later migrations can address them."""
+    """Base class with common metadata; constraints have names for later migrations."""
 
     metadata = MetaData(
         naming_convention={
@@ -111,7 +114,7 @@ class Base(DeclarativeBase):
 
 
 class Numbered:
-    """Rows with a number of their own, which is never given out twice."""
+    """Rows with a number that is never reused."""
 
     __table_args__: tuple[Any, ...] = ({"sqlite_autoincrement": True},)
 
@@ -119,13 +122,13 @@ class Numbered:
 
 
 class OfStation:
-    """Rows that belong to the station that wrote them: several may share one database."""
+    """Rows that belong to the station that wrote them; several may share a database."""
 
     station: Mapped[str] = mapped_column(String(STATION_NAME_LENGTH), index=True, server_default="")
 
 
 class RunRow(OfStation, Numbered, Base):
-    """One stretch of the loop's life that somebody asked for."""
+    """One run of the loop that a person requested."""
 
     __tablename__ = "run"
 
@@ -146,9 +149,9 @@ class RunRow(OfStation, Numbered, Base):
 
 
 class RecordingRow(Base):
-    """What the recorder kept of a run; ``fields`` names the columns of its chunks in order.
+    """Recording of a run; ``fields`` names the columns of its chunks in order.
 
-    ``size_bytes`` is what its chunks take; ``removed_at`` tells that a person had them deleted to make room.
+    ``size_bytes`` is the size of its chunks; ``removed_at`` the time at which a person deleted them to free space.
     """
 
     __tablename__ = "recording"
@@ -163,9 +166,10 @@ class RecordingRow(Base):
 
 
 class ChunkRow(Base):
-    """Up to one second of consecutive samples; ``summary`` is read far more often than ``samples``.
+    """Up to one second of consecutive samples.
 
-    ``sha256`` is the digest of ``samples`` as they were recorded, "" of those from before it was kept.
+    ``summary`` is read far more often than ``samples``. ``sha256`` is the digest of ``samples`` as recorded, "" for
+    chunks from before it was stored.
     """
 
     __tablename__ = "chunk"
@@ -179,7 +183,7 @@ class ChunkRow(Base):
 
 
 class IdentificationRow(OfStation, Numbered, Base):
-    """One estimate made from data; estimating again adds a row."""
+    """One estimate from data; another estimate adds a row."""
 
     __tablename__ = "identification"
 
@@ -198,7 +202,7 @@ class IdentificationRow(OfStation, Numbered, Base):
 
 
 class BankRow(OfStation, Numbered, Base):
-    """One version of a controller bank; a change makes the next version of the same name."""
+    """One version of a controller bank; a change adds the next version."""
 
     __tablename__ = "bank"
     __table_args__ = (UniqueConstraint("station", "name", "version"), *Numbered.__table_args__)
@@ -211,7 +215,7 @@ class BankRow(OfStation, Numbered, Base):
 
 
 class ExperimentRow(OfStation, Numbered, Base):
-    """One version of an own experiment, as its text; a change makes the next version of the same name."""
+    """One version of an own experiment, as its text; a change adds the next version."""
 
     __tablename__ = "experiment"
     __table_args__ = (UniqueConstraint("station", "name", "version"), *Numbered.__table_args__)
@@ -224,7 +228,7 @@ class ExperimentRow(OfStation, Numbered, Base):
 
 
 class BankEntryRow(Base):
-    """One nominal point of a bank with the identification it came from (none for an imported bank)."""
+    """One operating point of a bank with its identification (none if imported)."""
 
     __tablename__ = "bank_entry"
 
@@ -236,7 +240,7 @@ class BankEntryRow(Base):
 
 
 class ResultRow(Numbered, Base):
-    """Metrics and criteria computed from a run; computing again adds a row."""
+    """Metrics and criteria computed from a run; another computation adds a row."""
 
     __tablename__ = "result"
 
@@ -248,7 +252,7 @@ class ResultRow(Numbered, Base):
 
 
 class ReportRow(Numbered, Base):
-    """A report as it was handed out."""
+    """A report as it was issued."""
 
     __tablename__ = "report"
 
@@ -259,7 +263,7 @@ class ReportRow(Numbered, Base):
 
 
 class EventRow(OfStation, Numbered, Base):
-    """What happened and who asked for it; ``tick`` places it on the time axis of a run."""
+    """An event and the person who caused it; ``tick`` is its time in a run."""
 
     __tablename__ = "event"
     __table_args__ = (Index("ix_event_station_at", "station", "at"), *Numbered.__table_args__)
@@ -274,7 +278,7 @@ class EventRow(OfStation, Numbered, Base):
 
 
 class RemarkRow(Base):
-    """What a person says of an event: a note, and tags as single words between blanks."""
+    """Note and tags of an event; tags are single words separated by spaces."""
 
     __tablename__ = "event_remark"
 
@@ -286,7 +290,7 @@ class RemarkRow(Base):
 
 
 class FlightRow(Base):
-    """The samples around a trip or a trigger, kept with its event."""
+    """The samples around a trip or a trigger, stored with its event."""
 
     __tablename__ = "flight_record"
 
@@ -300,7 +304,7 @@ class FlightRow(Base):
 
 
 class SettingRow(OfStation, Numbered, Base):
-    """One value that a setting had; the newest row of a name counts."""
+    """One value of a setting; the newest row of a name counts."""
 
     __tablename__ = "setting"
 
@@ -311,7 +315,7 @@ class SettingRow(OfStation, Numbered, Base):
 
 
 class BringUpRow(OfStation, Numbered, Base):
-    """What one step of bringing a rig up came to, with one wiring."""
+    """Result of one commissioning step with one wiring."""
 
     __tablename__ = "bring_up"
 
@@ -327,7 +331,7 @@ class BringUpRow(OfStation, Numbered, Base):
 
 
 class OriginRow(Base):
-    """Where a record was imported from: its number there, the file with its digest, and what came with it."""
+    """Origin of an imported record: its number there, its file, accompanying data."""
 
     __tablename__ = "origin"
 
@@ -343,23 +347,21 @@ class OriginRow(Base):
 
 # Index schema --------------------------------------------------------------------------------------
 #
-# The tables that runs are searched by. They say nothing of their own: all of it is derived from the
-# other tables.
+# The tables for the search of runs, derived from the other tables.
 #
-# Kept apart from the runs themselves, whose rows are long: to look through 20 000 of these takes
-# some ten milliseconds. Texts are casefolded, so that upper and lower case are one on each kind of
-# database.
+# They are separate from the runs, whose rows are long: searching 20 000 of these takes some ten milliseconds. Texts are
+# casefolded, so that the search ignores case on each kind of database.
 
 
 TAG_MAX = 40
 VALUE_NAME_MAX = 200
-"""A value with a longer name, which only a run imported from elsewhere can have, is not searched by."""
+"""Longest name of a searchable value; only imported runs can have longer ones."""
 
 
 class RunIndexRow(Base):
-    """What is asked of a run in words. ``version`` is that of the code that wrote the row: an older one is renewed.
+    """Searchable texts of a run; a row of an older ``version`` is renewed.
 
-    ``parameters_sha256`` is the digest of the plant's parameters, ``words`` all that a bare word is looked for in.
+    ``parameters_sha256`` is the digest of the plant's parameters, ``words`` all texts that a bare word is searched in.
     """
 
     __tablename__ = "run_index"
@@ -385,7 +387,7 @@ class RunIndexRow(Base):
 
 
 class ValueNameRow(Base):
-    """A name that values are found by: ``source`` says of what, a ``ValueSource``."""
+    """A name of searchable values; ``source`` is a ``ValueSource``."""
 
     __tablename__ = "value_name"
     __table_args__ = (UniqueConstraint("source", "name"),)
@@ -408,7 +410,7 @@ class RunValueRow(Base):
 
 
 class ParameterValueRow(Base):
-    """A number of a set of parameters, which many runs have in common."""
+    """A number of a parameter set, which many runs share."""
 
     __tablename__ = "parameter_value"
     __table_args__ = (Index("ix_parameter_value_name_id", "name_id", "value"),)
@@ -419,7 +421,7 @@ class ParameterValueRow(Base):
 
 
 class RunTagRow(Base):
-    """A tag that somebody put on a run; kept casefolded."""
+    """A tag of a run, casefolded."""
 
     __tablename__ = "run_tag"
     __table_args__ = (Index("ix_run_tag_tag", "tag", "run_id"),)
@@ -430,7 +432,7 @@ class RunTagRow(Base):
 
 # Records -------------------------------------------------------------------------------------------
 #
-# Turn rows into the plain dataclasses that leave this package.
+# Conversion of rows to the plain dataclasses that leave this package.
 
 
 Record = TypeVar("Record", bound="DataclassInstance")
@@ -438,7 +440,7 @@ Row = TypeVar("Row", bound=Base)
 
 
 class UnknownRecordError(SinewError, LookupError):
-    """There is no such record; the message says which was asked for."""
+    """There is no such record; the message names it."""
 
     category = ErrorCode.UNKNOWN
 
@@ -449,7 +451,7 @@ def to_record(record_class: type[Record], row: Base) -> Record:
 
 
 def require(session: Session, row_class: type[Row], identifier: int, what: str) -> Row:
-    """Load the row with this identifier. Raises UnknownRecordError."""
+    """Return the row with this identifier. Raises UnknownRecordError."""
     row = session.get(row_class, identifier)
     if row is None:
         raise UnknownRecordError(f"there is no {what} {identifier}")
@@ -457,7 +459,10 @@ def require(session: Session, row_class: type[Row], identifier: int, what: str) 
 
 
 def require_distinct_name(what: str, name: str, others: Iterable[str]) -> None:
-    """Raise RequestRejectedError for a new name that people take for one of the others: "Brief" beside "brief"."""
+    """Raise RequestRejectedError for a new name that resembles another one.
+
+    Such as "Brief" and "brief".
+    """
     folded = fold_name(name)
     for other in others:
         if other != name and fold_name(other) == folded:
@@ -470,15 +475,14 @@ def require_distinct_name(what: str, name: str, others: Iterable[str]) -> None:
 
 # Study schema --------------------------------------------------------------------------------------
 #
-# The tables of studies: what one asks for and how it stands, and a row for each run that it has
-# computed.
+# The tables of studies: their definition and state, and a row for each computed run.
 
 
 class StudyRow(OfStation, Numbered, Base):
-    """A study. ``text`` and ``base`` decide its points; what follows ``created_at`` is of who computes it at present.
+    """A study. ``text`` and ``base`` determine its points.
 
-    ``begun_at`` and ``begun_with`` tell when that was begun, with how many points there already; ``seen_at`` when it
-    was last heard of.
+    The columns after ``created_at`` describe its current computation: ``begun_at`` and ``begun_with`` are its start and
+    the number of points at that time, ``seen_at`` its last sign of life.
     """
 
     __tablename__ = "study"
@@ -499,7 +503,7 @@ class StudyRow(OfStation, Numbered, Base):
 
 
 class StudyPointRow(OfStation, Base):
-    """A computed run of a study; ``values`` are what was varied, ``figures`` what came of it, in SI."""
+    """A computed run of a study: varied ``values`` and resulting ``figures``, in SI."""
 
     __tablename__ = "study_point"
 
@@ -514,30 +518,29 @@ class StudyPointRow(OfStation, Base):
 
 # Touched -------------------------------------------------------------------------------------------
 #
-# Which runs a transaction has changed something of that they are searched by; the index is renewed
-# at its end.
+# Runs whose searchable data a transaction has changed; the index is renewed at its end.
 
 
 _KEY = "sinew_touched_runs"
 
 
 def mark_for_reindex(session: Session, *run_ids: int) -> None:
-    """Have what these runs are searched by written anew before the transaction is committed."""
+    """Mark runs whose search entries are rewritten before the commit."""
     session.info.setdefault(_KEY, set()).update(run_ids)
 
 
 def take_touched(session: Session) -> list[int]:
-    """Return the runs that were touched, in order, and begin anew."""
+    """Return the marked runs in order, and clear the marks."""
     return sorted(session.info.pop(_KEY, ()))
 
 
 # Formula schema ------------------------------------------------------------------------------------
 #
-# The table of derived signals: each change is one more row, and the newest of a name counts.
+# The table of derived signals: each change is a new row, and the newest of a name counts.
 
 
 class FormulaRow(OfStation, Numbered, Base):
-    """What a formula of this name was from a time on, as written and as ``steps``; ``removed`` ends it."""
+    """A formula from a time on, as written and as ``steps``; ``removed`` ends it."""
 
     __tablename__ = "formula"
 
@@ -553,11 +556,11 @@ class FormulaRow(OfStation, Numbered, Base):
 
 # Queue schema --------------------------------------------------------------------------------------
 #
-# The table of the experiments that wait in a queue: rows that go when their experiment has started.
+# The table of queued experiments: rows are deleted when their experiment starts.
 
 
 class QueuedRow(OfStation, Numbered, Base):
-    """An experiment that waits; ``place`` orders those of a station."""
+    """A queued experiment; ``place`` orders those of a station."""
 
     __tablename__ = "queued_experiment"
 
@@ -570,14 +573,13 @@ class QueuedRow(OfStation, Numbered, Base):
 
 # Lengths -------------------------------------------------------------------------------------------
 #
-# No row is written with a text that is longer than its column.
+# Limits of texts by the lengths of their columns.
 #
-# PostgreSQL refuses such a text, SQLite stores it. Checked here, both refuse it, before anything is
-# sent.
+# PostgreSQL rejects longer texts, SQLite stores them. With this check both reject them before anything is sent.
 
 
 def require_lengths(table: Any, values: Mapping[str, Any]) -> None:
-    """Raise UnfitError for the first of ``values``, by column, that is a text longer than its column of ``table``."""
+    """Raise UnfitError for the first text in ``values`` longer than its column."""
     for column in inspect(table).local_table.columns:
         value = values.get(column.name)
         length = column.type.length if isinstance(column.type, String) else None
@@ -595,6 +597,6 @@ def _check_new(mapper: Mapper[Any], _connection: object, row: Any) -> None:
 
 @event.listens_for(Base, "before_update", propagate=True)
 def _check_changed(mapper: Mapper[Any], _connection: object, row: Any) -> None:
-    """Check what changes: a row that an earlier version wrote may hold a longer text elsewhere."""
+    """Check changed columns only: rows of earlier versions may have longer texts."""
     changed = (column.key for column in mapper.column_attrs if inspect(row).attrs[column.key].history.has_changes())
     require_lengths(mapper, {key: getattr(row, key) for key in changed})

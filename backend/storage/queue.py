@@ -1,4 +1,4 @@
-"""The experiments that wait in a station's queue, in the order in which they are to run."""
+"""Queued experiments of a station, in order of execution."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from backend.storage.stations import session_station
 
 @dataclass(frozen=True)
 class StoredQueued:
-    """An experiment that waits, with all its settings; ``id`` is never given out twice."""
+    """A queued experiment with all its settings; ``id`` is never reused."""
 
     id: int
     name: str
@@ -23,14 +23,14 @@ class StoredQueued:
 
 
 def load_waiting(session: Session) -> list[StoredQueued]:
-    """Return what waits, the next one to run first."""
+    """Return the queued experiments, the next one first."""
     of_station = QueuedRow.station == session_station(session)
     rows = session.scalars(select(QueuedRow).where(of_station).order_by(QueuedRow.place, QueuedRow.id))
     return [to_record(StoredQueued, row) for row in rows]
 
 
 def add(session: Session, name: str, settings: Document, who: str) -> StoredQueued:
-    """Put an experiment at the end."""
+    """Append an experiment."""
     station = session_station(session)
     last = session.scalar(select(func.max(QueuedRow.place)).where(QueuedRow.station == station))
     place = 0 if last is None else last + 1
@@ -41,12 +41,12 @@ def add(session: Session, name: str, settings: Document, who: str) -> StoredQueu
 
 
 def remove(session: Session, item_id: int) -> None:
-    """Take an experiment out, where it is still there."""
+    """Remove an experiment if it is queued."""
     session.execute(delete(QueuedRow).where(QueuedRow.id == item_id, QueuedRow.station == session_station(session)))
 
 
 def arrange(session: Session, order: Sequence[int]) -> None:
-    """Let the experiments of these numbers wait in this order."""
+    """Order the queued experiments by these numbers."""
     places = {item_id: place for place, item_id in enumerate(order)}
     for row in session.scalars(select(QueuedRow).where(QueuedRow.station == session_station(session))):
         row.place = places.get(row.id, len(places))

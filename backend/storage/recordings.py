@@ -1,4 +1,4 @@
-"""Recordings in chunks, each committed whole, and what they take of the disk."""
+"""Recordings in chunks, each committed completely, and their sizes."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -25,14 +25,15 @@ from plant import SinewError
 
 # Recordings ----------------------------------------------------------------------------------------
 #
-# Recordings: the samples of a run in chunks of up to one second, each committed whole.
+# Recordings: the samples of a run in chunks of up to one second, each committed completely.
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What was kept of a run: ``fields`` names the columns; ``missed`` ticks are lacking, ``problem`` says why.
+    """Recording of a run: ``fields`` names the columns.
 
-    ``removed_at`` tells that the samples were deleted to make room.
+    ``missed`` ticks are missing, ``problem`` says why. ``removed_at`` is the time at which samples were deleted to free
+    space.
     """
 
     run_id: int
@@ -54,14 +55,17 @@ class Span:
 
 @dataclass(frozen=True)
 class Extent(Span):
-    """A span, and how many of its ticks are there."""
+    """A span, and the number of its recorded ticks."""
 
     count: int
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Consecutive samples from ``first_tick`` on, and their summary, both packed by ``backend.recording.codec``."""
+    """Consecutive samples from ``first_tick`` on, and their summary.
+
+    Both are packed by ``backend.recording.codec``.
+    """
 
     first_tick: int
     count: int
@@ -79,14 +83,14 @@ class Summary:
 
 
 class NotRecordableError(SinewError, ValueError):
-    """The run is over, or has its recording already."""
+    """The run is over, or has a recording already."""
 
 
 def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> Recording:
-    """Open the recording of a running run. Raises UnknownRecordError, NotRecordableError.
+    """Open the recording of a running run.
 
-    One whose end was only inferred, by a service that is told to end before the first samples are read, is running to
-    the samples: they say how it ended.
+    A run whose end was only inferred, by a service that shut down before the first samples were read, counts as
+    running: its samples determine its end. Raises UnknownRecordError, NotRecordableError.
     """
     run = require(session, RunRow, run_id, "run")
     over = run.end_state not in (EndState.RUNNING, EndState.SERVICE_DIED)
@@ -103,7 +107,10 @@ def begin(session: Session, run_id: int, fields: list[str], period_s: float) -> 
 def begin_imported(
     session: Session, run_id: int, fields: list[str], period_s: float, missed: int, problem: str
 ) -> None:
-    """Open the recording of a run that was recorded elsewhere. Raises UnknownRecordError."""
+    """Open the recording of a run that was recorded elsewhere.
+
+    Raises UnknownRecordError.
+    """
     require(session, RunRow, run_id, "run")
     values = {"missed": missed, "problem": problem, "size_bytes": 0, "removed_at": None}
     session.add(RecordingRow(run_id=run_id, fields=fields, period_s=period_s, **values))
@@ -132,7 +139,7 @@ def add_chunks(session: Session, run_id: int, chunks: Sequence[Chunk]) -> None:
 
 
 def add_gap(session: Session, run_id: int, missed: int, problem: str) -> None:
-    """Note that ticks are lacking, and why. Raises UnknownRecordError."""
+    """Record that ticks are missing, and why. Raises UnknownRecordError."""
     row = require(session, RecordingRow, run_id, "recording of run")
     row.missed += missed
     row.problem = f"{row.problem}; {problem}" if row.problem else problem
@@ -140,14 +147,14 @@ def add_gap(session: Session, run_id: int, missed: int, problem: str) -> None:
 
 
 def get(session: Session, run_id: int) -> Recording:
-    """Return the recording of a run. Raises UnknownRecordError when nothing of it was recorded."""
+    """Return the recording of a run. Raises UnknownRecordError if there is none."""
     return to_record(Recording, require(session, RecordingRow, run_id, "recording of run"))
 
 
 def span(session: Session, run_id: int) -> Span:
-    """Return the ticks a recording spans, at once however long it is.
+    """Return the ticks that a recording spans, in constant time.
 
-    Raises UnknownRecordError when nothing of the run was recorded.
+    Raises UnknownRecordError if the run has no samples.
     """
     chunks_of_run = select(ChunkRow.first_tick, ChunkRow.count).where(ChunkRow.run_id == run_id)
     first = session.execute(chunks_of_run.order_by(ChunkRow.first_tick).limit(1)).first()
@@ -160,9 +167,9 @@ def span(session: Session, run_id: int) -> Span:
 
 
 def tick_before(session: Session, run_id: int, tick: int) -> int:
-    """Return the last recorded tick at or before ``tick`` >= 0, both counted from the first sample of the run.
+    """Return the last recorded tick at or before ``tick`` >= 0.
 
-    Raises UnknownRecordError when nothing of the run was recorded.
+    Both count from the first sample of the run. Raises UnknownRecordError if the run has no samples.
     """
     first_tick = span(session, run_id).first_tick
     of_run = select(ChunkRow.first_tick, ChunkRow.count).where(ChunkRow.run_id == run_id)
@@ -172,9 +179,9 @@ def tick_before(session: Session, run_id: int, tick: int) -> int:
 
 
 def extent(session: Session, run_id: int) -> Extent:
-    """Return the span of a recording and the number of its samples, which takes a look at each chunk.
+    """Return the span of a recording and the number of its samples.
 
-    Raises UnknownRecordError when nothing of the run was recorded.
+    Reads an index entry of each chunk. Raises UnknownRecordError if the run has no samples.
     """
     spanned = span(session, run_id)
     count = session.scalar(select(func.sum(ChunkRow.count)).where(ChunkRow.run_id == run_id))
@@ -182,7 +189,7 @@ def extent(session: Session, run_id: int) -> Extent:
 
 
 def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, tuple[Recording, Extent | None]]:
-    """Return what was recorded of these runs, of those that were; without an extent where no samples are there."""
+    """Return the recordings of these runs; without an extent if there are no samples."""
     rows = {row.run_id: row for row in session.scalars(select(RecordingRow).where(RecordingRow.run_id.in_(run_ids)))}
     last, first = func.max(ChunkRow.first_tick + ChunkRow.count), func.min(ChunkRow.first_tick)
     spans = select(ChunkRow.run_id, first, last, func.sum(ChunkRow.count)).where(ChunkRow.run_id.in_(run_ids))
@@ -200,7 +207,10 @@ def chunks(session: Session, run_id: int, from_tick: int, to_tick: int) -> Itera
 
 
 def recorded_digests(session: Session, run_id: int) -> dict[int, str]:
-    """Return by first tick the SHA-256 of the packed samples of each chunk as recorded, "" where none was kept."""
+    """Return the SHA-256 of each chunk's packed samples as recorded, by first tick.
+
+    "" if none was stored.
+    """
     rows = select(ChunkRow.first_tick, ChunkRow.sha256).where(ChunkRow.run_id == run_id).order_by(ChunkRow.first_tick)
     return {row.first_tick: row.sha256 for row in session.execute(rows)}
 
@@ -211,7 +221,10 @@ def recorded_runs(session: Session) -> list[int]:
 
 
 def summaries(session: Session, run_id: int, from_tick: int, to_tick: int) -> Iterator[Summary]:
-    """Yield the summaries of the chunks that have ticks in [from_tick, to_tick), in order."""
+    """Yield the summaries of the chunks that have ticks in [from_tick, to_tick).
+
+    In order.
+    """
     columns = (ChunkRow.first_tick, ChunkRow.count, ChunkRow.summary)
     query = select(*columns).where(_within(run_id, from_tick, to_tick)).order_by(ChunkRow.first_tick)
     for row in session.execute(query.execution_options(yield_per=1024)):
@@ -224,7 +237,7 @@ def _within(run_id: int, from_tick: int, to_tick: int) -> ColumnElement[bool]:
     )
     return and_(
         ChunkRow.run_id == run_id,
-        # The key alone leads to the first chunk in question; its end has to be looked up only there.
+        # The primary key finds the first possible chunk; only its end must be read.
         ChunkRow.first_tick >= func.coalesce(begun_before.scalar_subquery(), from_tick),
         ChunkRow.first_tick < to_tick,
         ChunkRow.first_tick + ChunkRow.count > from_tick,
@@ -233,12 +246,15 @@ def _within(run_id: int, from_tick: int, to_tick: int) -> ColumnElement[bool]:
 
 # Retention -----------------------------------------------------------------------------------------
 #
-# How much the recordings take, and which of them nothing that is in use came from.
+# Sizes of recordings, and whether results that depend on them exist.
 
 
 @dataclass(frozen=True)
 class RetentionEntry:
-    """The samples of one run. ``in_use``: the run is open, or a model, a result or a report was made from it."""
+    """The samples of one run.
+
+    ``in_use``: the run is open, or has a model, a result or a report.
+    """
 
     run_id: int
     kind: str
@@ -250,7 +266,7 @@ class RetentionEntry:
 
 
 def load_held(session: Session) -> list[RetentionEntry]:
-    """Return what is held of the station's runs, oldest first."""
+    """Return the recordings of the station's runs, oldest first."""
     needs = [
         exists().where(table.run_id == RunRow.id).correlate(RunRow)
         for table in (IdentificationRow, ResultRow, ReportRow)
@@ -263,7 +279,7 @@ def load_held(session: Session) -> list[RetentionEntry]:
 
 
 def mark_removed(session: Session, run_id: int, how: str) -> None:
-    """Put on record that the samples of a run are deleted, before they are. Raises UnknownRecordError."""
+    """Record that the samples of a run will be deleted. Raises UnknownRecordError."""
     row = require(session, RecordingRow, run_id, "recording of run")
     if row.removed_at is None:
         row.removed_at = datetime.now(UTC)

@@ -1,4 +1,4 @@
-"""What was computed from a run: metrics with pass or fail per criterion, and the reports handed out."""
+"""Results of runs: metrics with a verdict per criterion, and issued reports."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Result(NewResult):
 
 @dataclass(frozen=True)
 class StoredReport:
-    """A report as handed out; ``format`` is html or pdf."""
+    """A report as issued; ``format`` is html or pdf."""
 
     id: int
     run_id: int
@@ -41,7 +41,7 @@ class StoredReport:
 
 
 def add(session: Session, new: NewResult) -> Result:
-    """Store a result beside all earlier ones of the run."""
+    """Store a result; earlier ones of the run remain."""
     row = ResultRow(
         run_id=new.run_id,
         metrics=METRICS.write(new.metrics),
@@ -56,13 +56,19 @@ def add(session: Session, new: NewResult) -> Result:
 
 
 def newest(session: Session, run_id: int) -> Result | None:
-    """Return the newest result of a run, None when there is none yet. Raises UnreadableDocumentError."""
+    """Return the newest result of a run, None without one.
+
+    Raises UnreadableDocumentError.
+    """
     row = session.scalar(select(ResultRow).where(ResultRow.run_id == run_id).order_by(ResultRow.id.desc()).limit(1))
     return None if row is None else _result(row)
 
 
 def load_newest(session: Session, run_ids: Sequence[int]) -> dict[int, Result | None]:
-    """Return the newest result of each of these runs that has one; None for one that cannot be read."""
+    """Return the newest result of each of these runs with results.
+
+    None for an unreadable one.
+    """
     last = select(func.max(ResultRow.id)).where(ResultRow.run_id.in_(run_ids)).group_by(ResultRow.run_id)
     return {row.run_id: _readable(row) for row in session.scalars(select(ResultRow).where(ResultRow.id.in_(last)))}
 
@@ -92,12 +98,12 @@ def numbers(session: Session, run_id: int) -> list[int]:
 
 
 def present(session: Session, run_ids: Sequence[int]) -> set[int]:
-    """Return which of these runs have a result."""
+    """Return the runs among these that have a result."""
     return set(session.scalars(select(ResultRow.run_id).where(ResultRow.run_id.in_(run_ids)).distinct()))
 
 
 def add_report(session: Session, run_id: int, report_format: str, content: bytes) -> StoredReport:
-    """Keep a report as it was handed out."""
+    """Store a report as issued."""
     row = ReportRow(run_id=run_id, format=report_format, created_at=datetime.now(UTC), content=content)
     session.add(row)
     session.flush()
@@ -105,7 +111,7 @@ def add_report(session: Session, run_id: int, report_format: str, content: bytes
 
 
 def newest_report(session: Session, run_id: int, report_format: str) -> StoredReport | None:
-    """Return the newest report of a run in a format, None when there is none yet."""
+    """Return the newest report of a run in a format, None without one."""
     query = select(ReportRow).where(ReportRow.run_id == run_id, ReportRow.format == report_format)
     row = session.scalar(query.order_by(ReportRow.id.desc()).limit(1))
     return None if row is None else to_record(StoredReport, row)

@@ -1,4 +1,4 @@
-"""Stored runs: who asked for what, on which plant, and how they ended."""
+"""Stored runs: author, settings, plant, and end."""
 
 import json
 from collections.abc import Sequence
@@ -18,11 +18,11 @@ from backend.storage.stations import session_station
 
 # Runs ----------------------------------------------------------------------------------------------
 #
-# Runs: who asked for what, on which plant and parameters, and how it ended.
+# Runs: author, settings, plant and parameters, and end.
 
 
 class RunKind(StrEnum):
-    """What a run was for."""
+    """Purpose of a run."""
 
     SESSION = "session"
     MOTOR_IDENTIFICATION = "motor_identification"
@@ -36,7 +36,7 @@ class RunKind(StrEnum):
 
 
 class EndState(StrEnum):
-    """Why a run is over; RUNNING while it is not."""
+    """How a run ended; RUNNING if it has not."""
 
     RUNNING = "running"
     COMPLETED = "completed"
@@ -55,16 +55,17 @@ _OF_A_FAULT = {
 
 
 def derive_end_state(fault: Fault) -> EndState:
-    """Return how a run ends that this fault has stopped."""
+    """Return the end state of a run that this fault has stopped."""
     return _OF_A_FAULT.get(fault, EndState.TRIPPED)
 
 
 @dataclass(frozen=True)
 class NewRun:
-    """What is known when a run starts.
+    """Data of a run at its start.
 
-    ``parameters`` is the whole parameter document in use, so that the run can be understood after the file has changed;
-    ``settings`` are those of the experiment and the loop (tuning, seed, program); ``bank_id`` the bank in use.
+    ``parameters`` is the complete active parameter document, so that the run can be interpreted after the file has
+    changed; ``settings`` are those of the experiment and the loop (tuning, seed, program); ``bank_id`` is the active
+    bank.
     """
 
     kind: RunKind
@@ -80,9 +81,9 @@ class NewRun:
 
 @dataclass(frozen=True)
 class Run:
-    """A stored run. ``end_state`` is an ``EndState`` value; ``ended_at`` is None while it runs.
+    """A stored run. ``end_state`` is an ``EndState`` value.
 
-    ``evaluation_problem`` says why there is no result, where somebody tried to compute one in vain.
+    ``ended_at`` is None while running. ``evaluation_problem`` says why an evaluation failed.
     """
 
     id: int
@@ -103,7 +104,10 @@ class Run:
     station: str = ""
 
     def number(self, section: str, name: str) -> float:
-        """Return a number of the plant as it was when the run began. Raises UnreadableDocumentError."""
+        """Return a plant parameter at the start of the run.
+
+        Raises UnreadableDocumentError.
+        """
         try:
             return float(self.parameters[section][name]["value"])
         except (KeyError, TypeError, ValueError):
@@ -112,7 +116,7 @@ class Run:
 
     @cached_property
     def set_to(self) -> RunSettings:
-        """What the run was set to. Raises UnreadableDocumentError."""
+        """Settings of the run. Raises UnreadableDocumentError."""
         return SETTINGS.read(self.settings, f"run {self.id}")
 
 
@@ -140,7 +144,10 @@ def get(session: Session, run_id: int) -> Run:
 
 
 def own(session: Session, run_id: int) -> RunRow:
-    """Return the row of a run of the station, locked, to change what people say of it. Raises UnknownRecordError."""
+    """Return the locked row of a run of the station, to change its annotations.
+
+    Raises UnknownRecordError.
+    """
     row = session.get(RunRow, run_id, with_for_update={"key_share": True}) or require(session, RunRow, run_id, "run")
     if row.station != session_station(session):
         whose = f"is one of station {row.station}" if row.station else "is of no station"
@@ -149,7 +156,7 @@ def own(session: Session, run_id: int) -> RunRow:
 
 
 def began_at(session: Session, moment: datetime) -> list[Run]:
-    """Return the runs, of all stations, that began at a moment: there is one, or several where a run was imported."""
+    """Return the runs of all stations that began at a time; imports may be duplicates."""
     query = select(RunRow).where(RunRow.started_at == moment).order_by(RunRow.id)
     return [to_record(Run, row) for row in session.scalars(query)]
 
@@ -161,7 +168,10 @@ def find(
     ended: EndState | None = None,
     limit: int = 200,
 ) -> list[Run]:
-    """Return runs of the station, newest first: of these kinds, ended like that. ``run_search`` looks for more."""
+    """Return runs of the station, newest first, by kind and end state.
+
+    ``run_search`` has more criteria.
+    """
     of_station = RunRow.station == session_station(session)
     of_kind = [RunRow.kind.in_([kind.value for kind in kinds])] if kinds else []
     conditions = [*of_kind, *([] if ended is None else [RunRow.end_state == ended.value])]
@@ -170,13 +180,13 @@ def find(
 
 
 def count(session: Session) -> int:
-    """Count the runs of the station."""
+    """Return the number of runs of the station."""
     query = select(func.count()).select_from(RunRow).where(RunRow.station == session_station(session))
     return session.scalar(query) or 0
 
 
 def of_numbers(session: Session, run_ids: Sequence[int]) -> list[Run]:
-    """Return these runs in this order, without those that are not there."""
+    """Return these runs in this order, without unknown ones."""
     rows = {row.id: row for row in session.scalars(select(RunRow).where(RunRow.id.in_(run_ids)))}
     return [to_record(Run, rows[number]) for number in run_ids if number in rows]
 
@@ -188,7 +198,10 @@ def with_banks(session: Session, bank_ids: Sequence[int], *, limit: int) -> list
 
 
 def set_note(session: Session, run_id: int, note: str) -> Run:
-    """Replace the note, the one part of a run that a person may edit, at its station. Raises UnknownRecordError."""
+    """Replace the note, the only part of a run that a person may edit.
+
+    At the run's station. Raises UnknownRecordError.
+    """
     row = own(session, run_id)
     row.note = note
     session.flush()
@@ -197,14 +210,17 @@ def set_note(session: Session, run_id: int, note: str) -> Run:
 
 
 def set_evaluation_problem(session: Session, run_id: int, problem: str) -> None:
-    """Keep why a run could not be evaluated; empty once it could. Raises UnknownRecordError."""
+    """Store why an evaluation failed; empty once it succeeded.
+
+    Raises UnknownRecordError.
+    """
     require(session, RunRow, run_id, "run").evaluation_problem = problem
 
 
 def save_walls(session: Session, run_id: int, walls: Sequence[StoredWall]) -> None:
-    """Add to a run's settings which walls stood in the joint's way. Raises UnknownRecordError, UnreadableDocumentError.
+    """Add the obstacles that were present to a run's settings.
 
-    Nothing changes where there were none.
+    Nothing changes without any. Raises UnknownRecordError, UnreadableDocumentError.
     """
     if walls:
         row = require(session, RunRow, run_id, "run")
@@ -213,10 +229,10 @@ def save_walls(session: Session, run_id: int, walls: Sequence[StoredWall]) -> No
 
 
 def end(session: Session, run_id: int, end_state: EndState, detail: str = "") -> Run:
-    """Close a run. The first reason stays, except one that was only inferred. Raises UnknownRecordError.
+    """Close a run. The first reason remains unless it was only inferred.
 
-    A run that was given up, or that a second service on the same data took for interrupted, may have gone on: whoever
-    heard of its end corrects that.
+    A run that was abandoned, or that a second service on the same data considered interrupted, may have continued: the
+    end event of its loop corrects that. Raises UnknownRecordError.
     """
     row = require(session, RunRow, run_id, "run")
     if row.end_state in (EndState.RUNNING, EndState.SERVICE_DIED):
@@ -229,7 +245,7 @@ def end(session: Session, run_id: int, end_state: EndState, detail: str = "") ->
 
 
 def open_ones(session: Session) -> bool:
-    """Whether runs of the station are not over."""
+    """Return whether runs of the station are not over."""
     of_station = (RunRow.end_state == EndState.RUNNING.value, RunRow.station == session_station(session))
     return session.scalar(select(RunRow.id).where(*of_station).limit(1)) is not None
 
@@ -237,9 +253,10 @@ def open_ones(session: Session) -> bool:
 def close_interrupted(
     session: Session, detail: str = "the service ended while this run was open; found at its next start"
 ) -> list[int]:
-    """Close the station's runs that a crash left open as service_died; return their numbers.
+    """Close the station's runs that a crash left open as service_died.
 
-    For whoever knows that nothing plays them: a service's start, or a command in a folder that nobody holds.
+    Returns their numbers. The caller must be sure that no loop executes them: at a service's start, or in a data folder
+    without a service.
     """
     ended = session.scalars(
         update(RunRow)
@@ -258,23 +275,23 @@ def close_interrupted(
 
 # Run title -----------------------------------------------------------------------------------------
 #
-# What was run, by name and in words, from what a stored run was set to.
+# Name and title of a run, from its settings.
 
 
 def run_title(run: Run) -> str:
-    """Return what was run, in words on one line; of an experiment that is data its own title."""
+    """Return the title of a run on one line; that of the experiment if there is one."""
     if run.kind != RunKind.EXPERIMENT:
         return run.kind.replace("_", " ").capitalize()
     return escape_line(_get_experiment_part(run, "title")) or "Experiment that cannot be read"
 
 
 def run_experiment_name(run: Run) -> str:
-    """Return what was run as it is called when it is ordered, "" where that cannot be read."""
+    """Return the name of a run for orders, "" if it is unreadable."""
     return _get_experiment_part(run, "name") if run.kind == RunKind.EXPERIMENT else run.kind
 
 
 def _get_experiment_part(run: Run, part: str) -> str:
-    """Return a part of the experiment that a run has kept, "" where it cannot be read."""
+    """Return a part of the stored experiment of a run, "" if it is unreadable."""
     try:
         return str(json.loads(run.set_to.experiment or "")[part])
     except (UnreadableDocumentError, ValueError, KeyError, TypeError):

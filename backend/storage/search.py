@@ -1,4 +1,4 @@
-"""The search of runs: query language, terms, conditions on the tables."""
+"""The search of runs: query language, terms, and conditions on the tables."""
 
 import math
 import re
@@ -23,14 +23,13 @@ from plant import ErrorCode
 
 # Run query -----------------------------------------------------------------------------------------
 #
-# The language that runs are searched with: from its text to what is asked. Pure.
+# The query language: from text to a query tree.
 #
 #     tracking tag=worn overshoot_q_percent < 5 and (date >= 2026-03-01 or who ~ "ana") not end = tripped
 #
-# A bare word stands somewhere in the run's texts, ``run 12`` is the run of that number; NAME OP
-# VALUE compares, with = != < <= > >= and ~ for "contains"; of several values with commas between
-# one has to fit. Parts beside each other have all to hold; ``or`` binds weaker than ``and``,
-# ``not`` strongest.
+# A bare word is contained in the run's texts, ``run 12`` is the run of that number; NAME OP VALUE compares, with = != <
+# <= > >= and ~ for "contains"; of several values separated by commas one must match. Adjacent terms must all match;
+# ``or`` binds weaker than ``and``, ``not`` strongest.
 
 
 LONGEST = 1000
@@ -40,7 +39,7 @@ _NEAR = 3
 
 
 class Op(StrEnum):
-    """How a value is compared."""
+    """Comparison operator."""
 
     EQUAL = "="
     UNLIKE = "!="
@@ -53,7 +52,7 @@ class Op(StrEnum):
 
 @dataclass(frozen=True)
 class Value:
-    """A value as it was written, and the place of its first character, from 0."""
+    """A value as written, and the position of its first character, from 0."""
 
     text: str
     place: int
@@ -61,14 +60,14 @@ class Value:
 
 @dataclass(frozen=True)
 class Word:
-    """A word that stands somewhere."""
+    """A word contained in the run's texts."""
 
     value: Value
 
 
 @dataclass(frozen=True)
 class Compare:
-    """One of ``values`` has to fit what goes by ``name``."""
+    """One of ``values`` must match ``name``."""
 
     name: Value
     op: Op
@@ -77,21 +76,21 @@ class Compare:
 
 @dataclass(frozen=True)
 class All:
-    """All parts have to hold; without parts everything does."""
+    """All parts must match; without parts every run matches."""
 
     parts: "tuple[Query, ...]" = ()
 
 
 @dataclass(frozen=True)
 class AnyOf:
-    """One part has to hold."""
+    """One part must match."""
 
     parts: "tuple[Query, ...]"
 
 
 @dataclass(frozen=True)
 class Not:
-    """The part must not hold."""
+    """The part must not match."""
 
     part: "Query"
 
@@ -100,7 +99,7 @@ Query = Word | Compare | All | AnyOf | Not
 
 
 class QueryError(RequestRejectedError):
-    """A search that says nothing that could be looked for: at which character, why, and what is known there."""
+    """An invalid query: position, reason, and known names."""
 
     def __init__(self, place: int, problem: str, known: Iterable[str] = (), given: str = "") -> None:
         self.place = place
@@ -133,11 +132,11 @@ _TOKEN = re.compile(r'\s*(?:(<=|>=|!=|[<>=~(),])|"((?:[^"\\]|\\.)*)"|([^\s<>=!~(
 
 
 def parse_query(text: str) -> Query:
-    """Return what a search asks. Raises QueryError."""
+    """Return the query tree of a text. Raises QueryError."""
     if len(text) > LONGEST:
         raise QueryError(LONGEST, f"a search has {LONGEST} characters at most: shorten it")
     for place, letter in enumerate(text):
-        if not letter.isprintable() and not letter.isspace():  # NUL and half characters, which no database takes
+        if not letter.isprintable() and not letter.isspace():  # NUL and surrogates, which no database accepts
             raise QueryError(place, "a character that cannot be printed stands here: delete it")
     return _Parser(text).whole()
 
@@ -228,7 +227,7 @@ class _Parser:
         return Compare(Value(token.text, token.place), op, tuple(values))
 
     def _is_number_alone(self, token: _Token) -> bool:
-        """Tell whether a number stands here that nothing is compared with: that of a run, as people write it."""
+        """Return whether the next token is a number that is not compared: that of a run."""
         behind = self._tokens[self._at + 1] if self._at + 1 < len(self._tokens) else None
         compared = behind is not None and not behind.quoted and behind.text in set(Op)
         return not token.quoted and re.fullmatch(r"[0-9]{1,15}", token.text) is not None and not compared
@@ -270,8 +269,7 @@ def _tokens(text: str) -> Iterator[_Token]:
 
 # Run terms -----------------------------------------------------------------------------------------
 #
-# How what every run has is compared: texts, kinds, stations, tags, dates, numbers. From terms to
-# conditions.
+# Comparison of attributes that every run has: texts, kinds, stations, tags, dates, numbers.
 
 
 Condition = ColumnElement[bool]
@@ -280,20 +278,20 @@ NumberColumn = InstrumentedAttribute[int] | InstrumentedAttribute[float] | Instr
 ENDS = tuple(str(state) for state in EndState)
 VERDICTS = (*(str(outcome) for outcome in Outcome), NO_OUTCOME)
 NONE = "none"
-"""As a value: there is no such thing."""
+"""Value that means that there is none."""
 
 _EVEN = 1e-9
-"""Numbers are equal that differ by less of themselves: one is typed in decimals, the other computed."""
+"""Relative difference within which numbers are equal: one is typed as a decimal, the other computed."""
 _DATES = (("%Y-%m-%d", timedelta(days=1)), ("%Y-%m-%dT%H:%M", timedelta(minutes=1)), ("%Y-%m", None), ("%Y", None))
 
 
 def stations(session: Session) -> list[str]:
-    """Return the stations that have made runs, and the one at work."""
+    """Return the stations with runs, and the current one."""
     return sorted({*session.scalars(select(RunIndexRow.station).distinct()), session_station(session)})
 
 
 def kinds(session: Session) -> list[str]:
-    """Return what runs were for: the kinds there are, and the experiments that ran."""
+    """Return the existing kinds of runs, and the experiments that ran."""
     ran = session.scalars(select(RunIndexRow.experiment).distinct())
     return sorted({*(str(kind) for kind in RunKind), *(name for name in ran if name)})
 
@@ -301,7 +299,7 @@ def kinds(session: Session) -> list[str]:
 def text(
     column: InstrumentedAttribute[str], term: Compare, other: InstrumentedAttribute[str] | None = None
 ) -> Condition:
-    """Compare a text, or another one that says the same more shortly."""
+    """Compare a text, or an alternative shorter form of it."""
     columns = [column] if other is None else [column, other]
     texts = [
         "" if value.text.casefold() == NONE and term.op is not Op.CONTAINS else value.text.casefold()
@@ -321,7 +319,7 @@ def text(
 
 
 def kind(session: Session, term: Compare) -> Condition:
-    """Compare what a run was for, by kind or by the name of its experiment."""
+    """Compare the kind of a run, or the name of its experiment."""
     known = kinds(session)
     if term.op is not Op.CONTAINS:
         _require_known(term, known, "kind of runs")
@@ -329,7 +327,7 @@ def kind(session: Session, term: Compare) -> Condition:
 
 
 def station(session: Session, term: Compare) -> Condition:
-    """Compare the station that made a run."""
+    """Compare the station of a run."""
     known = [name or NONE for name in stations(session)]
     if term.op is not Op.CONTAINS:
         _require_known(term, known, "station")
@@ -345,7 +343,7 @@ def station(session: Session, term: Compare) -> Condition:
 
 
 def _resolve_station(value: Value, known: Sequence[str]) -> str:
-    """Return the station of a name, whose capitals matter only where another one differs by nothing else."""
+    """Return the station of a name; case matters only if names differ by nothing else."""
     meant = [name for name in known if name == value.text] or [
         name for name in known if name.casefold() == value.text.casefold()
     ]
@@ -377,12 +375,12 @@ def _require_known(term: Compare, known: Sequence[str], what: str) -> None:
 
 
 def normalise_tag(tag: str) -> str:
-    """Normalise a word as tags are stored: small letters, an accent and its letter as one character (Unicode's NFC)."""
+    """Return a tag as stored: casefolded, in Unicode's NFC."""
     return normalize("NFC", normalize("NFC", tag).casefold())
 
 
 def tag(term: Compare) -> Condition:
-    """Compare the tags of a run, of which one has to fit."""
+    """Compare the tags of a run, of which one must match."""
     tags = [normalise_tag(value.text) for value in term.values]
     tagged = select(RunTagRow.run_id)
     any_tag = RunIndexRow.run_id.in_(tagged)
@@ -401,7 +399,7 @@ def tag(term: Compare) -> Condition:
 
 
 def date(term: Compare) -> Condition:
-    """Compare when a run started with a year, a month, a day or a minute."""
+    """Compare the start of a run with a year, a month, a day or a minute."""
     spans = [_span(value) for value in term.values]
     (first, after), column = spans[0], RunIndexRow.started_at
     within = or_(*(and_(column >= begin, column < end) for begin, end in spans))
@@ -423,7 +421,10 @@ def date(term: Compare) -> Condition:
 
 
 def _span(value: Value) -> tuple[datetime, datetime]:
-    """Return the instants from and up to which a date reaches: a year, a month, a day or a minute, in UTC."""
+    """Return the times from and up to which a date extends, in UTC.
+
+    The date is a year, a month, a day or a minute.
+    """
     for form, length in _DATES:
         try:
             first = datetime.strptime(value.text.upper(), form).replace(tzinfo=UTC)
@@ -438,7 +439,10 @@ def _span(value: Value) -> tuple[datetime, datetime]:
 
 
 def or_none(term: Compare, there: Condition, compared: Callable[[Compare], Condition]) -> Condition:
-    """Compare what may not be there, ``none`` among the values; ``compared`` holds for nothing that is not there."""
+    """Compare a value that may be missing, with ``none`` among the values.
+
+    ``compared`` never matches a missing value.
+    """
     asked = tuple(value for value in term.values if value.text.casefold() != NONE)
     if len(asked) == len(term.values) or term.op not in (Op.EQUAL, Op.UNLIKE):
         return compared(term)
@@ -449,7 +453,7 @@ def or_none(term: Compare, there: Condition, compared: Callable[[Compare], Condi
 
 
 def number(column: NumberColumn, term: Compare) -> Condition:
-    """Compare a number; where there is none, no comparison holds."""
+    """Compare a number; a missing number matches no comparison."""
     numbers = [_parse_number(value, term) for value in term.values]
     within = or_(*(column.between(*_around(number)) for number in numbers))
     match term.op:
@@ -486,7 +490,7 @@ def _parse_number(value: Value, term: Compare) -> float:
 
 
 def as_number(text: str) -> float | None:
-    """Return a finite number, an angle of degrees in radians; None where a text is neither."""
+    """Return a finite number, degrees converted to radians; None for other texts."""
     text = text.replace("°", "deg")
     degrees = text.endswith("deg")
     try:
@@ -499,8 +503,7 @@ def as_number(text: str) -> float | None:
 
 # Run search ----------------------------------------------------------------------------------------
 #
-# Looks for runs among many: what ``run_query`` has understood becomes conditions on the tables of
-# ``run_index``.
+# Search of runs: queries become conditions on the tables of the search index.
 
 
 _TEXTS: dict[str, InstrumentedAttribute[str]] = {
@@ -513,12 +516,12 @@ _TEXTS: dict[str, InstrumentedAttribute[str]] = {
 }
 _OTHERS = ("run", "lasted_s", "kind", "bank", "station", "tag", "end", "verdict", "date")
 FIELDS = tuple(sorted((*_TEXTS, *_OTHERS)))
-"""What every run has; beside these there are the names of parameters, settings and metrics."""
+"""Attributes of every run, in addition to the names of parameters, settings and metrics."""
 
 
 @dataclass(frozen=True)
 class SearchPage:
-    """The numbers of the runs of a page, newest first, and how many there are altogether."""
+    """Numbers of the runs of a page, newest first, and the total."""
 
     run_ids: tuple[int, ...]
     total: int
@@ -526,7 +529,7 @@ class SearchPage:
 
 @dataclass(frozen=True)
 class KnownWords:
-    """What can be asked for among the runs that are stored."""
+    """Values that can be searched among the stored runs."""
 
     kinds: tuple[str, ...]
     tags: tuple[str, ...]
@@ -535,9 +538,9 @@ class KnownWords:
 
 
 def search(session: Session, query: Query, *, everywhere: bool, limit: int | None, offset: int = 0) -> SearchPage:
-    """Return the runs that fit: of the station, or with ``everywhere``, or where stations are named, of all of them.
+    """Return the matching runs: of the station, or of all stations.
 
-    Raises QueryError.
+    Of all with ``everywhere``, or if the query names stations. Raises QueryError.
     """
     conditions = _fits(session, query, everywhere=everywhere)
     asked = select(RunIndexRow.run_id).where(*conditions).order_by(RunIndexRow.run_id.desc()).limit(limit)
@@ -557,7 +560,10 @@ def _count(session: Session, conditions: Sequence[Condition]) -> int:
 
 @dataclass(frozen=True)
 class MetricPoints:
-    """A metric of runs, oldest first: number, start, value. ``fitting`` runs were asked of, ``measured`` have it."""
+    """A metric of runs, oldest first: number, start, value.
+
+    ``fitting`` is the number of matching runs, ``measured`` that of those with the metric.
+    """
 
     points: tuple[tuple[int, datetime, float], ...]
     fitting: int
@@ -565,7 +571,10 @@ class MetricPoints:
 
 
 def metric_points(session: Session, query: Query, metric: str, *, everywhere: bool, limit: int) -> MetricPoints:
-    """Return a metric of the runs that fit, of the newest ``limit`` that have it. Raises QueryError."""
+    """Return a metric of the matching runs, of the newest ``limit`` that have it.
+
+    Raises QueryError.
+    """
     fits = _fits(session, query, everywhere=everywhere)
     name_id = select(ValueNameRow.id).where(
         ValueNameRow.source == ValueSource.METRIC.value, ValueNameRow.name == metric
@@ -580,7 +589,7 @@ def metric_points(session: Session, query: Query, metric: str, *, everywhere: bo
 
 
 def known_words(session: Session) -> KnownWords:
-    """Return what can be asked for."""
+    """Return the values that can be searched."""
     named = session.execute(select(ValueNameRow.source, ValueNameRow.name).order_by(ValueNameRow.name))
     values: dict[str, list[str]] = {str(source): [] for source in ValueSource}
     for source, name in named:
@@ -649,13 +658,16 @@ def _plain(session: Session, term: Compare) -> Condition:
 
 
 def _compile_duration(term: Compare) -> Condition:
-    """Compare how long a run lasted; one that is not over fits no comparison, and so each ``not`` of one."""
+    """Compare the duration of a run.
+
+    A run that is not over matches no comparison, nor the ``not`` of one.
+    """
     over = RunIndexRow.lasted_s.is_not(None)
     return or_none(term, over, lambda asked: and_(over, number(RunIndexRow.lasted_s, asked)))
 
 
 def _value(session: Session, term: Compare) -> Condition:
-    """Compare a parameter, a setting or a metric, by its name or with its source before it: metric.rise_q_s."""
+    """Compare a parameter, setting or metric, by name or as metric.rise_q_s."""
     source, name_id = _find_value_name(session, term.name)
     if source is ValueSource.PARAMETER:
         of_sets = select(ParameterValueRow.parameters_sha256).where(ParameterValueRow.name_id == name_id)
@@ -676,7 +688,7 @@ def _value(session: Session, term: Compare) -> Condition:
 
 
 def _number_or_word(term: Compare) -> Condition:
-    """Compare a setting that is a word in some runs; what is a number is one in others."""
+    """Compare a setting that is a word in some runs and a number in others."""
     words = [value.text.casefold() for value in term.values]
     numbers = tuple(value for value in term.values if as_number(value.text) is not None)
     of_number = [number(RunValueRow.value, replace(term, values=numbers))] if numbers else []

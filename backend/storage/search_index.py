@@ -1,7 +1,7 @@
-"""Keeps the tables that runs are searched by in step with what is stored of them.
+"""Maintenance of the tables for the search of runs.
 
-A row is made anew from all that it speaks of whenever a part of that is stored. ``renew`` makes those that are missing,
-or that an earlier version of this module has made.
+A row is rebuilt whenever a part of its data is stored. ``renew`` builds missing rows and those of earlier versions of
+this module.
 """
 
 import math
@@ -30,17 +30,17 @@ from backend.storage.runs import EndState, Run, RunKind, run_experiment_name, ru
 from backend.storage.stations import one_at_a_time
 
 VERSION = 1
-"""Of what stands in a row; a change of it has all rows made anew at the next opening of the database."""
+"""Version of the rows; a change rebuilds all rows at the next opening of the database."""
 NO_OUTCOME = "none"
-"""Of a session, and of a run that is not over."""
+"""Outcome of a session, and of a run that is not over."""
 _NEW_WORDS = "what runs are searched by"
 _AT_ONCE = 200
 _LONGEST_WORD = 200
-"""A setting that says more is a text, which nobody asks for as a value."""
+"""Longest searchable setting; longer ones are texts rather than values."""
 
 
 class ValueSource(StrEnum):
-    """What a value is of."""
+    """Source of a value."""
 
     PARAMETER = "parameter"
     SETTING = "setting"
@@ -48,10 +48,10 @@ class ValueSource(StrEnum):
 
 
 def update(session: Session, run_ids: Sequence[int]) -> None:
-    """Write anew what runs are searched by, as each stands once nobody else changes it.
+    """Rebuild the search entries of runs from their committed state.
 
-    Their rows are locked first, in order: of two transactions that touch a run the second one sees what the first has
-    written, where both would otherwise put in the same rows. What refers to a run may come meanwhile.
+    Their rows are locked first, in order: of two transactions that change a run the second one sees the result of the
+    first; otherwise both would insert the same rows. Rows that refer to a run may be added meanwhile.
     """
     session.flush()
     numbers = sorted(run_ids)
@@ -66,12 +66,12 @@ def update(session: Session, run_ids: Sequence[int]) -> None:
 
 
 def is_behind(session: Session) -> bool:
-    """Return whether there is something to renew."""
+    """Return whether there are rows to renew."""
     return session.scalar(_behind().limit(1)) is not None
 
 
 def renew(session: Session) -> int:
-    """Write what is missing or of an earlier version, some runs at once; return how many."""
+    """Build some missing or outdated rows; return how many."""
     found = runs.of_numbers(session, session.scalars(_behind().limit(_AT_ONCE)).all())
     for run in found:
         _write(session, run)
@@ -122,7 +122,7 @@ def _write(session: Session, run: Run) -> None:
 
 
 def _index_result(session: Session, run: Run) -> tuple[dict[str, float | str], str]:
-    """Return the numbers of a run's newest result by name, and how it counts."""
+    """Return the numbers of a run's newest result by name, and its outcome."""
     try:
         result = results.newest(session, run.id)
     except UnreadableDocumentError:
@@ -139,7 +139,7 @@ def _is_number(value: object) -> TypeGuard[float]:
 
 
 def _settings(run: Run) -> dict[str, float | str]:
-    """Return what a run was set to, by name; truth as yes or no."""
+    """Return the settings of a run by name; booleans as yes or no."""
     try:
         values = {name: value for name, value in run.set_to.get_values().items() if name != "experiment"}
         mode = run.set_to.mode
@@ -186,7 +186,10 @@ def _write_parameters(session: Session, digest: str, document: Mapping[str, Any]
 
 
 def iterate_parameters(document: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of a set of parameters as section.name; of a row of numbers as section.name.0 and so on."""
+    """Yield the numbers of a parameter set as section.name.
+
+    Of a row of numbers as section.name.0 and so on.
+    """
     for section, entries in document.items():
         for name, entry in entries.items() if isinstance(entries, Mapping) else ():
             value = entry.get("value") if isinstance(entry, Mapping) else None
@@ -198,9 +201,9 @@ def iterate_parameters(document: Mapping[str, Any]) -> Iterator[tuple[str, float
 
 
 def _get_name_number(session: Session, source: ValueSource, name: str) -> int:
-    """Return the number of a name; one that is new gets one, whoever else is giving it one at this moment.
+    """Return the number of a name; new names get one, also with concurrent writers.
 
-    New names are given by one transaction at a time: two that have some in common would wait for each other.
+    One transaction at a time adds names: two with common names would wait for each other.
     """
     known: dict[tuple[str, str], int] = session.info.setdefault("value_names", {})
     found = known.get((source, name))
@@ -216,7 +219,7 @@ def _get_name_number(session: Session, source: ValueSource, name: str) -> int:
 
 
 def insert_new(session: Session, table: Any, rows: list[dict[str, Any]]) -> None:
-    """Insert rows but for those that are there already. Raises UnfitError for a text longer than its column."""
+    """Insert rows except existing ones. Raises UnfitError for too long texts."""
     for row in rows:
         require_lengths(table, row)
     if session.get_bind().dialect.name == "postgresql":

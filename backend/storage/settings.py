@@ -1,4 +1,7 @@
-"""Settings of a station (active bank, layouts ...): the newest value counts, earlier ones stay."""
+"""Settings of a station (active bank, layouts ...); the newest value counts.
+
+Earlier values remain.
+"""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -13,7 +16,7 @@ from backend.storage.stations import session_station
 
 @dataclass(frozen=True)
 class StoredSetting:
-    """One value a setting had, who chose it and when."""
+    """One value of a setting, with its author and time."""
 
     name: str
     value: Any
@@ -22,7 +25,7 @@ class StoredSetting:
 
 
 def save(session: Session, name: str, value: Any, who: str) -> StoredSetting:
-    """Save a new value of a setting (anything that JSON can hold)."""
+    """Save a new value of a setting, of any JSON type."""
     row = SettingRow(name=name, value=value, who=who, at=datetime.now(UTC), station=session_station(session))
     session.add(row)
     session.flush()
@@ -30,18 +33,18 @@ def save(session: Session, name: str, value: Any, who: str) -> StoredSetting:
 
 
 def newest(session: Session, name: str) -> StoredSetting | None:
-    """Return the value in force, None when it was never set."""
+    """Return the current value, None if it was never set."""
     row = session.scalar(_select_setting(session, name).limit(1))
     return None if row is None else to_record(StoredSetting, row)
 
 
 def history(session: Session, name: str) -> list[StoredSetting]:
-    """Return all values the setting had, newest first."""
+    """Return all values of the setting, newest first."""
     return [to_record(StoredSetting, row) for row in session.scalars(_select_setting(session, name))]
 
 
 def newest_under(session: Session, prefix: str) -> list[StoredSetting]:
-    """Return the values in force of all settings whose names begin like that, by name."""
+    """Return the current values of all settings with a name prefix, by name."""
     of_station = (SettingRow.station == session_station(session), SettingRow.name.startswith(prefix, autoescape=True))
     last = select(func.max(SettingRow.id)).where(*of_station).group_by(SettingRow.name)
     rows = session.scalars(select(SettingRow).where(SettingRow.id.in_(last)).order_by(SettingRow.name))

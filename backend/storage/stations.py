@@ -1,4 +1,4 @@
-"""Stations on one database, and how rows without a station get one."""
+"""Stations on one database, and the assignment of rows without a station."""
 
 import hashlib
 from contextlib import suppress
@@ -26,7 +26,7 @@ from plant import ErrorCode
 
 # Station names -------------------------------------------------------------------------------------
 #
-# Give what a database without stations holds to one: for the day on which a second rig joins it.
+# Assignment of a database without stations to one, when a second rig joins it.
 
 
 _TABLES = (
@@ -45,9 +45,9 @@ _TABLES = (
 
 
 def assign_unowned_rows(session: Session, station: str) -> int:
-    """Give all rows that are of no station to this one; return how many runs.
+    """Assign all rows without a station to this one; return the number of runs.
 
-    Raises RequestRejectedError where it has any. What runs are searched by is renewed at the next opening.
+    Raises RequestRejectedError if it has rows already. The search index is renewed at the next opening.
     """
     for table in _TABLES:
         taken = session.scalar(select(func.count()).select_from(table).where(table.station == station))
@@ -65,11 +65,11 @@ def assign_unowned_rows(session: Session, station: str) -> int:
 
 # Stations ------------------------------------------------------------------------------------------
 #
-# Several rigs on one database, each a station with a name: what a station wrote is its own.
+# Several rigs on one database, each a station with a name and its own data.
 #
-# A ``Database`` knows its station and tells it to each of its sessions. What is written carries it;
-# settings, banks, identifications, experiments, events, steps of the bring-up and what keeps house
-# see those of their station only. By its number every run can be read, whoever made it.
+# A ``Database`` passes its station to each of its sessions. Written rows contain it; settings, banks, identifications,
+# experiments, events, commissioning results and retention are limited to their station. Runs of all stations can be
+# read by number.
 
 
 _KEY = "sinew_station"
@@ -92,15 +92,15 @@ def make_session_info(station: str) -> dict[str, str]:
 
 
 def session_station(session: Session) -> str:
-    """Return the station that a session works for."""
+    """Return the station of a session."""
     return str(session.info.get(_KEY, ""))
 
 
 class HeldStation:
-    """That this service alone works for its station, as long as it is held; for a server of many stations.
+    """Exclusive use of a station by this service, for a server with many stations.
 
-    The lock is the server's own: it is let go with the connection, so that a service that was killed is in nobody's
-    way. ``backend.storage.claims`` has the claim that every database knows. Raises StationTakenError.
+    The lock is the server's own: it ends with the connection, so a killed service blocks nobody.
+    ``backend.storage.claims`` has the claim that works in every database. Raises StationTakenError.
     """
 
     def __init__(self, engine: Engine, station: str) -> None:
@@ -115,17 +115,20 @@ class HeldStation:
         self._connection = connection
 
     def let_go(self) -> None:
-        """Let another service work for the station."""
+        """Release the station."""
         if self._connection is not None:
-            with suppress(DBAPIError):  # of a connection that is gone, and the lock with it
+            with suppress(DBAPIError):  # of a closed connection, whose lock is gone
                 self._connection.execute(text("SELECT pg_advisory_unlock_all()"))
-            self._connection.invalidate()  # the server sees the end of a connection a moment later
+            self._connection.invalidate()  # the server notices the end of a connection a moment later
             self._connection.close()
             self._connection = None
 
 
 def one_at_a_time(connection: Connection, what: str) -> None:
-    """Wait until no other transaction of the database server does the same; up to the end of this one."""
+    """Wait until no other transaction of the database server does ``what``.
+
+    Holds the lock until the end of this transaction.
+    """
     if connection.dialect.name == "postgresql":
         connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _key("sinew", what)})
 

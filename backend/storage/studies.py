@@ -1,4 +1,4 @@
-"""Studies and the rows that they have computed so far: a row is there once, whoever computes it again."""
+"""Studies and their computed rows; a row exists once, whoever computes it again."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -16,7 +16,10 @@ from backend.storage.stations import session_station
 
 @dataclass(frozen=True)
 class NewStudy:
-    """What decides the points of a study: its ``text``, and in ``base`` all that this speaks of, as it was then."""
+    """Definition of a study: its ``text``, and in ``base`` the data it refers to.
+
+    ``base`` is as of the study's creation.
+    """
 
     name: str
     title: str
@@ -28,7 +31,10 @@ class NewStudy:
 
 @dataclass(frozen=True)
 class StoredStudy(NewStudy):
-    """A stored study. ``runner`` computes it, "" for nobody; ``problem`` says what it ended of, where that is wrong."""
+    """A stored study.
+
+    ``runner`` computes it, "" for none; ``problem`` is the error that ended its computation.
+    """
 
     id: int
     created_at: datetime
@@ -42,11 +48,11 @@ class StoredStudy(NewStudy):
 
 @dataclass(frozen=True)
 class StudyPoint:
-    """A row of the table. ``state`` is an end state of a run, or why there is none, with ``detail`` in words.
+    """A row of the table.
 
-    ``values`` are what was varied. ``figures`` are those of the experiment in SI, None where one was not measured, and
-    those of the loop: ±inf where it is unstable, which is stored as "unstable". ``passed`` tells whether all criteria
-    hold, None where that is not known.
+    ``state`` is an end state of a run, or why there is none, with ``detail`` as text. ``values`` are the varied ones.
+    ``figures`` are those of the experiment in SI, None if not measured, and those of the loop: ±inf if it is unstable,
+    which is stored as "unstable". ``passed``: all criteria are met, None if unknown.
     """
 
     number: int
@@ -58,7 +64,7 @@ class StudyPoint:
 
 
 def add(session: Session, new: NewStudy) -> StoredStudy:
-    """Keep a study, of which nothing is computed yet."""
+    """Store a study without computed points."""
     row = StudyRow(
         **asdict(new),
         created_at=datetime.now(UTC),
@@ -87,12 +93,15 @@ def newest(session: Session, limit: int) -> list[StoredStudy]:
 
 
 def want(session: Session, study_id: int) -> None:
-    """Have the study computed: a stop that was asked before counts no more. Raises UnknownRecordError."""
+    """Request the computation of the study, cancelling an earlier stop.
+
+    Raises UnknownRecordError.
+    """
     _own(session, study_id).stop_asked = False
 
 
 def claim(session: Session, study_id: int, runner: str) -> bool:
-    """Keep that ``runner`` computes the study from now on; False where somebody wants it to stop.
+    """Assign the study to ``runner``; return False if a stop was requested.
 
     Raises UnknownRecordError.
     """
@@ -105,7 +114,10 @@ def claim(session: Session, study_id: int, runner: str) -> bool:
 
 
 def refresh_claim(session: Session, study_id: int, runner: str) -> bool:
-    """Keep that ``runner`` is alive; return whether it may go on: nobody asked it to stop, or took the study over."""
+    """Record that ``runner`` is alive; return whether it may continue.
+
+    It must stop on request, or if another runner has taken the study.
+    """
     row = _own(session, study_id)
     if row.runner != runner:
         return False
@@ -114,50 +126,51 @@ def refresh_claim(session: Session, study_id: int, runner: str) -> bool:
 
 
 def let_go(session: Session, study_id: int, runner: str, problem: str = "") -> None:
-    """Keep that ``runner`` does not compute the study any more."""
+    """Record that ``runner`` no longer computes the study."""
     row = _own(session, study_id)
     if row.runner == runner:
         row.runner, row.problem = "", problem
 
 
 def ask_to_stop(session: Session, study_id: int) -> None:
-    """Have whoever computes the study stop. Raises UnknownRecordError."""
+    """Request a stop of the computation. Raises UnknownRecordError."""
     _own(session, study_id).stop_asked = True
 
 
 def add_points(session: Session, study_id: int, points: Sequence[StudyPoint]) -> None:
-    """Keep rows but for those that are there already."""
+    """Store rows except existing ones."""
     own: dict[str, Any] = {"study_id": study_id, "station": session_station(session)}
     if points:
         insert_new(session, StudyPointRow, [{**own, **asdict(point)} for point in points])
 
 
 def forget(session: Session, study_id: int, ends: Sequence[str]) -> None:
-    """Drop the rows whose runs ended in one of ``ends``."""
+    """Delete the rows whose runs ended in one of ``ends``."""
     session.execute(delete(StudyPointRow).where(StudyPointRow.study_id == study_id, StudyPointRow.state.in_(ends)))
 
 
 def count_rows(session: Session, study_id: int) -> int:
-    """Count the rows that are there."""
+    """Return the number of rows."""
     query = select(func.count()).select_from(StudyPointRow).where(StudyPointRow.study_id == study_id)
     return session.scalar(query) or 0
 
 
 def numbers(session: Session, study_id: int) -> set[int]:
-    """Return which points are there."""
+    """Return the numbers of the existing points."""
     return set(session.scalars(select(StudyPointRow.number).where(StudyPointRow.study_id == study_id)))
 
 
 def states(session: Session, study_id: int) -> dict[str, int]:
-    """Count the rows by how their runs ended."""
+    """Return the number of rows per state."""
     counted = select(StudyPointRow.state, func.count()).where(StudyPointRow.study_id == study_id)
     rows = session.execute(counted.group_by(StudyPointRow.state).order_by(StudyPointRow.state))
     return {row[0]: row[1] for row in rows}
 
 
 def points(session: Session, study_id: int, first: int = 0, limit: int | None = None) -> list[StudyPoint]:
-    """Return the rows that are there from number ``first`` on, in order."""
-    columns = (getattr(StudyPointRow, field.name) for field in fields(StudyPoint))  # as rows they take twice as long
+    """Return the rows from number ``first`` on, in order."""
+    # ORM objects would take twice as long
+    columns = (getattr(StudyPointRow, field.name) for field in fields(StudyPoint))
     query = select(*columns).where(StudyPointRow.study_id == study_id, StudyPointRow.number >= first)
     return [StudyPoint(*row) for row in session.execute(query.order_by(StudyPointRow.number).limit(limit))]
 

@@ -1,4 +1,4 @@
-"""Tags of runs: single words, upper and lower case alike, put on and taken off by people."""
+"""Tags of runs: single words, case-insensitive, added and removed by people."""
 
 import re
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ _TAG = re.compile(r"[\w.:+-]+")
 
 
 class TagError(RequestRejectedError):
-    """A word that is no tag."""
+    """A word that is no valid tag."""
 
     def __init__(self, given: str) -> None:
         super().__init__(
@@ -30,21 +30,30 @@ class TagError(RequestRejectedError):
 
 
 def add(session: Session, run_id: int, tag: str) -> None:
-    """Put a tag on a run of the station, which may have it already. Raises TagError, UnknownRecordError."""
+    """Add a tag to a run of the station, unless it has it.
+
+    Raises TagError, UnknownRecordError.
+    """
     runs.own(session, run_id)
     insert_new(session, RunTagRow, [{"run_id": run_id, "tag": read_tag(tag)}])
     mark_for_reindex(session, run_id)
 
 
 def take(session: Session, run_id: int, tag: str) -> None:
-    """Take a tag off a run of the station, which may not have it. Raises TagError, UnknownRecordError."""
+    """Remove a tag from a run of the station, if it has it.
+
+    Raises TagError, UnknownRecordError.
+    """
     runs.own(session, run_id)
     session.execute(delete(RunTagRow).where(RunTagRow.run_id == run_id, RunTagRow.tag == read_tag(tag)))
     mark_for_reindex(session, run_id)
 
 
 def rename(session: Session, before: str, after: str) -> int:
-    """Call a tag otherwise on all runs of the station; return on how many. Raises TagError, UnknownRecordError."""
+    """Rename a tag on all runs of the station; return their number.
+
+    Raises TagError, UnknownRecordError.
+    """
     old, new = read_tag(before), read_tag(after)
     mine = select(RunTagRow.run_id).join(RunRow, RunRow.id == RunTagRow.run_id)
     of_station = mine.where(RunTagRow.tag == old, RunRow.station == session_station(session)).order_by(RunTagRow.run_id)
@@ -59,7 +68,7 @@ def rename(session: Session, before: str, after: str) -> int:
 
 
 def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, list[str]]:
-    """Return the tags of these runs, in order, of those that have any."""
+    """Return the sorted tags of these runs, for those with tags."""
     query = select(RunTagRow.run_id, RunTagRow.tag).where(RunTagRow.run_id.in_(run_ids)).order_by(RunTagRow.tag)
     found: dict[int, list[str]] = {}
     for run_id, tag in session.execute(query):
@@ -68,7 +77,7 @@ def of_runs(session: Session, run_ids: Sequence[int]) -> dict[int, list[str]]:
 
 
 def read_tag(tag: str) -> str:
-    """Return a tag as it is kept. Raises TagError."""
+    """Return a tag as stored. Raises TagError."""
     normalised = normalise_tag(tag)
     if not _TAG.fullmatch(normalised) or len(normalised) > TAG_MAX or normalised == NONE:
         raise TagError(tag)

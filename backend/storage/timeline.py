@@ -1,4 +1,4 @@
-"""Everything that happened, newest first: events, and when runs began and ended, with what people say of events."""
+"""Event log, newest first: events with notes, and starts and ends of runs."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -26,20 +26,21 @@ TAGS_MAX = 20
 _AT_ONCE = 500
 _LONGEST_NUMBER = 10
 _UNITS = re.compile(r"d|de|deg(/s?)?|°(/s?)?|r|ra|rad(/s?)?|eg(/s?)?|ad(/s?)?|[ga](/s?)?|/s?|e")
-"""Parts of the units in which angles and their speeds are read: in the database a text has rad."""
+"""Parts of units of angles and their speeds; texts in the database have rad."""
 _SPELLED = re.compile(r"(?<=\d)deg")
 _Query = Select[*tuple[Any, ...]]
 _Row = Row[*tuple[Any, ...]]
 _NEXT = timedelta(microseconds=1)
 AFTER = timedelta(seconds=2)
-"""So long after a run ended what ended it may be written: a flight record is, once its seconds are over."""
+"""Time after the end of a run in which its cause may be written: a flight record is written after its seconds."""
 
 
 @dataclass(frozen=True)
 class LogQuery:
-    """Which of it: of these kinds (none: of all), with each of these words, from ``since`` and ``before`` a time.
+    """Selection of entries: kinds (empty for all), words, and a time range.
 
-    Words are looked for in what is read, with angles in ``angles``: "60°" and "60 deg" of a text in rad.
+    ``since`` is inclusive, ``before`` exclusive; all words must be contained. They are searched in the displayed text
+    with angles in ``angles``: "60°" and "60 deg" match a text in rad.
     """
 
     kinds: Sequence[EventKind] = ()
@@ -51,10 +52,10 @@ class LogQuery:
 
 @dataclass(frozen=True)
 class LogEntry:
-    """One thing that happened; ``event`` is its number, None of a run that began or ended.
+    """An entry of the log; ``event`` is its number, None for starts and ends of runs.
 
-    ``t`` [s] counts from the first sample of its run, ``flight`` tells that a flight record was kept of it, and
-    ``note``, ``tags`` and ``remark_by`` are what a person says of it.
+    ``t`` [s] counts from the first sample of its run, ``flight``: a flight record was stored, and ``note``, ``tags``
+    and ``remark_by`` are a person's annotation.
     """
 
     __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
@@ -77,11 +78,14 @@ class LogEntry:
 
 
 def find(session: Session, asked: LogQuery, limit: int) -> tuple[list[LogEntry], datetime | None]:
-    """Return the newest of the station, and before which time there is more; None where there is none."""
+    """Return the newest entries of the station, and the time before which more exist.
+
+    None if there are no more.
+    """
     found = _merge_entries(session, asked, limit)
     if len(found) < limit:
         return _locate_entries(session, found), None
-    last = found[-1].at  # what happened at one moment is not torn apart
+    last = found[-1].at  # entries of the same time stay together
     newer = [one for one in found if one.at > last]
     at_once = _merge_entries(session, replace(asked, since=last, before=last + _NEXT), None)
     more = _merge_entries(session, replace(asked, before=last), 1)
@@ -98,7 +102,7 @@ def _merge_entries(session: Session, asked: LogQuery, limit: int | None) -> list
 
 
 def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who: str) -> None:
-    """Put a note and tags on an event of the station in the place of those before; with neither they go.
+    """Set note and tags of an event of the station; without both, remove them.
 
     Raises UnknownRecordError, TagError, RequestRejectedError for a note that is too long or too many tags.
     """
@@ -120,7 +124,7 @@ def remark(session: Session, event_id: int, note: str, tags: Sequence[str], who:
 
 
 def count(session: Session, asked: LogQuery) -> int:
-    """Return how many there are of what is asked for."""
+    """Return the number of selected entries."""
     wanted, found = set(asked.kinds) or set(EventKind), 0
     if wanted - {EventKind.RUN}:
         found += _count(session, _of_events(session, asked), _event, asked)
@@ -143,9 +147,9 @@ def _query_entries(
     asked: LogQuery,
     limit: int | None,
 ) -> list[LogEntry]:
-    """Return the first of a query; where a word may be of an angle, those that show it as it is read.
+    """Return the first entries of a query.
 
-    The database has angles in rad: it leaves rows with an angle to be looked at here.
+    Filter words of angles by the displayed text. The database has angles in rad: rows with an angle are filtered here.
     """
     words = [_normalise_text(word) for word in asked.words if _may_be_of_angle(word)]
     if not words:
@@ -166,7 +170,7 @@ def _query_entries(
 
 
 def _may_be_of_angle(word: str) -> bool:
-    """Tell whether a word may be part of an angle as somebody reads it: a number, or a unit."""
+    """Return whether a word may be part of a displayed angle: a number, or a unit."""
     return any(letter.isdigit() for letter in word) or bool(_UNITS.fullmatch(word.casefold()))
 
 
@@ -252,7 +256,7 @@ def _of_runs(session: Session, moment: InstrumentedAttribute[Any], asked: LogQue
 
 
 def _in_words(end_state: str, detail: str) -> str:
-    """Return how a run ended; what a fault is called stands before the colon of ``detail``, symbols behind it."""
+    """Return how a run ended; ``detail`` has the name of a fault before its colon."""
     fault, colon, seen = detail.partition(":")
     why = f"{fault.replace('_', ' ')}{colon}{seen}"
     return end_state.replace("_", " ") + (f", {why}" if detail else "")
@@ -268,9 +272,9 @@ def _holds(place: InstrumentedAttribute[str], word: str) -> Condition:
 
 
 def _locate_entries(session: Session, found: list[LogEntry]) -> list[LogEntry]:
-    """Find the second of the recording at which each event of a tick stands, in the run that was recorded then.
+    """Set the time in the recording for each event with a tick.
 
-    Ticks begin anew with each loop process: an event belongs to a run only if both its time and its tick fit.
+    Ticks restart with each loop process: an event belongs to a run only if both its time and its tick match.
     """
     ticked = [one for one in found if one.tick is not None]
     if not ticked:
