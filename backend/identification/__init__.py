@@ -1,4 +1,7 @@
-"""Offline estimation of the motor, spring and actuator models: pure, no clock, file or socket."""
+"""Offline estimation of motor, spring and actuator models: pure functions.
+
+Without clock, files or sockets, except for importing data.
+"""
 
 import lazy_loader
 

@@ -1,4 +1,7 @@
-"""From the recorded columns of the closed-loop experiment to G_q and G_S (method section 4, figures 4 and 5)."""
+"""Identification of G_q and G_S from the columns of the closed-loop experiment.
+
+Method section 4, figures 4 and 5.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -13,17 +16,18 @@ from backend.identification.models import Estimate, Verdict, worst_grade
 from backend.identification.records import IdentificationError, Record, Signal
 
 STRUCTURES = ("order:4", "lags4", "third", "first")
-"""What is tried for G_q and G_S: the inner loop alone has four lags; third and first order are the paper's."""
+"""Candidate structures of G_q and G_S: the inner loop alone has four lags; third and first order are the paper's."""
 
 ARX_STRUCTURES = ("first",)
-"""What is tried by ARX: of third order at 1 ms the rounding of single precision already changes its standard errors."""
+"""Candidate structures of ARX: at third order and 1 ms, rounding of single precision already affects standard
+errors."""
 
 _REST_S = 0.5
 
 
 @dataclass(frozen=True)
 class ActuatorGeometry:
-    """What is known before the experiment: radii [m], k2 of the spring [N/m²] and counts per turn of the encoders."""
+    """Known geometry: radii [m], k2 of the spring [N/m²], encoder counts per turn."""
 
     r_m: float
     r_j: float
@@ -33,7 +37,7 @@ class ActuatorGeometry:
 
     @property
     def gain_q(self) -> float:
-        """Static gain from theta_A to q at rest, r_m / (2 r_j)."""
+        """Static gain from theta_A to q at equilibrium, r_m / (2 r_j)."""
         return self.r_m / (2.0 * self.r_j)
 
     @property
@@ -48,17 +52,18 @@ class ActuatorGeometry:
 
     @property
     def S_resolution(self) -> float:
-        """What one count of a motor encoder does to the stiffness estimate [N·m/rad]."""
+        """Change of the stiffness estimate per count of a motor encoder [N·m/rad]."""
         return self.gain_S * 2.0 * pi / self.theta_counts_per_turn
 
 
 @dataclass(frozen=True)
 class ActuatorIdentification:
-    """G_q and G_S at one nominal point, each the best of its candidates.
+    """G_q and G_S at one operating point, each the best of its candidates.
 
-    ``S_nominal`` [N·m/rad] and ``q_nominal`` [rad] are where the actuator rested before; ``motion_counts`` is the
-    peak-to-peak of q during the excitation in encoder counts. ``arx_q`` and ``arx_S`` are what the paper's method, ARX
-    of first order, makes of the same record, or why it makes nothing of it: for comparison, never for tuning.
+    ``S_nominal`` [N·m/rad] and ``q_nominal`` [rad] are the values at rest before the excitation; ``motion_counts`` is
+    the peak-to-peak of q during the excitation in encoder counts. ``arx_q`` and ``arx_S`` are the results of the
+    paper's method, ARX of first order, on the same record, or the reason why there are none: for comparison, never for
+    tuning.
     """
 
     G_q: Estimate
@@ -73,7 +78,7 @@ class ActuatorIdentification:
     arx_S: Estimate | str
 
     def to_json(self) -> dict[str, Any]:
-        """Plain dictionaries, lists and numbers."""
+        """Return plain dictionaries, lists and numbers."""
         return {
             "G_q": self.G_q.to_json(),
             "G_S": self.G_S.to_json(),
@@ -96,9 +101,9 @@ def identify_actuator(
 ) -> ActuatorIdentification:
     """Identify theta_A_ref -> q and theta_A_ref -> S from the samples of one run.
 
-    ``samples`` holds the columns theta_A_ref, q and S, shape (n,) each; ``start`` is the index at which the
-    excitation begins, the samples before it show the point at rest. Structures that are not given are those of the
-    method. Raises RecordError, StructureError and NotConvergedError.
+    ``samples`` holds the columns theta_A_ref, q and S, shape (n,) each; ``start`` is the index at which the excitation
+    begins, the samples before it show the state at rest. The default ``structures`` depend on the method. Raises
+    RecordError, StructureError and NotConvergedError.
     """
     structures = structures or (ARX_STRUCTURES if method is Method.ARX else STRUCTURES)
     u, q, S = (np.asarray(samples[name], dtype=np.float64) for name in ("theta_A_ref", "q", "S"))
@@ -140,7 +145,7 @@ def _by_arx(record: Record) -> Estimate | str:
 
 
 def _joint_verdict(G_q: Verdict, G_S: Verdict) -> Verdict:
-    """Take the worse grade, with the reasons of those that have it: praise of the other one would hide them."""
+    """Return the worse grade, with the reasons of the models that have it only."""
     named = {"G_q": G_q, "G_S": G_S}
     grade = worst_grade(*(verdict.grade for verdict in named.values()))
     reasons = (f"{name}: {reason}" for name, one in named.items() if one.grade is grade for reason in one.reasons)

@@ -1,4 +1,4 @@
-"""The estimators behind one call: structures on a record, ranked, with their quality and hints."""
+"""Estimators behind one function: structures, ranking, quality, and hints."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -70,20 +70,19 @@ from backend.identification.validation import (
 
 # Unseen --------------------------------------------------------------------------------------------
 #
-# A model beside data that it was not fitted to: what was measured, what the model says, and how far
-# apart they are.
+# Validation of a model on data that it was not fitted to: measurement, prediction, and their difference.
 #
-# Where the data begins in the middle of things, initial state, offset and ramp are no part of the
-# model: they are found by least squares on that data, as in every fit here.
+# If the data begin during motion, initial state, offset and ramp are not part of the model: they are determined by
+# least squares on that data, as in every fit here.
 
 
 TRAINING_PART = 2.0 / 3.0
-"""Share of a record that a model is fitted to when the rest has to be data that it has not seen."""
+"""Fraction of a record that a model is fitted to when the rest is validation data."""
 
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """Measured and predicted output, shape (n,) each, from sample ``first`` of the record on."""
+    """Measured and predicted output, shape (n,) each, from sample ``first`` on."""
 
     first: int
     measured: Signal
@@ -101,9 +100,9 @@ class ModelComparison:
 
 
 def fit_percent(error: Signal, motion: Signal) -> float:
-    """Share of the motion that a model explains [%], from what it leaves over and the motion about its mean.
+    """Return the fit [%] from the residual and the motion about its mean.
 
-    Raises IdentificationError where nothing moved.
+    Raises IdentificationError if there is no motion.
     """
     if np.ptp(motion) == 0.0:
         raise IdentificationError(
@@ -113,17 +112,23 @@ def fit_percent(error: Signal, motion: Signal) -> float:
 
 
 def count_fitted_samples(record: Record) -> int:
-    """Return how many samples of a record, from its first on, a model is fitted to when the rest is to be unseen."""
+    """Return the number of samples, from the first on, that a model is fitted to.
+
+    The rest of the record is validation data.
+    """
     return int(TRAINING_PART * record.u.size)
 
 
 def split_last_part(record: Record) -> Record:
-    """Return the part of a record that is left aside. Raises RecordError where it holds nothing."""
+    """Return the validation part of a record. Raises RecordError if it is unsuitable."""
     return record.part(count_fitted_samples(record), record.u.size)
 
 
 def compare_with_record(problem: FitProblem, parameters: Signal) -> ModelComparison:
-    """Compare a structure with these parameters with the record of ``problem``. Raises UnstableModelError."""
+    """Compare a structure with these parameters with the record of ``problem``.
+
+    Raises UnstableModelError.
+    """
     here = FitEvaluation(problem.unweighted, parameters)
     unknown = least_squares(here.nuisance, here.error)
     left_over = here.error - here.nuisance @ unknown
@@ -132,14 +137,17 @@ def compare_with_record(problem: FitProblem, parameters: Signal) -> ModelCompari
 
 
 def validate_on_record(model: Model, record: Record) -> ModelComparison:
-    """Set a model beside a record that it was not fitted to. Raises UnstableModelError."""
+    """Compare a model with a record that it was not fitted to.
+
+    Raises UnstableModelError.
+    """
     return compare_with_record(FitProblem(record, find_structure(model.structure), WHITE), model.vector)
 
 
 def validate_held_out(found: Fit) -> ModelComparison:
-    """Set a model of the first two thirds of a record beside its last third, fitted as ``found`` was.
+    """Fit a model to the first two thirds of a record, compare it with the last third.
 
-    Raises IdentificationError, LinAlgError where one of them holds nothing.
+    The fit is made as ``found`` was. Raises IdentificationError, LinAlgError if a part is unsuitable.
     """
     record = found.problem.record
     trained = refit(found, record.part(0, count_fitted_samples(record))).parameters
@@ -148,24 +156,24 @@ def validate_held_out(found: Fit) -> ModelComparison:
 
 # Hints ---------------------------------------------------------------------------------------------
 #
-# Whether a dead time or a higher order would help a structure that leaves something out.
+# Hints whether a dead time or a higher order would improve an incomplete structure.
 #
-# Both models are fitted by output error to the same samples, so that their fits and criteria
-# compare. The other model starts from the one that was found: behind each of a grid of dead times,
-# or with another lag on a grid.
+# Both models are fitted by output error to the same samples, so their fits and criteria are comparable. The other model
+# starts from the found one: with dead times of a grid, or with another lag of a grid.
 
 
 MIN_BIC_GAIN = 10.0
 """Difference of BIC that counts as very strong evidence."""
 MOST_LEFT = 0.9
-"""Share of the residuals that another model may leave over to be worth a hint, where they still follow the input."""
+"""Largest fraction of the residuals remaining with another model that justifies a hint, if they still correlate with
+the input."""
 _STARTS_TRIED = 2
 _LAGS = 8
 _SHORTER = (1.0, 0.7, 0.4)
 
 
 def find_hint(record: Record, model: Model) -> Hint | None:
-    """Return the structure that explains the record much better, with figures; None where there is none."""
+    """Return the structure that explains the record much better, or None."""
     shape, problem = find_structure(model.structure), FitProblem(record, find_structure(model.structure), WHITE)
     best: Hint | None = None
     for other, starts in _others(problem, shape, model.vector, with_dead_time=record.controller is None):
@@ -181,7 +189,7 @@ def find_hint(record: Record, model: Model) -> Hint | None:
 def _others(
     problem: FitProblem, shape: Structure, parameters: Signal, *, with_dead_time: bool
 ) -> Iterator[tuple[Structure, list[Signal]]]:
-    """Yield the same structure with a dead time, and that of one order more, with starting values for each."""
+    """Yield the structure with a dead time, and that of one order more, with starts."""
     record = problem.record
     if with_dead_time and not shape.delayed:
         yield (
@@ -198,7 +206,7 @@ def _others(
         tail = parameters[-1:] if shape.delayed else parameters[:0]
         starts = []
         for lag in lags:
-            # The sum of lags stays about as it is: what the new one takes, the others give.
+            # The sum of lags stays about the same: the others are reduced by the new one.
             share = max(0.3, 1.0 - lag / shape.sum_of_lags(parameters))
             descending = np.real(np.poly(np.append(poles / share, -1.0 / lag)))
             ascending = np.asarray(descending[::-1] / descending[-1])
@@ -207,13 +215,13 @@ def _others(
 
 
 def _shorten_lags(shape: Structure, parameters: Signal, share: float) -> Signal:
-    """Lags of a share of what they are: the dead time takes the rest."""
+    """Return the parameters with all lags scaled by ``share``, for a dead time."""
     powers = share ** np.arange(shape.order + 1)
     return shape.from_denominator(float(parameters[0]), shape.denominator(parameters) * powers)
 
 
 def _one_order_more(shape: Structure) -> Structure | None:
-    """Return the structure with a lag more, None where there is none."""
+    """Return the structure with another lag, None if there is none."""
     suffix = DEAD_TIME if shape.delayed else ""
     if shape.kind is DenominatorKind.LAGS:
         return find_structure(f"lags{shape.order + 1}{suffix}") if shape.order < MAX_LAGS else None
@@ -223,7 +231,10 @@ def _one_order_more(shape: Structure) -> Structure | None:
 def _compare_structures(
     problem: FitProblem, parameters: Signal, other: FitProblem, starts: list[Signal]
 ) -> Hint | None:
-    """Fit the other structure and this one to the same samples; None where the other is not clearly better."""
+    """Fit both structures to the same samples and compare them.
+
+    Returns None unless the other is clearly better.
+    """
     ranked = [start for _, start in ranked_starts(other, starts)][:_STARTS_TRIED]
     if not ranked:
         return None
@@ -255,7 +266,7 @@ def _compare_structures(
 
 
 def _count_dead_time_samples(problem: FitProblem, parameters: Signal) -> int:
-    """Return how many samples a dead time that the structure has already leaves out."""
+    """Return the number of samples omitted for a dead time that the structure has."""
     return skip_initial_samples(problem, [parameters]).first
 
 
@@ -266,11 +277,11 @@ def _fit_percent(found: FitEvaluation) -> float:
 
 # Estimate ------------------------------------------------------------------------------------------
 #
-# The estimators behind one call: from a record and a structure to a model with its quality.
+# Estimators behind one function: from a record and a structure to a model with its quality.
 
 
 _RESTS = 0.1
-"""Share of its whole motion below which a part of a record holds next to none."""
+"""Fraction of its total motion below which a part of a record counts as resting."""
 _CLEARLY_LESS = 0.8
 
 
@@ -283,13 +294,13 @@ def estimate_model(
     y_resolution: float | None = None,
     hint: bool = True,
 ) -> Estimate:
-    """Identify the structure from the record; with a ``hint`` where another structure would help.
+    """Identify the structure from the record; ``hint`` adds better structures.
 
-    ``gain_geometry`` [unit of y / unit of u] is the static gain to compare with; ``y_resolution`` one count of
-    the output's sensor, found from the record where its values are few. Raises IdentificationError.
+    ``gain_geometry`` [unit of y / unit of u] is the static gain for comparison; ``y_resolution`` is one count of the
+    output sensor, detected from the record if it has few values. Raises IdentificationError.
     """
     try:
-        # Numbers out of range are refused where they arise; NumPy's own words about them are of no use to anybody.
+        # Overflows are handled where they arise; NumPy's own warnings are of no use here.
         with np.errstate(all="ignore"):
             found = _estimate(record, find_structure(structure_name), method, gain_geometry, y_resolution)
             return with_hint(record, found) if hint else found
@@ -305,7 +316,7 @@ def estimate_model(
 
 
 def _cause_in(record: Record, structure_name: str) -> NotConvergedError | None:
-    """Name what of the record keeps any model from being found; None where nothing is known to."""
+    """Return the error that names the defect of the record, None if none is known."""
     wrap = find_wrap(record.y)
     if wrap is not None:
         return NotConvergedError(
@@ -322,7 +333,7 @@ def _cause_in(record: Record, structure_name: str) -> NotConvergedError | None:
 
 
 def with_hint(record: Record, found: Estimate) -> Estimate:
-    """Add what would help to an estimate whose residuals tell that its structure leaves something out."""
+    """Add a hint to an estimate whose residuals show unmodelled dynamics."""
     tests, friction = found.residuals, found.friction
     explained = tests.whiteness.passed and tests.input_correlation.passed
     if explained or 100.0 - found.fit_all_percent <= NEGLIGIBLE_PERCENT or (friction is not None and friction.found):
@@ -409,9 +420,9 @@ def _estimate(
 
 
 def _dry_friction(found: Fit, model: Model) -> DryFriction | None:
-    """Compare friction with the linear model that simulates best: a noise model or a weighting gives up some of that.
+    """Compare friction with the linear model with the least simulation error.
 
-    None where the record could not show any.
+    A noise model or a weighting increases that error. None if the record cannot show friction.
     """
     if not has_both_directions(found.problem.record.y):
         return None
@@ -419,7 +430,10 @@ def _dry_friction(found: Fit, model: Model) -> DryFriction | None:
 
 
 def _held_out_fit(found: Fit) -> float:
-    """Fit on the last third of the record by a model of the first two thirds; NaN where one of them holds nothing."""
+    """Return the fit on the last third of the record of a model of the first two.
+
+    NaN if a part is unsuitable.
+    """
     try:
         return validate_held_out(found).fit_percent
     except (IdentificationError, np.linalg.LinAlgError):
@@ -427,7 +441,7 @@ def _held_out_fit(found: Fit) -> float:
 
 
 def _has_coloured_residuals(found: Fit) -> bool:
-    """Whether what the simulation leaves over is coloured, with a noise model or without."""
+    """Return whether the simulation residual is coloured, with or without noise model."""
     return found.problem.whitening.size > 1 or not found.whiteness().passed
 
 
@@ -438,9 +452,9 @@ def _has_feedback(found: Fit) -> bool:
 
 
 def _input_offset(found: Fit) -> InputOffset | None:
-    """Return the offset of the record as one of the input; None where it does not differ from zero.
+    """Return the offset of the record, referred to the input, if it is significant.
 
-    The offset is that at the middle of the record, where the ramp that is fitted besides is zero.
+    It is the offset at the middle of the record, at which the fitted ramp is zero.
     """
     plain = replace(found.problem, low_pass=0.0, whitening=WHITE)
     here = FitEvaluation(plain, found.parameters)
@@ -459,22 +473,26 @@ def _input_offset(found: Fit) -> InputOffset | None:
     u_0 = -offset / K
     if not (variance > 0.0 and abs(u_0) > SIGNIFICANT_STD * np.sqrt(variance)):
         return None
-    # An offset that only rounding tells of is none.
+    # An offset within the rounding errors is zero.
     if abs(u_0) < 1e-6 * float(np.max(np.abs(plain.record.u))):
         return None
     return InputOffset(u_0, float(np.sqrt(variance)))
 
 
 def _has_rest(predicted: Signal) -> bool:
-    """Whether the model's output, shape (n,), hardly moves in the first two thirds or in the last third."""
+    """Return whether the model's output hardly moves in one part of the record.
+
+    The parts are the first two thirds and the last third; ``predicted`` has shape (n,).
+    """
     split = int(TRAINING_PART * predicted.size)
     return min(float(np.ptp(predicted[:split])), float(np.ptp(predicted[split:]))) < _RESTS * float(np.ptp(predicted))
 
 
 def _largest_bias_percent(found: Fit, model: Model) -> float:
-    """Return what residuals of this size can move K and T by at most [%]; infinite where that cannot be had.
+    """Return the largest bias of K and T by residuals of this size [%].
 
-    By Cauchy and Schwarz the solution of J x = e is at most as long as |e| times that of J's pseudo-inverse.
+    By Cauchy and Schwarz the solution of J x = e is at most as long as |e| times that of J's pseudo-inverse. Infinite
+    if it cannot be computed.
     """
     sensitivities = found.solution.without_nuisance(found.solution.sensitivities)
     factor = triangle(sensitivities)
@@ -489,9 +507,9 @@ def _largest_bias_percent(found: Fit, model: Model) -> float:
 
 
 def _lead(record: Record, left: float) -> float | None:
-    """Gain of an output that follows the input of its own sample, which no lag can; None of one that does not.
+    """Return the gain of an output that follows the input of the same sample, or None.
 
-    ``left`` is the norm of what the model leaves over.
+    No lag can do that. ``left`` is the norm of the model's residual.
     """
     now = np.column_stack((np.ones(record.u.size), record.u))
     errors, gain = [], 0.0
@@ -503,7 +521,7 @@ def _lead(record: Record, left: float) -> float | None:
 
 
 def _standard_errors(covariance: Signal) -> list[float]:
-    """Square roots of the diagonal; NaN where rounding has eaten a variance."""
+    """Return the square roots of the diagonal; NaN for variances lost to rounding."""
     variances = np.diag(covariance)
     return [float(std) for std in np.sqrt(np.where(variances > 0.0, variances, np.nan))]
 
@@ -515,7 +533,7 @@ def _standard_errors(covariance: Signal) -> list[float]:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Estimates of one record, best first, and the structures that gave none with the reason."""
+    """Estimates of one record, best first, and failed structures with the reason."""
 
     ranked: tuple[Estimate, ...]
     failed: dict[str, str]
@@ -526,7 +544,7 @@ class Candidates:
         return self.ranked[0]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain dictionaries, lists and numbers."""
+        """Return plain dictionaries, lists and numbers."""
         return {"ranked": [candidate.to_json() for candidate in self.ranked], "failed": self.failed}
 
 
@@ -538,9 +556,9 @@ def rank(
     gain_geometry: float | None = None,
     y_resolution: float | None = None,
 ) -> Candidates:
-    """Estimate each structure and rank: usable ones before unusable ones, then by BIC, which charges for parameters.
+    """Estimate each structure and rank: usable ones first, then by BIC.
 
-    Arguments as for :func:`estimate`. Raises StructureError, and NotConvergedError if no structure gives a model.
+    Arguments as for :func:`estimate_model`. Raises StructureError, and NotConvergedError if no structure gives a model.
     """
     found, failed = [], {}
     for name in structures:

@@ -1,4 +1,4 @@
-"""The part of an input that noise did not cause, frequency responses, and correlations."""
+"""Noise-free part of an input, frequency responses, and correlations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,20 +11,19 @@ from backend.identification.records import Controller, Record, Signal, UnstableM
 
 # Excitation ----------------------------------------------------------------------------------------
 #
-# The part of the input that the measurement noise did not cause: what instruments in closed loop
-# are made of.
+# The part of the input that is independent of measurement noise: the basis of instruments in closed loop.
 
 
 NoiseFreeInput = Callable[[Signal], Signal]
-"""From parameters to an input of shape (n,) that does not contain the measurement noise."""
+"""Function from parameters to an input of shape (n,) without measurement noise."""
 
 _LAGS_OF_FIT = 14
 
 
 def external_signal(record: Record) -> Signal | None:
-    """Return what enters the loop from outside, shape (n,): u + C y where the controller C is known, or else r.
+    """Return the external signal of the loop, shape (n,).
 
-    None where neither is known, or where r is constant.
+    u + C y if the controller C is known, else r; None if neither is known, or r is constant.
     """
     from scipy.signal import lfilter
 
@@ -34,7 +33,10 @@ def external_signal(record: Record) -> Signal | None:
 
 
 def noise_free_input(problem: FitProblem) -> NoiseFreeInput | None:
-    """How to rebuild the input without noise for this record; None where nothing from outside the loop is known."""
+    """Return the function that reconstructs the input without noise for this record.
+
+    None if no external signal is known.
+    """
     record = problem.record
     external = external_signal(record)
     if external is None:
@@ -47,14 +49,14 @@ def noise_free_input(problem: FitProblem) -> NoiseFreeInput | None:
 
 
 def _centre(u: Signal) -> Signal:
-    """Without its mean, so that simulation from rest starts near where the record is."""
+    """Return u without its mean, so that a simulation at rest starts near the record."""
     return np.asarray(u - np.mean(u))
 
 
 def _feedback(record: Record, controller: Controller) -> Signal:
-    """Numerator over 1 - z^-1 of the feedback from y to -u, as the loop seems to have computed it.
+    """Return the numerator over 1 - z^-1 of the feedback from y to -u.
 
-    Sampled controllers differ in how they integrate and in whether they see the newest sample. The right version
+    Sampled controllers differ in their integration and in whether they use the newest sample. The correct version
     leaves u + C y free of noise, that is smoothest.
     """
     from scipy.signal import lfilter
@@ -69,7 +71,10 @@ def _feedback(record: Record, controller: Controller) -> Signal:
 
 
 def _closed_loop_input(problem: FitProblem, parameters: Signal, feedback: Signal, from_outside: Signal) -> Signal:
-    """Response of u to what enters the loop from outside, 1/(1 + G C), with the model for G."""
+    """Return the response of u to the external signal, 1/(1 + G C).
+
+    With the model for G.
+    """
     from scipy.signal import sosfilt, zpk2sos
 
     poles = np.exp(problem.structure.poles(parameters) * problem.record.period_s)
@@ -85,13 +90,16 @@ def _closed_loop_input(problem: FitProblem, parameters: Signal, feedback: Signal
     if np.max(np.abs(closed_poles)) >= 1.0:
         raise UnstableModelError("the loop of model and controller is unstable")
     zeros = np.concatenate((poles, [1.0], np.zeros(closed_poles.size - poles.size - 1)))
-    # The stubs of zpk2sos leave complex zeros and poles out, which are what it is for.
+    # The stubs of zpk2sos omit complex zeros and poles, its purpose.
     sections = zpk2sos(zeros, closed_poles, 1.0)  # type: ignore[arg-type]  # the stubs leave complex zeros out
     return np.asarray(sosfilt(sections, from_outside))
 
 
 def _fitted_input(record: Record, r: Signal) -> Signal:
-    """Least-squares fit of u by r through a bank of lags, from one sample to a fifth of the record."""
+    """Return the least-squares fit of u by r through a bank of lags.
+
+    From one sample to a fifth of the record.
+    """
     from scipy.signal import lfilter
 
     decays = np.exp(-record.period_s / np.geomspace(record.period_s, record.duration_s / 5.0, _LAGS_OF_FIT))
@@ -103,7 +111,7 @@ def _fitted_input(record: Record, r: Signal) -> Signal:
 
 # Frequency -----------------------------------------------------------------------------------------
 #
-# The model beside a frequency response that assumes no model (Welch's averages), with coherence.
+# Comparison of the model with a non-parametric frequency response (Welch's averages), with coherence.
 
 
 SEGMENTS = 4
@@ -114,9 +122,10 @@ _LINES = 60
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Estimate at ``omega`` [rad/s], shape (m,): complex ``response``; ``coherence`` of input and output, 0 to 1.
+    """Estimate at ``omega`` [rad/s], shape (m,): complex ``response``.
 
-    ``excitation`` is the input's power at each line over the largest of all lines.
+    ``coherence`` of input and output, 0 to 1; ``excitation`` is the input's power at each line relative to the largest
+    of all lines.
     """
 
     omega: Signal
@@ -126,10 +135,11 @@ class FrequencyResponse:
 
 
 def welch_response(record: Record) -> FrequencyResponse:
-    """Ratio of averaged cross spectra, over segments of a quarter of the record, half overlapped, Hann window.
+    """Return the ratio of averaged cross spectra.
 
-    Where something from outside the loop is known, both spectra are taken with it, S_ry / S_ru: the plain ratio
-    S_uy / S_uu would mix the plant with the inverse of the controller.
+    Over segments of a quarter of the record, half overlapped, Hann window. If the external signal of the loop is known,
+    both spectra are taken with it, S_ry / S_ru: the plain ratio S_uy / S_uu would mix the plant with the inverse of the
+    controller.
     """
     from scipy.fft import rfftfreq
 
@@ -148,7 +158,7 @@ def welch_response(record: Record) -> FrequencyResponse:
 
 
 def _spectra(signal: Signal, length: int) -> Complex:
-    """Transform each windowed segment, line 0 left out; shape (segments, length // 2)."""
+    """Transform each windowed segment without line 0; shape (segments, length // 2)."""
     from scipy.fft import rfft
     from scipy.signal import detrend, get_window
 
@@ -162,9 +172,9 @@ def _average(first: Complex, second: Complex) -> Complex:
 
 
 def check_frequency_response(model: Model, record: Record) -> FrequencyCheck:
-    """Compare the model with Welch's estimate on some 60 lines, evenly spread on a logarithmic axis.
+    """Compare the model with Welch's estimate on some 60 lines, evenly spaced in log.
 
-    The model's response gets the hold of the input, (1 - e^-jwh)/(jwh), which the samples contain.
+    The model's response includes the hold of the input, (1 - e^-jwh)/(jwh), which the samples contain.
     """
     measured = welch_response(record)
     lines = np.unique(np.geomspace(1, measured.omega.size, _LINES).astype(int)) - 1
@@ -191,7 +201,7 @@ def check_frequency_response(model: Model, record: Record) -> FrequencyCheck:
 
 
 def correlation(later: Signal, earlier: Signal) -> Signal:
-    """Sum over k of later[k + lag] earlier[k], for lag = 0 .. n-1; shape (n,)."""
+    """Return the sum over k of later[k + lag] earlier[k], lag = 0 .. n-1; shape (n,)."""
     from scipy.fft import irfft, next_fast_len, rfft
 
     size = next_fast_len(2 * later.size)

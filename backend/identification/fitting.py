@@ -1,4 +1,4 @@
-"""Fits a structure to a record: ARX, output error, and refined instrumental variables."""
+"""Fits of a structure to a record: ARX, output error, and refined instruments."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -32,12 +32,10 @@ from backend.identification.validation import fit_autoregression, input_correlat
 
 # ARX -----------------------------------------------------------------------------------------------
 #
-# ARX, the paper's method: least squares on the equation error of a sampled model, after a low-pass
-# on both signals.
+# ARX, the paper's method: least squares on the equation error of a sampled model, after a low-pass on both signals.
 #
-# Kept for comparison. At 1 ms the equation error weighs what happens from one sample to the next, a
-# hundred times faster than the dynamics, so without the low-pass it returns the sensor's noise;
-# with it some bias remains (method section 4).
+# For comparison. At 1 ms the equation error weights changes from one sample to the next, a hundred times faster than
+# the dynamics, so without the low-pass it models the sensor's noise; with it some bias remains (method section 4).
 
 
 _SHARE = 1e-2
@@ -46,11 +44,11 @@ _SETTLED_LAGS = 12.0
 
 
 def fit_arx(problem: FitProblem, low_pass: bool = True) -> tuple[Signal, Signal]:
-    """Parameters, shape (p,), and their covariance, shape (p, p). Raises NotContinuousError.
+    """Return parameters, shape (p,), and covariance, shape (p, p).
 
-    A(z) y = B(z) u + offset with both of the structure's order, by QR, on signals that passed two lags of the
-    record's dominant time constant divided by three. The zeros of B, which the structures do not have, are dropped.
-    Without ``low_pass`` it is the plain method, for comparison.
+    A(z) y = B(z) u + offset, both of the structure's order, by QR, on signals filtered by two lags of the record's
+    dominant time constant divided by three. The zeros of B, which the structures lack, are dropped. ``low_pass`` False
+    is the plain method, for comparison. Raises NotContinuousError.
     """
     record, order = problem.record, problem.structure.order
     u, y = record.u, record.y
@@ -73,10 +71,10 @@ def fit_arx(problem: FitProblem, low_pass: bool = True) -> tuple[Signal, Signal]
 
 
 def continuous_poles(sampled: Poles, period_s: float) -> Poles:
-    """Poles [rad/s] of the continuous system with these poles in z. Raises NotContinuousError.
+    """Return the poles [rad/s] of the continuous system with these poles in z.
 
-    A real pole at or below zero has no continuous counterpart of the same order, one outside the unit circle no
-    stable one.
+    A real pole at or below zero has no continuous counterpart of the same order, one outside the unit circle no stable
+    one. Raises NotContinuousError.
     """
     real = np.abs(sampled.imag) <= 1e-9 * np.abs(sampled)
     if np.any(real & (sampled.real <= 0.0)) or np.any(np.abs(sampled) >= 1.0):
@@ -103,19 +101,18 @@ def _continuous(problem: FitProblem, coefficients: Signal) -> Signal:
 
 
 def _root(covariance: Signal) -> Signal:
-    """Columns that each move the coefficients by a standard deviation, in independent directions."""
+    """Return independent columns that change the coefficients by one deviation."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 # Output error --------------------------------------------------------------------------------------
 #
-# Output error: the parameters whose simulation comes nearest to the record (Levenberg-Marquardt,
-# QR).
+# Output error: the parameters with the least simulation error (Levenberg-Marquardt, QR).
 #
-# With white measurement noise this is the maximum-likelihood estimate, in closed loop too, because
-# the input depends on past noise only. With an autoregressive whitening polynomial it is the
-# prediction-error estimate for y = G u + noise / D.
+# With white measurement noise this is the maximum-likelihood estimate, in closed loop too, because the input depends on
+# past noise only. With an autoregressive whitening polynomial it is the prediction-error estimate for y = G u + noise /
+# D.
 
 
 MAX_ITERATIONS = 40
@@ -127,9 +124,9 @@ _MAX_DAMPING = 1e8
 
 
 def fit_output_error(problem: FitProblem, start: Signal, tolerance: float = FINE) -> FitEvaluation:
-    """Minimise the output error from ``start``; the solution is the evaluation's ``parameters``.
+    """Minimise the output error from ``start``; return the evaluation of the minimum.
 
-    Stops when what is left to gain is below ``tolerance`` standard errors. Raises NotConvergedError,
+    Stops when the possible improvement is below ``tolerance`` standard errors. Raises NotConvergedError,
     UnstableModelError.
     """
     found, converged = _descend(problem, start, tolerance, MAX_ITERATIONS)
@@ -140,7 +137,10 @@ def fit_output_error(problem: FitProblem, start: Signal, tolerance: float = FINE
 
 
 def adapt(problem: FitProblem, start: Signal) -> FitEvaluation:
-    """Improve parameters that are near already, to a tenth of their standard errors or in a few iterations."""
+    """Improve good parameters to a tenth of their standard errors.
+
+    Or by a few iterations.
+    """
     return _descend(problem, start, COARSE, FEW_ITERATIONS)[0]
 
 
@@ -164,14 +164,17 @@ def _descend(problem: FitProblem, start: Signal, tolerance: float, iterations: i
 
 
 def _factorise(here: FitEvaluation) -> tuple[Signal, Signal]:
-    """Triangle of the sensitivities, shape (p, p), and matching right-hand side, nuisance projected out."""
+    """Return triangle, shape (p, p), and right-hand side of the sensitivities.
+
+    With the nuisance terms projected out.
+    """
     first, size = here.nuisance.shape[1], here.parameters.size
     factor = triangle(np.column_stack((here.nuisance, here.sensitivities, here.error)))
     return factor[first : first + size, first : first + size], factor[first : first + size, first + size]
 
 
 def _damped_step(factor: Signal, right: Signal, damping: float) -> Signal:
-    # Columns of one size: else the unit of the output would decide which of them is too small to count.
+    # Scaled columns: otherwise the unit of the output would decide which of them is negligible.
     size = np.linalg.norm(factor, axis=0)
     size[size == 0.0] = 1.0
     stacked = np.vstack((factor / size, np.sqrt(damping) * np.eye(size.size)))
@@ -188,24 +191,24 @@ def _evaluate(problem: FitProblem, parameters: Signal) -> FitEvaluation | None:
 
 # Refined IV ----------------------------------------------------------------------------------------
 #
-# Refined instrumental variables in continuous time: SRIVC, its closed-loop form, and RIVC with
-# coloured noise.
+# Refined instrumental variables in continuous time: SRIVC, its closed-loop form, and RIVC with coloured noise.
 #
-# The estimate solves sum over k of Z_k(parameters) e_k(parameters) = 0, where e is the whitened
-# output error and Z the derivative of the noise-free response to a noise-free input. With the
-# measured input in Z this is SRIVC (Young and Jakeman 1980), with an input rebuilt from what enters
-# the loop from outside it is its closed-loop form (Gilson, Garnier, Young and Van den Hof 2008),
-# with whitening it is RIVC. The iteration
+# The estimate solves sum over k of Z_k(parameters) e_k(parameters) = 0, where e is the whitened output error and Z the
+# derivative of the noise-free response to a noise-free input. With the measured input in Z this is SRIVC (Young and
+# Jakeman 1980), with an input reconstructed from the external signal of the loop its closed-loop form (Gilson, Garnier,
+# Young and Van den Hof 2008), with whitening RIVC. The iteration
 #
 #     parameters <- parameters + (Z' J)^-1 Z' e
 #
-# is the usual one written as an increment, with e computed from exact simulation. Its fixed point
-# is the same, it needs no derivatives of the measured output, and it serves constrained structures
-# as well.
+# is the usual one written as an increment, with e computed from exact simulation. Its fixed point is the same, it needs
+# no derivatives of the measured output, and it is valid for constrained structures as well.
 
 
 def fit_refined_iv(start: FitEvaluation, noise_free_input: NoiseFreeInput) -> FitEvaluation:
-    """Iterate from ``start`` to the solution. Raises NotConvergedError, UnstableModelError."""
+    """Iterate from ``start`` to the solution.
+
+    Raises NotConvergedError, UnstableModelError.
+    """
     here, signal = start, float(np.linalg.norm(start.problem.whiten(start.problem.record.y)))
     for _ in range(MAX_ITERATIONS):
         matrix, right = _equation(here, here.instruments(noise_free_input(here.parameters)))
@@ -218,7 +221,10 @@ def fit_refined_iv(start: FitEvaluation, noise_free_input: NoiseFreeInput) -> Fi
 
 
 def _equation(here: FitEvaluation, instruments: Signal) -> tuple[Signal, Signal]:
-    """Q'J, shape (p, p), and Q'e, where Q is an orthonormal basis of the instruments without nuisance."""
+    """Return Q'J, shape (p, p), and Q'e.
+
+    Q is an orthonormal basis of the instruments without nuisance.
+    """
     first, size = here.nuisance.shape[1], here.parameters.size
     factor = triangle(np.column_stack((here.nuisance, instruments, here.sensitivities, here.error)))
     rows = slice(first, first + size)
@@ -226,7 +232,7 @@ def _equation(here: FitEvaluation, instruments: Signal) -> tuple[Signal, Signal]
 
 
 def _stable_step(here: FitEvaluation, step: Signal) -> FitEvaluation:
-    """Take the step, shortened to a factor e per parameter and halved until the model is stable."""
+    """Take the step, shortened to a factor e per parameter, halved until stable."""
     step = step / max(1.0, float(np.max(np.abs(step[1:]))))
     for _ in range(30):
         try:
@@ -238,7 +244,7 @@ def _stable_step(here: FitEvaluation, step: Signal) -> FitEvaluation:
 
 # Fit -----------------------------------------------------------------------------------------------
 #
-# From a record to parameters: which estimator runs, from where, and with which noise model.
+# Parameters of a record: choice of the estimator, its starting values, and the noise model.
 
 
 _NOISE_ROUNDS = 6
@@ -251,12 +257,11 @@ _STEEPEST = 100.0
 class Method(StrEnum):
     """Estimators to choose from.
 
-    ``DEFAULT`` is what experiments and files are identified by alike. It solves the refined-IV equation in its
-    closed-loop form where set point or controller are known, output error where they are not. Coloured residuals, of
-    noise or of friction, are modelled as autoregressive. Where the residuals follow the input even so, the structure
-    cannot carry the system, and low frequencies are weighted.
-    ``SRIVC`` and ``OUTPUT_ERROR`` do without either, ``RIVC`` insists on the noise model, ``LOW_FREQUENCY`` is output
-    error with that weighting. ``ARX`` is the paper's method.
+    ``DEFAULT`` is used for experiments and files alike. It solves the refined-IV equation in its closed-loop form if
+    set point or controller are known, else output error. Coloured residuals, from noise or friction, are modelled as
+    autoregressive. If the residuals still correlate with the input, the structure cannot describe the system, and low
+    frequencies are weighted. ``SRIVC`` and ``OUTPUT_ERROR`` omit both, ``RIVC`` always uses the noise model,
+    ``LOW_FREQUENCY`` is output error with that weighting. ``ARX`` is the paper's method.
     """
 
     DEFAULT = "default"
@@ -269,10 +274,10 @@ class Method(StrEnum):
 
 @dataclass(frozen=True)
 class Fit:
-    """A solution and how it was found.
+    """A solution and its method.
 
-    ``drive`` is None where the measured input serves as instrument; ``arx_covariance`` is there where the parameters
-    come from ARX.
+    ``drive`` is None if the measured input serves as instrument; ``arx_covariance`` is set if the parameters come from
+    ARX.
     """
 
     solution: FitEvaluation
@@ -291,7 +296,7 @@ class Fit:
 
     @property
     def method(self) -> str:
-        """Name of the estimator that ran, for people."""
+        """Name of the estimator for people."""
         if self.arx_covariance is not None:
             return "ARX with low-pass prefilter"
         order = self.problem.whitening.size - 1
@@ -308,7 +313,7 @@ class Fit:
 
     @cached_property
     def prediction_errors(self) -> Signal:
-        """The same without the low-pass, from ``first`` on: what is tested and what models are compared by."""
+        """Residuals without the low-pass, from ``first`` on, for tests and comparisons."""
         residuals = self.residuals
         if self.problem.low_pass:
             plain = FitEvaluation(replace(self.problem, low_pass=0.0), self.parameters)
@@ -325,7 +330,7 @@ class Fit:
             clean = self.drive(self.parameters)
             instruments = self.solution.without_nuisance(self.solution.instruments(clean))
         if self.problem.structure.delayed:
-            # A response that a hundred-thousandth of a parameter turns over has no derivative: nothing is measured.
+            # A response that flips within a hundred-thousandth of a parameter has no derivative.
             y = self.problem.record.y
             if np.max(np.linalg.norm(sensitivities[:, 1:], axis=0)) > _STEEPEST * np.linalg.norm(y - np.mean(y)):
                 return np.full((self.parameters.size, self.parameters.size), np.nan)
@@ -333,7 +338,7 @@ class Fit:
         return np.asarray(sandwich(instruments, sensitivities, self.residuals) * np.outer(scale, scale))
 
     def input_correlation(self) -> CorrelationTest:
-        """Test whether the residuals still depend on the input, over five times the sum of lags."""
+        """Test whether the residuals depend on the input, over five times the sum of lags."""
         record = self.problem.record
         u = record.u if self.drive is None else self.drive(self.parameters)
         whitened = replace(self.problem, low_pass=0.0, first=0).whiten(u)[self.problem.first :]
@@ -346,7 +351,10 @@ class Fit:
 
 
 def fit_parameters(record: Record, structure: Structure, method: Method) -> Fit:
-    """Estimate the parameters. Raises NoStartError, NotConvergedError, NotContinuousError, StructureError."""
+    """Estimate the parameters.
+
+    Raises NoStartError, NotConvergedError, NotContinuousError, StructureError.
+    """
     problem = FitProblem(record, structure, WHITE)
     if structure.delayed:
         _check_dead_time(structure, record, method)
@@ -366,22 +374,28 @@ def fit_parameters(record: Record, structure: Structure, method: Method) -> Fit:
         coloured = _with_noise_model(first)
     except (NotConvergedError, UnstableModelError):
         return _low_frequency(first)
-    # Residuals that still follow the input come from missing dynamics, not from noise: whitening them would trade
-    # accuracy at low frequency, where the model is used, for accuracy near the sampling rate.
+    # Residuals that still correlate with the input come from missing dynamics, not from noise: whitening them would
+    # trade accuracy at low frequency, where the model is used, for accuracy near the sampling rate.
     if coloured.input_correlation().passed:
         return coloured
     return first if first.input_correlation().passed else _low_frequency(first)
 
 
 def _check_dead_time(structure: Structure, record: Record, method: Method) -> None:
-    """Refuse what is not there: ARX and the closed-loop form by the controller know no dead time."""
+    """Raise StructureError where a dead time cannot be identified.
+
+    ARX and the closed-loop form with a controller support none.
+    """
     if method is Method.ARX or record.controller is not None:
         instead = "another method" if method is Method.ARX else "--setpoint in place of --controller"
         raise StructureError(f"{structure.name} has a dead time, which cannot be found in this way: use {instead}")
 
 
 def refit(found: Fit, record: Record) -> FitEvaluation:
-    """Adapt what was found to another record, by output error with the same noise model. Raises NotContinuousError."""
+    """Adapt a solution to another record, by output error with the same noise model.
+
+    Raises NotContinuousError.
+    """
     problem = replace(found.problem, record=record)
     if found.arx_covariance is not None:
         return _arx(problem).solution
@@ -394,7 +408,7 @@ def _arx(problem: FitProblem) -> Fit:
 
 
 def _with_noise_model(first: Fit) -> Fit:
-    """Alternate between the parameters and the noise model until they settle."""
+    """Alternate between the parameters and the noise model until they converge."""
     found = first
     for _ in range(_NOISE_ROUNDS):
         problem = replace(first.problem, whitening=fit_autoregression(_without_whitening(found).residuals))
@@ -402,7 +416,7 @@ def _with_noise_model(first: Fit) -> Fit:
         before = found
         found = _solve(problem, drive, before.parameters)
         if before is first and not found.input_correlation().passed:
-            # Under the noise the first solution may have settled in a valley that the whitened one shows to be wrong.
+            # Under the noise the first solution may be in a local minimum that the whitened one shows to be wrong.
             found = _from_starts(problem, drive, before.parameters)
         step = difference(before.parameters, found.parameters)
         change = float(np.linalg.norm(found.solution.without_nuisance(found.solution.sensitivities) @ step))
@@ -412,9 +426,10 @@ def _with_noise_model(first: Fit) -> Fit:
 
 
 def _low_frequency(first: Fit) -> Fit:
-    """Solve again with both signals passed through the model's sum of lags.
+    """Solve again with both signals filtered by the model's sum of lags.
 
-    What the structure cannot carry is then wrong at high frequency rather than in gain and lag, which tuning uses.
+    Dynamics that the structure cannot describe then cause errors at high frequency rather than in gain and lag, which
+    tuning uses.
     """
     sum_of_lags = float(first.problem.structure.denominator(first.parameters)[1])
     low_pass = float(np.exp(-first.problem.record.period_s / sum_of_lags))
@@ -429,15 +444,15 @@ def _without_whitening(found: Fit) -> Fit:
 
 
 def _from_starts(problem: FitProblem, drive: NoiseFreeInput | None, *further: Signal) -> Fit:
-    """Solve from quick starting values, and from thorough ones where the residuals are not white.
+    """Solve from quick starting values, and from thorough ones if not white.
 
-    That they do not follow the input is not enough: a wrong valley may leave over what looks like coloured noise.
+    Residuals uncorrelated with the input are not enough: in a wrong minimum they may look like coloured noise.
     """
     starts = initial_estimates(problem, *further)
     problem = skip_initial_samples(problem, starts[:_STARTS_TRIED])
     found = _first_converged(problem, starts, FINE if drive is None else COARSE)
     if problem.structure.order >= 3 and (found is None or not Fit(found, drive).whiteness().passed):
-        # A start that simulates about as well as the solution before it was improved lies in a better valley.
+        # A start that simulates as well as the improved solution is near a better minimum.
         bound = np.inf if found is None else _CLOSE * found.cost
         better = [start for error, start in thorough_starts(problem) if error < bound]
         other = _first_converged(problem, better, FINE)
@@ -449,14 +464,15 @@ def _from_starts(problem: FitProblem, drive: NoiseFreeInput | None, *further: Si
 
 
 def _is_explanation(found: Fit) -> bool:
-    """Whether nothing of the input is left in the residuals; the quick test first."""
+    """Return whether the residuals are independent of the input; quick test first."""
     return found.whiteness().passed or found.input_correlation().passed
 
 
 def skip_initial_samples(problem: FitProblem, starts: list[Signal]) -> FitProblem:
-    """Leave out samples that may come from inputs before the record.
+    """Omit samples that may depend on inputs before the record.
 
-    They are as many as the dead time may become: twice what it starts from, and half of the lags, which may hide it.
+    Their number is the largest expected dead time: twice the starting value, and half of the lags, which may contain
+    it.
     """
     shape, period_s = problem.structure, problem.record.period_s
     if not shape.delayed or problem.first:
@@ -466,7 +482,10 @@ def skip_initial_samples(problem: FitProblem, starts: list[Signal]) -> FitProble
 
 
 def _first_converged(problem: FitProblem, starts: list[Signal], tolerance: float) -> FitEvaluation | None:
-    """Take the first start that leads anywhere; with a dead time, whose valleys are many, the best of them."""
+    """Return the first start that converges; with a dead time the best of them.
+
+    A dead time causes many local minima.
+    """
     best = None
     for start in starts[:_STARTS_TRIED]:
         try:
@@ -485,7 +504,7 @@ def _solve(problem: FitProblem, drive: NoiseFreeInput | None, start: Signal) -> 
 
 
 def _with_instruments(near: FitEvaluation, drive: NoiseFreeInput | None) -> Fit:
-    """Go on to refined IV where there are instruments; where it fails, output error has the last word."""
+    """Continue with refined IV if there are instruments; if it fails, output error."""
     if drive is None:
         return Fit(near, None)
     try:

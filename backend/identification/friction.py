@@ -1,4 +1,4 @@
-"""Dry friction from records, and Coulomb friction that grows with the tendon load."""
+"""Coulomb friction from records, and its growth with the tendon load."""
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
@@ -15,15 +15,14 @@ from plant import cache_compiled
 
 # Friction ------------------------------------------------------------------------------------------
 #
-# Dry friction in a record from force, current or voltage to speed or position.
+# Coulomb friction in a record from force, current or voltage to speed or position.
 #
 #     T w' + w = K (u - u_0 - u_c sign w),   at rest while |u - u_0| <= u_c;      y = w, or y = the integral of w
 #
-# A linear model of such a record takes the friction for damping: gain and lag come out too small,
-# by half where the friction takes a third of the input, with standard errors that know nothing of
-# it and, in a little noise, with residuals that show nothing of it. So this model is tried on every
-# record of something that moves both ways. Between samples u is held, and the speed is exact, zero
-# crossings included. Where the linear model has a dead time, so has this one.
+# A linear model of such a record takes the friction for damping: gain and lag are too small, by half if the friction
+# takes a third of the input, with standard errors that do not include it and, with little noise, with residuals that do
+# not show it. This model is therefore tried on every record of motion in both directions. Between samples u is held,
+# and the speed is exact, zero crossings included. If the linear model has a dead time, so has this one.
 
 
 SIGNIFICANT_STD = 4.0
@@ -34,12 +33,12 @@ _LAGS = 12
 _MAX_STEPS = 60
 _STEP = 1e-6
 _FRICTIONS = (0.05, 0.2, 0.4, 0.7, 1.0)
-"""Frictions to start from, in root mean squares of the input."""
+"""Starting values of friction, in root mean squares of the input."""
 
 
 @dataclass(frozen=True)
 class FrictionFit:
-    """Parameters K, T, u_c, t_d, the covariance of the first three, and what the model leaves over, shape (n,)."""
+    """Parameters K, T, u_c, t_d, covariance of the first three, and residual (n,)."""
 
     parameters: Signal
     covariance: Signal
@@ -47,16 +46,19 @@ class FrictionFit:
 
 
 def has_both_directions(speed: Signal) -> bool:
-    """Whether a speed, shape (n,), goes both ways for long enough to tell friction from an offset of the input."""
+    """Return whether a speed (n,) has both directions for long enough.
+
+    Only then can friction be distinguished from an offset of the input.
+    """
     size = _RESTING_PART * float(np.max(np.abs(speed)))
     return min(float(np.mean(speed > size)), float(np.mean(speed < -size))) > _MOVING_SHARE
 
 
 def dry_friction(record: Record, linear_error: Signal, dead_time_s: float) -> DryFriction | None:
-    """Dry friction in a record of a speed; None where the record could not show any.
+    """Return the Coulomb friction in a record of a speed, or None.
 
-    ``linear_error``, shape (n,), is what the linear model's simulation leaves over, ``dead_time_s`` what that model
-    has, 0 where its structure has none.
+    None if the record cannot show any. ``linear_error``, shape (n,), is the simulation residual of the linear model,
+    ``dead_time_s`` its dead time, 0 if its structure has none.
     """
     if not has_both_directions(record.y):
         return None
@@ -66,7 +68,7 @@ def dry_friction(record: Record, linear_error: Signal, dead_time_s: float) -> Dr
         return None
     u_c, std = float(fitted.parameters[2]), np.sqrt(np.abs(np.diag(fitted.covariance)))
     left = float(np.linalg.norm(fitted.residuals) / np.linalg.norm(linear_error))
-    # Other dynamics may look like friction: it is friction where nothing is left beside it, or most of the rest goes.
+    # Other dynamics may look like friction: it is friction if the residual is white, or much smaller.
     explains = left < MOST_EXPLAINED or (left < 1.0 and whiteness(fitted.residuals, record.period_s).passed)
     is_significant = u_c > SIGNIFICANT_STD * std[2]
     if is_significant and not explains:
@@ -87,9 +89,10 @@ def dry_friction(record: Record, linear_error: Signal, dead_time_s: float) -> Dr
 
 
 def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
-    """Least squares on the simulation of a speed. Raises NotConvergedError.
+    """Fit the friction model to a speed by least squares on its simulation.
 
-    A dead time to start from is fitted as well, from shorter ones too: a linear model takes friction for dead time.
+    A dead time is fitted as well, also from shorter starting values: a linear model takes friction for dead time.
+    Raises NotConvergedError.
     """
     from scipy.optimize import least_squares
 
@@ -115,12 +118,12 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
     start = _start(u, y, period_s, dead_time_s)
     try:
         found = least_squares(residuals, start, jac=differences(residuals), x_scale=0.1, max_nfev=_MAX_STEPS)
-    except ValueError:  # a simulation that leaves the range of numbers
+    except ValueError:  # a simulation that overflows
         raise NotConvergedError("no motor with dry friction describes the record") from None
     if not np.all(np.isfinite(found.x)):
         raise NotConvergedError("no motor with dry friction describes the record")
     sensitivities = -np.asarray(found.jac, dtype=np.float64)
-    moves = np.linalg.norm(sensitivities, axis=0) > 0.0  # rest, or an offset, may be without effect
+    moves = np.linalg.norm(sensitivities, axis=0) > 0.0  # rest, or an offset, may have no effect
     if not np.all(moves[:3]):
         raise NotConvergedError("the record does not tell gain, lag and dry friction apart")
     covariance = sandwich(sensitivities[:, moves], sensitivities[:, moves], found.fun)[:3, :3]
@@ -132,12 +135,18 @@ def fit_friction(record: Record, dead_time_s: float) -> FrictionFit:
 
 
 def positive_lag(logarithm: float, period_s: float) -> float:
-    """Lag [s] of this logarithm, within what can be simulated: a search may leave the range of numbers."""
+    """Return the lag [s] of this logarithm, limited to what can be simulated.
+
+    A search may otherwise overflow.
+    """
     return float(period_s * np.exp(np.clip(logarithm - np.log(period_s), -20.0, 40.0)))
 
 
 def differences(residuals: Callable[[Signal], Signal]) -> Callable[[Signal], Signal]:
-    """Differentiate residuals by central differences of one absolute step: parameters of size 1 may well be zero."""
+    """Return the Jacobian of residuals by central differences with an absolute step.
+
+    Parameters are of size 1, and may be zero.
+    """
 
     def jacobian(z: Signal) -> Signal:
         moves = _STEP * np.eye(z.size)
@@ -147,7 +156,10 @@ def differences(residuals: Callable[[Signal], Signal]) -> Callable[[Signal], Sig
 
 
 def _start(u: Signal, y: Signal, period_s: float, dead_time_s: float) -> Signal:
-    """K, ln T, u_c, u_0, first speed and dead time, where there is one, in samples, over a grid; K is fitted."""
+    """Return K, ln T, u_c, u_0, first speed and dead time, the best of a grid.
+
+    The dead time, if there is one, is in samples; K is fitted.
+    """
     best, lowest = np.zeros(5), np.inf
     lags = np.geomspace(3.0 * period_s, u.size * period_s / 5.0, _LAGS)
     dead_times = (0.0, 0.5 * dead_time_s, dead_time_s) if dead_time_s else (0.0,)
@@ -166,9 +178,10 @@ def _start(u: Signal, y: Signal, period_s: float, dead_time_s: float) -> Signal:
 def simulate_motion(
     u: Signal, period_s: float, K: float, T: float, u_c: float, u_0: float, initial: float, dead_time_s: float = 0.0
 ) -> Signal:
-    """Speed and turn since the first sample, shape (2, n); exact for an input that is held between samples.
+    """Return speed and rotation since the first sample, shape (2, n).
 
-    A dead time need not be whole samples. The input before and after the record counts as its first and last value.
+    Exact for an input that is held between samples. A dead time need not be whole samples. The input before and after
+    the record counts as its first and last value.
     """
     w, turned = initial, 0.0
     motion = np.empty((2, u.size))
@@ -182,7 +195,7 @@ def simulate_motion(
                 sign = np.sign(w) if w != 0.0 else np.sign(K * drive)
                 if w == 0.0 and abs(drive) <= u_c:
                     break
-                # Friction opposes the motion, whatever the sign of K.
+                # Friction opposes the motion, for any sign of K.
                 final = K * drive - abs(K) * u_c * sign
                 reached = final + (w - final) * np.exp(-left / T)
                 if w != 0.0 and reached * w < 0.0:
@@ -199,28 +212,26 @@ def simulate_motion(
 
 # Load friction -------------------------------------------------------------------------------------
 #
-# Coulomb friction that grows with the tendon load, from actuator identifications at several
-# tensions.
+# Coulomb friction that grows with the tendon load, from actuator identifications at several tensions.
 #
 #     u = (J θ'' + B θ' + r_m F + (c0 + c1 r_m F) sign θ') / K_t + τ_e u' + u_0
 #
-# The friction acts at the gearbox outlet of the motor that is excited. Voltage, encoder and load
-# cell of that motor are enough: the load cell measures r_m F, so that K_t need not be known. All
-# signals pass through one smoothing kernel. A sample counts only where the motor turns one way
-# throughout its kernel, fast enough for the friction to be fully developed: there the sign commutes
-# with the kernel, and neither the smoothing of a Coulomb step nor the Stribeck effect matters. What
-# is left is one least-squares problem over all runs. Its standard errors allow for coloured
-# residuals.
+# The friction acts at the gearbox outlet of the excited motor. Voltage, encoder and load cell of that motor suffice:
+# the load cell measures r_m F, so K_t need not be known. All signals are smoothed by the same kernel. A sample counts
+# only if the motor turns in one direction within its kernel, fast enough for the friction to be fully developed: the
+# sign then commutes with the kernel, and neither the smoothing of a Coulomb step nor the Stribeck effect matters. The
+# result is one least-squares problem over all runs. Its standard errors allow for coloured residuals.
 
 
 COLUMNS = ("u_A", "theta_A", "q", "F_A")
-"""What is used of a run: voltage [V], motor and joint angle [rad], load cell [N]."""
+"""Columns used of a run: voltage [V], motor and joint angle [rad], load cell [N]."""
 
 MIN_TENSION_SPREAD_N = 5.0
-"""Two runs whose mean tensions are nearer do not tell c0 from c1."""
+"""Least difference of mean tensions that distinguishes c0 from c1."""
 
 MIN_SPEED_RAD_S = 0.15
-"""Slower samples are left out: three times the Stribeck speed, and seven times the width of a smoothed Coulomb step."""
+"""Slowest speed of used samples: three times the Stribeck speed, and seven times the width of a smoothed Coulomb
+step."""
 
 MIN_SAMPLES = 2000
 _KERNEL_S = 0.012
@@ -248,10 +259,10 @@ class TensionRun:
 
 @dataclass(frozen=True)
 class LoadFrictionFit:
-    """c0 [N·m] and c1 [1] of motor A with standard errors; ``K_t`` [N·m/V] comes out of the same fit.
+    """c0 [N·m] and c1 [1] of motor A with standard errors; ``K_t`` [N·m/V] as well.
 
-    ``c0_c1_covariance`` [N·m] is that of the two estimates, which are strongly correlated. ``runs`` are those that were
-    used, ``tensions_N`` their mean tensions, ``samples`` how many samples counted.
+    ``c0_c1_covariance`` [N·m] is the covariance of the two estimates, which are strongly correlated. ``runs`` are the
+    used runs, ``tensions_N`` their mean tensions, ``samples`` the number of used samples.
     """
 
     c0: float = field(metadata=describe_field("Coulomb friction without load", "N·m"))
@@ -268,9 +279,9 @@ class LoadFrictionFit:
 
 @dataclass(frozen=True)
 class LoadFrictionResult:
-    """What the runs say of the friction: ``estimate``, or None and the reason in ``problem``.
+    """Result for the friction: ``estimate``, or None and the reason in ``problem``.
 
-    ``left_out`` names each run that was not used, with the reason.
+    ``left_out`` names each unused run with the reason.
     """
 
     estimate: LoadFrictionFit | None
@@ -291,17 +302,17 @@ class LoadFrictionResult:
 
 
 def with_error(value: float, std: float) -> str:
-    """Write a value and its standard error, both to the second digit of the error."""
+    """Return a value and its standard error as text, to the error's second digit."""
     digits = 1 - int(np.floor(np.log10(std))) if std > 0.0 else 6
     digits = min(max(digits, 0), 9)
     return f"{value:.{digits}f} ± {std:.{digits}f}".replace("-", "−")
 
 
 def estimate_load_friction(runs: Sequence[TensionRun], r_m: float) -> LoadFrictionResult:
-    """Return c0 and c1 of motor A from runs at several tensions, or why they are not measured.
+    """Return c0 and c1 of motor A from runs at several tensions, or why not.
 
-    ``r_m`` [m] is the radius of the motor's reel. A run counts where its signals are complete and the motor turns
-    one way for long enough.
+    ``r_m`` [m] is the radius of the motor's reel. A run is used if its signals are complete and the motor turns in one
+    direction for long enough.
     """
     used: list[TensionRun] = []
     equations: list[tuple[Signal, Signal]] = []
@@ -340,7 +351,7 @@ def estimate_load_friction(runs: Sequence[TensionRun], r_m: float) -> LoadFricti
 
 
 def _solve(columns: Signal, u: Signal) -> tuple[tuple[float, float, float], Signal] | str:
-    """c0, c1, K_t and their covariance, shape (3, 3), by least squares; the reason where there is no solution."""
+    """Return c0, c1, K_t and their covariance, shape (3, 3), or an error message."""
     size = np.linalg.norm(columns, axis=0)
     if not np.all(size > 0.0):
         return "the motor did not turn both ways; excite more"
@@ -372,7 +383,10 @@ def _too_few(tensions: Sequence[float]) -> str:
 
 
 def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
-    """Regressors, shape (n, 7), and voltage, shape (n,), 0 where a sample does not count; the reason if too few do."""
+    """Return regressors, shape (n, 7), and voltage, shape (n,), or an error message.
+
+    Unused samples are 0.
+    """
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     missing = [name for name in COLUMNS if name not in run.columns]
@@ -393,7 +407,7 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
 
     theta_d, u = np.gradient(smooth(theta), period_s), smooth(u)
     load = smooth(r_m * _compensate_force_delay(F, theta, q, most))
-    # One way for the whole kernel: the slowest speed within its reach is fast, and has the sign of the middle.
+    # One direction within the kernel: the slowest speed within its reach is fast, and has the sign of the middle.
     width = 2 * reach + 1
     is_one_direction = (minimum_filter1d(theta_d, width) > MIN_SPEED_RAD_S) | (
         maximum_filter1d(theta_d, width) < -MIN_SPEED_RAD_S
@@ -416,9 +430,10 @@ def _equations(run: TensionRun, r_m: float) -> tuple[Signal, Signal] | str:
 
 
 def _compensate_force_delay(F: Signal, theta: Signal, q: Signal, most: int) -> Signal:
-    """Shift the load cell's force earlier by its delay, whole samples and at most ``most``.
+    """Shift the load cell's force earlier by its delay.
 
-    The delay is the one after which the force fits a quadratic in both angles best, which stands for the spring.
+    In whole samples, at most ``most``. With the delay the force best fits a quadratic in both angles, which
+    approximates the spring.
     """
     angles = np.column_stack((theta - np.mean(theta), q - np.mean(q)))
     columns = np.column_stack((np.ones(F.size), angles, angles**2, angles[:, :1] * angles[:, 1:]))

@@ -1,4 +1,4 @@
-"""Imports records from tables, MATLAB and Parquet files: their columns, timebase and units."""
+"""Import of records from tables, MATLAB and Parquet files: columns, time, units."""
 
 import math
 import re
@@ -30,14 +30,13 @@ if TYPE_CHECKING:
 
 # Timebase ------------------------------------------------------------------------------------------
 #
-# Which column is the time, in which unit, whether it runs forward, and rows that are taken at even
-# instants.
+# The time column, its unit and order, and resampling of rows at even times.
 
 
 NO_COLUMN = "none"
-"""In place of the name of a time column: none of them is the time."""
+"""Name in place of a time column: the file has none."""
 MAX_BRIDGED = 10.0
-"""Longest gap that is bridged, in sample times: across more than that nobody knows what the output did."""
+"""Longest gap that is interpolated, in sample times: beyond it the output is unknown."""
 
 SECONDS = {
     "s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0,
@@ -59,16 +58,19 @@ _CERTAIN_T = re.compile(rf"^t(?:[_ .-]+(?P<unit>{_SHORT}))?$")
 _DOUBTFUL = re.compile(rf"^t[_ .-]*(?P<unit>{_TIME_UNIT})?$|^date$|^x_value$", re.IGNORECASE)
 """Names of a time, of a sample time, a temperature, a torque, a lowest temperature."""
 _EPOCHS = {"ms": 1e12, "us": 1e15, "ns": 1e18}
-"""About the size of a time since 1970, by its unit; since 2001 it is between once and four times that."""
+"""Magnitude of a time since 1970 by its unit; since 2001 it is between one and four times that."""
 _LONGEST_PERIOD_S = 0.5
-"""Rows further apart are not taken to be in seconds without a word."""
+"""Largest row distance that is assumed to be in seconds."""
 _SAME = 0.1
 _COUNTERS = {bits: 2.0**bits for bits in (16, 31, 32)}
 
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """The time of each row [s], from the first row on, shape (n,); its unit in the file and what says so."""
+    """Time of each row [s] from the first row on, shape (n,).
+
+    ``unit`` is its unit in the file, ``unit_from`` the source of that.
+    """
 
     name: str
     seconds: Signal
@@ -84,11 +86,11 @@ def find_time_column(
     unit: str | None = None,
     period_s: float | None = None,
 ) -> TimeColumn | None:
-    """Return the time column: the one that is ``asked`` for, else the one that is named like one; None without.
+    """Return the time column: the ``asked`` one, else the one named like a time.
 
-    ``taken`` are the columns that serve as signals, ``unit`` that of the time where the file leaves it open. With a
-    sample time ``period_s`` [s] a column that may be something else, such as T, is not the time. Raises DataFileError
-    where the column, its unit, or its dates cannot be told.
+    ``taken`` are the columns that serve as signals, ``unit`` is that of the time if the file does not name it. With a
+    sample time ``period_s`` [s] an ambiguous column, such as T, is not the time. None without a time column. Raises
+    DataFileError if the column, its unit, or its dates are ambiguous.
     """
     if unit is not None and unit not in (*SECONDS, DAY_FIRST, MONTH_FIRST):
         raise DataFileError(
@@ -107,10 +109,13 @@ def find_time_column(
 
 
 def _named_like_one(columns: Columns, taken: Collection[str], period_s: float | None) -> str | None:
-    """Return the one column that is named like a time. Raises DataFileError for several and for none for sure."""
+    """Return the only column named like a time.
+
+    Raises DataFileError for several candidates and for a doubtful one.
+    """
     names: list[str] = [name for name in dict.fromkeys((*columns, *columns.texts)) if name not in taken]
     certain = [name for name in names if _is_certain(name, columns.units.get(name, ""))]
-    if period_s is not None:  # t [°C] beside a sample time is a temperature
+    if period_s is not None:  # with a given sample time, t [°C] is a temperature
         certain = [name for name in certain if (columns.units.get(name) or "s").lower() in SECONDS]
     if len(certain) > 1:
         raise DataFileError(
@@ -181,7 +186,7 @@ def _read_sample_numbers(name: str, columns: Columns, unit: str | None, period_s
 
 
 def _find_time_unit(name: str, columns: Columns, since: Signal, period_s: float | None) -> tuple[str, str]:
-    """Return the unit of a time and its source. Raises DataFileError where it is not given."""
+    """Return the unit of a time and its source. Raises DataFileError if unknown."""
     unit_text = columns.units.get(name) or _unit_in(name)
     if unit_text:
         known = unit_text if unit_text in SECONDS else unit_text.lower()
@@ -228,7 +233,10 @@ def _unit_in(name: str) -> str:
 
 
 def require_forward(time: TimeColumn, first_row: int) -> None:
-    """Raise RecordError where the time runs back; so many rows of the file, ``first_row``, are before it."""
+    """Raise RecordError if the time decreases.
+
+    ``first_row`` rows of the file precede these.
+    """
     steps = np.diff(time.seconds)
     if not steps.size or float(np.min(steps)) >= 0.0:
         return
@@ -255,7 +263,7 @@ def require_forward(time: TimeColumn, first_row: int) -> None:
 
 
 def _cause(step_s: float, unit_s: float) -> str:
-    """Name what a step back of this size usually is."""
+    """Return the usual cause of a backward step of this size."""
     for bits, size in _COUNTERS.items():
         if abs(-step_s / unit_s / size - 1.0) < 0.05:
             return f", as a counter of {bits} bits does that overflows"
@@ -267,9 +275,9 @@ def _cause(step_s: float, unit_s: float) -> str:
 
 
 def even(t: Signal, values: Signal, period_s: float, *, held: bool) -> Signal:
-    """Values at even instants: the last one before each where the signal is ``held``, else on the line between two.
+    """Return values at even times: held, or linearly interpolated.
 
-    Raises RecordError where the time runs back or a gap is too long to be bridged.
+    ``held``: the last value before each time. Raises RecordError if the time decreases or a gap is too long.
     """
     steps = np.diff(t)
     if not float(np.min(steps)) >= 0.0:
@@ -306,15 +314,14 @@ def even(t: Signal, values: Signal, period_s: float, *, held: bool) -> Signal:
     instants = t[0] + period_s * np.arange(int((t[-1] - t[0]) / period_s * (1.0 + 1e-12)) + 1)
     if not held:
         return np.asarray(np.interp(instants, t, values))
-    # A stamp a rounding error after its instant still belongs to it.
+    # A time stamp late by a rounding error still counts.
     before = np.searchsorted(t, instants + 1e-6 * period_s, side="right") - 1
     return np.asarray(values[before])
 
 
 # Import data ---------------------------------------------------------------------------------------
 #
-# Samples from elsewhere, of a table, a .mat or a Parquet file, checked, as a record, with what was
-# read of them.
+# Samples from external files (table, .mat or Parquet), checked, as a record, with a summary of the import.
 
 
 _LARGEST_WHOLE = 2.0**63
@@ -323,7 +330,10 @@ _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-
 
 
 def decode_text(content: bytes, name: str) -> str:
-    """Return the text of a file in UTF-8, or in UTF-16 where a byte order mark says so. Raises DataFileError."""
+    """Return the text of a file in UTF-8, or UTF-16 with a byte order mark.
+
+    Raises DataFileError.
+    """
     encoding = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), "utf-8")
     try:
         text = content.decode(encoding)
@@ -341,12 +351,15 @@ def decode_text(content: bytes, name: str) -> str:
 
 
 def read_parquet(stream: BinaryIO) -> Columns:
-    """Columns of numbers, decimals and Boolean values by name of a Parquet file. Raises DataFileError."""
+    """Return the columns of numbers and Booleans of a Parquet file.
+
+    Raises DataFileError.
+    """
     import pyarrow
     import pyarrow.parquet
 
     try:
-        table = pyarrow.parquet.ParquetFile(stream).read()  # unlike read_table it takes two columns of one name
+        table = pyarrow.parquet.ParquetFile(stream).read()  # unlike read_table it accepts duplicate column names
     except (pyarrow.ArrowException, OSError, ValueError):
         raise DataFileError(
             "not a readable Parquet file: it is damaged, or of another kind", FileFault.UNREADABLE
@@ -405,10 +418,10 @@ def _take(columns: Columns, name: str, values: "pyarrow.ChunkedArray") -> None:
 
 @dataclass(frozen=True)
 class Selection:
-    """Which rows of a file make the record.
+    """Rows of a file that make the record.
 
-    ``skip`` rows are left out at the start and ``take`` of the others are taken; of these those from ``start_s`` to
-    ``end_s`` [s] count, from the first row of the file on; ``resample`` takes them at even instants.
+    ``skip`` rows are omitted at the start and ``take`` of the others are used; of these the ones from ``start_s`` to
+    ``end_s`` [s] from the first row of the file on; ``resample`` interpolates them at even times.
     """
 
     skip: int = 0
@@ -419,7 +432,7 @@ class Selection:
 
     @property
     def has_range(self) -> bool:
-        """Whether times choose the rows."""
+        """Whether the rows are selected by time."""
         return self.start_s > 0.0 or self.end_s < math.inf
 
 
@@ -428,7 +441,7 @@ WHOLE = Selection()
 
 @dataclass(frozen=True)
 class TimeChoice:
-    """The column that is the time, or ``NO_COLUMN``, and its unit; None where the file says so itself."""
+    """Time column, or ``NO_COLUMN``, and its unit; None if the file names them."""
 
     column: str | None = None
     unit: str | None = None
@@ -439,11 +452,11 @@ BY_THE_FILE = TimeChoice()
 
 @dataclass(frozen=True)
 class ImportSummary:
-    """What was read of a file, for the reader of a result.
+    """Summary of an import, for the reader of a result.
 
-    ``columns`` by what they serve as, ``units`` by column; ``layout`` is how the file was read. Rows count from 1, the
-    first below the heading. ``not_read`` are the other columns, each with the reason. ``least_step_s`` and
-    ``largest_step_s`` [s] are those between rows, None without a time column.
+    ``columns`` by role, ``units`` by column; ``layout`` is the format of the file. Rows count from 1, the first below
+    the heading. ``not_read`` are the other columns, each with the reason. ``least_step_s`` and ``largest_step_s`` [s]
+    are those between rows, None without a time column.
     """
 
     file: str
@@ -467,12 +480,12 @@ class ImportSummary:
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain dictionaries, lists and numbers."""
+        """Return plain dictionaries, lists and numbers."""
         return asdict(self)
 
 
 class Imported(NamedTuple):
-    """A record, and what was read of the file that it comes from."""
+    """A record, and the summary of its import."""
 
     record: Record
     reading: ImportSummary
@@ -490,9 +503,10 @@ def import_record(
     time: TimeChoice = BY_THE_FILE,
     file: str = "",
 ) -> Imported:
-    """Record made of the columns of that name; a time column gives the sample time, or is checked against it.
+    """Make a record of named columns, with the sample time of a time column.
 
-    Raises DataFileError where a column or the time cannot be told, and RecordError where the data identify nothing.
+    A given sample time is compared with the time column. Raises DataFileError if a column or the time is ambiguous, and
+    RecordError if the data are unsuitable.
     """
     roles = {"input": u, "output": y} | ({"setpoint": setpoint} if setpoint is not None else {})
     signals = {name: columns.column(name) for name in roles.values()}
@@ -572,7 +586,7 @@ def import_record(
 
 
 def _require_one_length(signals: dict[str, Signal], found: TimeColumn | None) -> None:
-    """Raise RecordError for columns of different length, of which rows would be left out."""
+    """Raise RecordError for columns of different length."""
     sizes = {name: values.size for name, values in signals.items()}
     if found is not None:
         sizes[found.name] = found.seconds.size
@@ -590,7 +604,10 @@ def _require_one_length(signals: dict[str, Signal], found: TimeColumn | None) ->
 
 
 def _part(found: TimeColumn | None, at: Signal, selection: Selection) -> slice:
-    """Return the rows that are chosen. Raises DataFileError for none and for rows apart, RecordError for times back."""
+    """Return the selected rows.
+
+    Raises DataFileError if there are none or they are not contiguous, RecordError if the time decreases.
+    """
     last = at.size if selection.take is None else min(at.size, selection.skip + selection.take)
     rows = np.arange(min(selection.skip, last), last)
     if selection.has_range:
@@ -615,7 +632,7 @@ def _part(found: TimeColumn | None, at: Signal, selection: Selection) -> slice:
 
 
 def _require_finite(signals: dict[str, Signal]) -> None:
-    """Raise DataFileError for a sample that is missing, which resampling would spread or pass over."""
+    """Raise DataFileError for missing samples, which resampling would spread or hide."""
     for name, values in signals.items():
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
@@ -629,7 +646,7 @@ def _require_finite(signals: dict[str, Signal]) -> None:
 
 # MATLAB file ---------------------------------------------------------------------------------------
 #
-# A MATLAB file, version 7 or older, as columns by name; what is no column is named with the reason.
+# A MATLAB file, version 7 or older, as columns by name; other contents are listed with the reason.
 
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -651,17 +668,17 @@ _SAVE = {
 }
 _MATRIX, _COMPRESSED, _OPAQUE = 14, 15, 17
 _MOST_NAMED = 64 * 1024
-"""Bytes of an element in which the class of an object is looked for."""
+"""Bytes of an element that are searched for the class of an object."""
 
 Found = tuple[str, str, Any]
-"""Where a value is, the name by which it is read where that is the only one, and the value."""
+"""Path of a value, the name by which it is read if that is unique, and the value."""
 
 
 def read_mat(stream: BinaryIO) -> Columns:
-    """Numeric vectors by name of a MATLAB file (version 7 or older). Raises DataFileError.
+    """Return the numeric vectors by name of a MATLAB file (version 7 or older).
 
-    Columns of a matrix x are x_1, x_2 ..; fields of a struct s are read as if they stood alone, or as s.field where
-    that name is taken; those of the elements of a struct array are field_1, field_2 ..
+    Columns of a matrix x are x_1, x_2 ..; fields of a struct s have their own names, or s.field if that is not unique;
+    those of the elements of a struct array are field_1, field_2 .. Raises DataFileError.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
@@ -672,9 +689,9 @@ def read_mat(stream: BinaryIO) -> Columns:
         raise DataFileError(_VERSION_7_3, FileFault.FORMAT)
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            # SciPy warns of objects that it cannot name; what could not be read is said below.
+            # SciPy warns of objects that it cannot name; unread contents are reported below.
             warnings.simplefilter("ignore")
-            # The stubs know file names only; loadmat reads from open files as well.
+            # The stubs allow file names only; loadmat reads open files as well.
             variables = loadmat(stream, squeeze_me=True)  # type: ignore[arg-type]  # the stubs know paths only
     except NotImplementedError:
         raise DataFileError(_VERSION_7_3, FileFault.FORMAT) from None
@@ -749,7 +766,7 @@ def _collect_columns(variables: dict[str, Any], objects: dict[str, str]) -> Colu
 
 
 def _parts(path: str, short: str, values: Any) -> Iterator[Found]:
-    """Yield the vectors of a variable, those of structs and matrices one by one, and what is no vector."""
+    """Yield the vectors of a variable, also of structs and matrices, and other values."""
     if _is_object(values) or not isinstance(values, np.ndarray):
         yield path, short, values
     elif values.dtype.names is not None and values.ndim == 0:
@@ -772,7 +789,7 @@ def _element(value: Any) -> Any:
 
 
 def _reason(values: Any) -> str:
-    """Why a value is no column; nothing where it is one."""
+    """Return why a value is no column, "" if it is one."""
     if _is_object(values):
         return "a MATLAB object"
     if not isinstance(values, np.ndarray):
@@ -797,7 +814,10 @@ def _is_object(values: Any) -> bool:
 
 
 def _objects(content: bytes) -> Iterator[tuple[str, str]]:
-    """Yield name and class of the objects of a file of version 5, which SciPy mixes up where there are several."""
+    """Yield name and class of the objects of a file of version 5.
+
+    SciPy confuses several of them.
+    """
     order = "<" if content[126:128] == b"IM" else ">"
     at = 128
     while at + 8 <= len(content):
@@ -819,13 +839,13 @@ def _objects(content: bytes) -> Iterator[tuple[str, str]]:
 
 
 def _words(element: bytes, order: str) -> Iterator[str]:
-    """Yield the first three texts of an object: its name, the kind of its class and the class."""
+    """Yield the first three texts of an object: name, kind of class, and class."""
     at = 0
     for _ in range(3):
         if at + 8 > len(element):
             return
         kind, size = struct.unpack_from(order + "II", element, at)
-        if kind >> 16:  # at most four bytes stand beside their number
+        if kind >> 16:  # up to four bytes are stored next to their number
             size = kind >> 16
             word, at = element[at + 4 : at + 4 + size], at + 8
         else:

@@ -1,4 +1,4 @@
-"""Starting values of a fit, and the linearisation of a structure around its parameters."""
+"""Starting values of a fit, and linearisation of a structure at its parameters."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,15 +19,15 @@ from backend.identification.records import NoStartError, Record, RecordError, Si
 
 # Linearisation -------------------------------------------------------------------------------------
 #
-# Output error and its sensitivities: the one place where a structure meets a record.
+# Output error and its sensitivities: the evaluation of a structure on a record.
 #
 #     y(t) = G(s; parameters) u(t) + initial state + offset + ramp + noise
 #
-# The terms after the first are nuisance: they enter linearly and are eliminated by orthogonal
-# projection, so that cut records, sensor offsets and slow drifts do not bias the parameters. Behind
-# a dead time the first samples come from inputs before the record: they are left out, and what
-# those inputs did is in the initial state. Steps are taken in coordinates z in which the gain is
-# itself and every other parameter is its logarithm, which keeps them positive and of one size.
+# The terms after the first are nuisance: they are linear and eliminated by orthogonal projection, so that truncated
+# records, sensor offsets and slow drifts do not bias the parameters. With a dead time the first samples depend on
+# inputs before the record: they are omitted, and the effect of those inputs is in the initial state. Steps are taken in
+# coordinates z, in which the gain is unchanged and every other parameter is its logarithm, which keeps them positive
+# and of similar size.
 
 
 _STEP = 1e-5
@@ -37,11 +37,11 @@ WHITE = np.array([1.0])
 
 @dataclass(frozen=True)
 class FitProblem:
-    """A record, a structure and the polynomial that whitens the noise (1, d_1 .. in powers of z^-1).
+    """A record, a structure and the whitening polynomial of the fit.
 
-    ``low_pass`` is the pole of a filter 1/(1 - low_pass z^-1) on both signals besides, which weights errors at low
-    frequency; 0 for none. Filters of sampled signals leave the model between them as it is. The samples before
-    ``first`` do not count; that is how long a dead time may become.
+    The polynomial is (1, d_1, ...) in powers of z^-1. ``low_pass`` is the pole of an additional filter
+    1/(1 - low_pass z^-1) on both signals, which weights errors at low frequency; 0 for none. Filtering both signals
+    leaves the model between them unchanged. The samples before ``first`` are ignored; that limits the dead time.
     """
 
     record: Record
@@ -51,22 +51,26 @@ class FitProblem:
     first: int = 0
 
     def simulate(self, parameters: Signal, u: Signal, initial: Signal | None = None) -> Signal:
-        """Response to ``u`` from rest or from ``initial``, shape (n,). Raises UnstableModelError."""
+        """Return the response to ``u`` from rest or from ``initial``, shape (n,).
+
+        Raises UnstableModelError.
+        """
         state = None if initial is None else initial / parameters[0]
         poles, dead_time_s = self.structure.poles(parameters), self.structure.dead_time(parameters)
         return np.asarray(parameters[0] * simulate_response(poles, self.record.period_s, u, state, dead_time_s))
 
     def nuisance(self, parameters: Signal) -> Signal:
-        """Free responses, offset and ramp, whitened; shape (n, order + 2)."""
+        """Return free responses, offset and ramp, whitened; shape (n, order + 2)."""
         count = self.record.u.size
         free = free_responses(self.structure.poles(parameters), self.record.period_s, count)
         return self.whiten(np.column_stack((free, np.ones(count), np.linspace(-1.0, 1.0, count))))
 
     def sensitivities(self, parameters: Signal, u: Signal, initial: Signal, simulated: Signal) -> Signal:
-        """Differentiate the whitened response to ``u`` and ``initial`` in the logarithms of the dynamic parameters.
+        """Differentiate the whitened response in the logarithms of the parameters.
 
-        ``simulated`` is that response; shape (n, parameters - 1). Forward differences: each costs one simulation,
-        and the relative error of 1e-5 slows the iteration unnoticeably without moving its solution.
+        Of the dynamic parameters, for ``u`` and ``initial``; ``simulated`` is the response itself. Shape (n, parameters
+        - 1). Forward differences: each costs one simulation, and the relative error of 1e-5 slows the iteration
+        negligibly without changing its solution.
         """
         columns = np.empty((u.size, parameters.size - 1))
         for i in range(1, parameters.size):
@@ -76,7 +80,7 @@ class FitProblem:
         return columns / _STEP
 
     def whiten(self, signal: Signal) -> Signal:
-        """Pass a signal or columns of signals through the whitening polynomial and the low-pass; 0 before ``first``."""
+        """Filter signals by the whitening polynomial and the low-pass; 0 before ``first``."""
         from scipy.signal import lfilter
 
         if self.whitening.size > 1 or self.low_pass:
@@ -90,10 +94,10 @@ class FitProblem:
 
 
 class FitEvaluation:
-    """A problem at one set of parameters, with what steps and standard errors need. Raises UnstableModelError.
+    """A problem at one set of parameters, with the data of steps and standard errors.
 
-    ``nuisance`` shape (n, order + 2) and ``error`` shape (n,), both whitened; ``cost`` is the norm of the part of
-    the error that the nuisance terms cannot explain.
+    ``nuisance`` shape (n, order + 2) and ``error`` shape (n,), both whitened; ``cost`` is the norm of the part of the
+    error that the nuisance terms cannot explain. Raises UnstableModelError.
     """
 
     def __init__(self, problem: FitProblem, parameters: Signal) -> None:
@@ -119,7 +123,10 @@ class FitEvaluation:
 
     @cached_property
     def initial(self) -> Signal:
-        """State before the first sample that fits the error best, with offset and ramp, shape (order,)."""
+        """State before the first sample with the least error, shape (order,).
+
+        Fitted together with offset and ramp.
+        """
         solution = least_squares(self._factor[:-1, :-1], self._factor[:-1, -1])
         return np.asarray(solution / self._size)[: self.problem.structure.order]
 
@@ -132,23 +139,24 @@ class FitEvaluation:
         return np.column_stack((self._from_rest / self.parameters[0], in_logarithms))
 
     def instruments(self, u: Signal) -> Signal:
-        """Differentiate the whitened response to an input free of noise in z; shape (n, p)."""
+        """Differentiate the whitened response to a noise-free input in z; shape (n, p)."""
         rest = np.zeros(self.problem.structure.order)
         clean = self.problem.whiten(self.problem.simulate(self.parameters, u))
         in_logarithms = self.problem.sensitivities(self.parameters, u, rest, clean)
         return np.column_stack((clean / self.parameters[0], in_logarithms))
 
     def without_nuisance(self, columns: Signal) -> Signal:
-        """Part of the columns, shape (n, m), that is orthogonal to the nuisance terms."""
+        """Return the part of the columns (n, m) orthogonal to the nuisance terms."""
         count = self.nuisance.shape[1]
         factor = triangle(np.column_stack((self.nuisance, columns)))
         return np.asarray(columns - self.nuisance @ least_squares(factor[:count, :count], factor[:count, count:]))
 
 
 def least_squares(columns: Signal, right: Signal, rcond: float | None = None) -> Signal:
-    """Least-squares solution of ``columns`` x = ``right``. Raises UnstableModelError, LinAlgError.
+    """Return the least-squares solution of ``columns`` x = ``right``.
 
-    Numbers that are not finite are refused: LAPACK would write to the terminal.
+    Raises UnstableModelError for values that are not finite, for which LAPACK would write to the terminal, and
+    LinAlgError.
     """
     if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(right))):
         raise UnstableModelError("the equations leave the range of numbers")
@@ -156,9 +164,10 @@ def least_squares(columns: Signal, right: Signal, rcond: float | None = None) ->
 
 
 def triangle(columns: Signal) -> Signal:
-    """Triangular factor R of a tall matrix, shape (columns, columns), by QR of blocks and QR of their factors.
+    """Return the triangular factor R of a tall matrix, shape (columns, columns).
 
-    Numerically as good as one QR and several times faster, since a block stays in the processor's cache.
+    By QR of blocks and QR of their factors: numerically as good as one QR and several times faster, since a block stays
+    in the processor's cache.
     """
     count, width = columns.shape
     blocks = count // _BLOCK
@@ -167,23 +176,23 @@ def triangle(columns: Signal) -> Signal:
 
 
 def _factor(columns: Signal) -> Signal:
-    # numpy's stubs know only the mode that returns Q as well.
+    # numpy's stubs only have the mode that returns Q as well.
     return cast(Signal, np.linalg.qr(columns, mode="r"))
 
 
 def apply_step(parameters: Signal, step: Signal) -> Signal:
-    """Parameters after a step in z: gain added, the others multiplied by the exponential."""
+    """Return parameters after a step in z: gain added, others multiplied by e^step."""
     return np.concatenate((parameters[:1] + step[:1], parameters[1:] * np.exp(step[1:])))
 
 
 def difference(first: Signal, second: Signal) -> Signal:
-    """Step in z from the first parameters to the second."""
+    """Return the step in z from the first parameters to the second."""
     return np.concatenate((second[:1] - first[:1], np.log(second[1:] / first[1:])))
 
 
 # Start ---------------------------------------------------------------------------------------------
 #
-# Starting values: cheap candidates of several kinds, ranked by how well they simulate the record.
+# Starting values: cheap candidates of several kinds, ranked by their simulation error.
 
 
 _CUT_OFFS = 6
@@ -198,10 +207,10 @@ _NEAR = 0.8
 
 
 def initial_estimates(problem: FitProblem, *further: Signal) -> list[Signal]:
-    """Parameters to start from, best first, each shape (p,). Raises NoStartError.
+    """Return starting parameters, best first, each shape (p,). Raises NoStartError.
 
-    Candidates are the ``further`` ones, equal lags over a grid of time constants, and state-variable-filter
-    estimates over a grid of cut-offs. The gain of each is fitted, the whitened simulation error ranks them.
+    Candidates are the ``further`` ones, equal lags over a grid of time constants, and state-variable-filter estimates
+    over a grid of cut-offs. The gain of each is fitted, and the whitened simulation error ranks them.
     """
 
     def find_starts(plain: FitProblem, *candidates: Signal) -> list[tuple[float, Signal]]:
@@ -210,7 +219,7 @@ def initial_estimates(problem: FitProblem, *further: Signal) -> list[Signal]:
         few = _equal_lags(plain, plain.structure, _FEW_LAGS)
         return ranked_starts(plain, [*candidates, *few, *_state_variable_filter(plain)])
 
-    if problem.structure.delayed:  # further ones have their dead time already
+    if problem.structure.delayed:  # further candidates include a dead time
         ranked = [
             *ranked_starts(problem, list(further)),
             *_over_dead_times(problem, lambda plain: find_starts(plain)[:1]),
@@ -224,9 +233,9 @@ def initial_estimates(problem: FitProblem, *further: Signal) -> list[Signal]:
 
 
 def thorough_starts(problem: FitProblem) -> list[tuple[float, Signal]]:
-    """Return simulation errors and parameters of further starts for order 3 and more, best first.
+    """Return errors and parameters of further starts for order 3 and more.
 
-    They are the best single lag with faster poles behind it.
+    Best first: the best single lag with additional faster poles.
     """
     if problem.structure.kind is DenominatorKind.LAGS:
         return []
@@ -238,7 +247,10 @@ def thorough_starts(problem: FitProblem) -> list[tuple[float, Signal]]:
 def _over_dead_times(
     problem: FitProblem, starts: Callable[[FitProblem], list[tuple[float, Signal]]]
 ) -> list[tuple[float, Signal]]:
-    """Collect the starts of the undelayed structure behind each of a grid of dead times, from half a sample on."""
+    """Collect the starts of the undelayed structure for each dead time of a grid.
+
+    The grid starts at half a sample.
+    """
     record, found = problem.record, []
     for samples in dead_times(record):
         late = round(samples)
@@ -253,7 +265,10 @@ def _over_dead_times(
 
 
 def _select_distinct(ranked: list[tuple[float, Signal]]) -> list[tuple[float, Signal]]:
-    """Leave out starts whose dead time is near that of a better one, and lead where that leads."""
+    """Omit starts whose dead time is close to that of a better one.
+
+    They would lead to the same solution.
+    """
     distinct: list[tuple[float, Signal]] = []
     for error, start in ranked:
         if all(abs(np.log(start[-1] / other[-1])) > _NEAR for _, other in distinct):
@@ -262,13 +277,16 @@ def _select_distinct(ranked: list[tuple[float, Signal]]) -> list[tuple[float, Si
 
 
 def dead_times(record: Record) -> list[float]:
-    """Dead times to start from [samples], half a sample to a tenth of the record."""
+    """Return dead times to start from [samples], half a sample to 10 % of the record."""
     grid = np.geomspace(1.0, max(2.0, _LONGEST_DEAD_TIME * record.u.size), _DEAD_TIMES)
     return [0.5, *np.unique(np.round(grid)).tolist()]
 
 
 def dominant_lag(problem: FitProblem) -> float:
-    """Time constant [s], on a coarse grid, of the single lag that simulates the record best. Raises NoStartError."""
+    """Return the time constant [s] of the best single lag on a coarse grid.
+
+    Raises NoStartError.
+    """
     single = FitProblem(problem.record, find_structure("first"), problem.whitening)
     ranked = ranked_starts(single, _equal_lags(single, single.structure, _LAGS))
     if not ranked:
@@ -277,7 +295,10 @@ def dominant_lag(problem: FitProblem) -> float:
 
 
 def ranked_starts(problem: FitProblem, among: list[Signal]) -> list[tuple[float, Signal]]:
-    """Return whitened errors of candidates with their best gain, and their parameters with it, best first."""
+    """Return whitened errors and parameters of candidates with their best gain.
+
+    Best first.
+    """
     scored = []
     for candidate in among:
         if np.all(np.isfinite(candidate)) and np.all(candidate[1:] > 0.0):
@@ -289,7 +310,7 @@ def ranked_starts(problem: FitProblem, among: list[Signal]) -> list[tuple[float,
 
 
 def _fit_gain(problem: FitProblem, candidate: Signal) -> tuple[float, Signal]:
-    """Whitened error with the best gain, and the parameters with that gain."""
+    """Return the whitened error with the best gain, and the parameters with that gain."""
     unit = np.concatenate(([1.0], candidate[1:]))
     record = problem.record
     rows = _make_decimation(record.u.size)
@@ -304,7 +325,7 @@ def _fit_gain(problem: FitProblem, candidate: Signal) -> tuple[float, Signal]:
 
 
 def _make_decimation(count: int, first: int = 0) -> slice:
-    """Every so many samples: a few thousand equations choose a start as well as all of them."""
+    """Return a decimation: a few thousand equations select a start as well as all."""
     return slice(first, None, max(1, count // _EQUATIONS))
 
 
@@ -315,7 +336,10 @@ def _equal_lags(problem: FitProblem, shape: Structure, count: int) -> list[Signa
 
 
 def _lag_and_faster_poles(problem: FitProblem) -> list[Signal]:
-    """Put faster poles over a grid of frequencies behind the best single lag: a pair, at order 4 and another lag."""
+    """Add faster poles over a grid of frequencies to the best single lag.
+
+    A pair, at order 4 also another lag.
+    """
     T = dominant_lag(problem)
     found = []
     for omega in np.geomspace(3.0 / T, 0.5 / problem.record.period_s, _FAST_PAIRS):
@@ -327,7 +351,10 @@ def _lag_and_faster_poles(problem: FitProblem) -> list[Signal]:
 
 
 def _state_variable_filter(problem: FitProblem) -> list[Signal]:
-    """Least squares on A(s) F(s) y = b0 F(s) u with F = 1/(s/w + 1)^N, for each cut-off w; unstable poles mirrored."""
+    """Solve A(s) F(s) y = b0 F(s) u by least squares with F = 1/(s/w + 1)^N.
+
+    For each cut-off w; unstable poles are mirrored.
+    """
     record, shape = problem.record, problem.structure
     order, count, found = shape.order, record.u.size, []
     u, y = problem.whiten(record.u), problem.whiten(record.y)
@@ -352,7 +379,10 @@ def _state_variable_filter(problem: FitProblem) -> list[Signal]:
 
 
 def _filtered_derivatives(y: Signal, alpha: float, order: int) -> list[Signal]:
-    """(s/w)^i / (s/w + 1)^N applied to y for i = 0 .. N, by Tustin's rule with alpha = w period / 2."""
+    """Return (s/w)^i / (s/w + 1)^N applied to y for i = 0 .. N.
+
+    By Tustin's rule with alpha = w period / 2.
+    """
     from scipy.signal import lfilter
 
     lagged = [y]

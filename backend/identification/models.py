@@ -1,4 +1,4 @@
-"""Model structures, their responses, their reduction to first order, and results as plain data."""
+"""Model structures, their responses, their reduction to first order, and results."""
 
 import re
 from collections.abc import Mapping
@@ -14,15 +14,14 @@ from backend.units import format_percent
 
 # Published -----------------------------------------------------------------------------------------
 #
-# Table 1 of the paper: what its authors identified on their rig, to set beside what is identified
-# here.
+# Table 1 of the paper: the models that its authors identified on their rig, for comparison.
 
 
 @dataclass(frozen=True)
 class Published:
-    """A row: S [N·m/rad] at the point; K, T [s], a2 [s²] and a1 [s] of G_q and of G_S.
+    """A row: S [N·m/rad] at the operating point; parameters of G_q and of G_S.
 
-    ``a1_q`` as read by erratum E2, a tenth of the printed one.
+    K, T [s], a2 [s²] and a1 [s]; ``a1_q`` as corrected by erratum E2, a tenth of the printed value.
     """
 
     S: float
@@ -57,24 +56,24 @@ TABLE_1 = {
 #
 # Exact responses of the structures to an input that is held between samples (zero-order hold).
 #
-# Nothing is approximated: the state equations are integrated by the matrix exponential and run as
-# second-order sections, which keep several poles near z = 1 apart where one long polynomial would
-# not.
+# Nothing is approximated: the state equations are integrated by the matrix exponential and executed as second-order
+# sections, which keep several poles near z = 1 separate, unlike one long polynomial.
 
 
 Poles = np.ndarray[tuple[int], np.dtype[np.complex128]]
 
 
 def split_poles(poles: Poles) -> tuple[Signal, Poles]:
-    """Real poles, and of each complex pair the one above the axis."""
+    """Return the real poles, and the upper one of each complex pair."""
     real = np.abs(poles.imag) <= 1e-9 * np.abs(poles)
     return poles[real].real, poles[poles.imag > 1e-9 * np.abs(poles)]
 
 
 def state_space(poles: Poles) -> tuple[Signal, Signal, Signal]:
-    """Cascade of lags and oscillators with static gain 1: A (n, n) [1/s], B (n,) [1/s], C (n,).
+    """Return a cascade of lags and oscillators with static gain 1.
 
-    Every state is of the size of the input, so that the matrix exponential is accurate.
+    A (n, n) [1/s], B (n,) [1/s], C (n,). Every state is of the size of the input, so that the matrix exponential is
+    accurate.
     """
     lags, pairs = split_poles(poles)
     order = lags.size + 2 * pairs.size
@@ -101,7 +100,10 @@ def _connect_input(A: Signal, B: Signal, state: int, fed_by: int, rate: float) -
 
 
 def sections(poles: Poles, period_s: float) -> Signal:
-    """All-pole second-order sections of the sampled system, static gain 1, shape (m, 6)."""
+    """Return the all-pole second-order sections of the sampled system, shape (m, 6).
+
+    Static gain 1.
+    """
     lags, pairs = split_poles(poles)
     rows = []
     for pole in pairs:
@@ -117,10 +119,10 @@ def sections(poles: Poles, period_s: float) -> Signal:
 
 
 def moving_average(poles: Poles, period_s: float, part: float = 1.0) -> Signal:
-    """Numerator, sum 1, of the sampled system: ascending powers of z^-1, shape (n,).
+    """Return the numerator of the sampled system, sum 1, shape (n,).
 
-    It gives the output a ``part``, 0 < part <= 1, of a sample time after the newest input; a whole sample time after it
-    there are as many taps as poles, and at less one more.
+    In ascending powers of z^-1, for the output a ``part``, 0 < part <= 1, of a sample time after the newest input; for
+    a whole sample time there are as many taps as poles, otherwise one more.
     """
     A, B, C = state_space(poles)
     order = B.size
@@ -136,7 +138,7 @@ def moving_average(poles: Poles, period_s: float, part: float = 1.0) -> Signal:
 
 
 def _discretise_zoh(A: Signal, B: Signal, time_s: float) -> tuple[Signal, Signal]:
-    """Transition of the state, shape (n, n), and what an input that is held so long adds to it, shape (n,)."""
+    """Return the state transition, shape (n, n), and the effect of a held input (n,)."""
     from scipy.linalg import expm
 
     order = B.size
@@ -149,12 +151,12 @@ def _discretise_zoh(A: Signal, B: Signal, time_s: float) -> tuple[Signal, Signal
 def simulate_response(
     poles: Poles, period_s: float, u: Signal, initial: Signal | None = None, dead_time_s: float = 0.0
 ) -> Signal:
-    """Response of the system with these poles and static gain 1; shape of ``u``.
+    """Return the response of the system with these poles and static gain 1.
 
-    Without dead time the output at sample k has seen the input up to sample k - 1. With one, whole samples or not, the
-    input before the record counts as 0. ``initial``, shape (order,), are coordinates of the
-    state before the first sample in the basis of :func:`free_responses`; without it the system is at rest.
-    Raises UnstableModelError.
+    Shape of ``u``. Without dead time the output at sample k depends on the input up to sample k - 1. With one, whole
+    samples or not, the input before the record counts as 0. ``initial``, shape (order,), are coordinates of the state
+    before the first sample in the basis of :func:`free_responses`; without it the system is at rest. Raises
+    UnstableModelError.
     """
     from scipy.signal import lfilter, sosfilt
 
@@ -169,10 +171,13 @@ def simulate_response(
 
 
 def free_responses(poles: Poles, period_s: float, count: int) -> Signal:
-    """Responses to ``order`` independent initial states, no input; shape (count, order)."""
+    """Return the responses to ``order`` independent initial states without input.
+
+    Shape (count, order).
+    """
     from scipy.signal import sosfilt
 
-    # Until e^-40 only: beyond it comes nothing that counts beside the start, and in the end slow subnormal numbers.
+    # Only until e^-40: the rest is negligible, and would end in slow subnormal numbers.
     alive = min(count, poles.size + int(40.0 / (np.min(-poles.real) * period_s)))
     columns = np.zeros((poles.size, count))
     columns[:, : poles.size] = _impulses(poles.size)
@@ -182,7 +187,10 @@ def free_responses(poles: Poles, period_s: float, count: int) -> Signal:
 
 @cache
 def _impulses(order: int) -> Signal:
-    """Return an impulse and its differences, (order, order): through the poles alone they span the free responses."""
+    """Return an impulse and its differences, (order, order).
+
+    Filtered by the poles they span the free responses.
+    """
     rows = np.eye(order)
     for row in range(1, order):
         rows[row] = rows[row - 1] - np.roll(rows[row - 1], 1)
@@ -190,7 +198,10 @@ def _impulses(order: int) -> Signal:
 
 
 def check_stable(poles: Poles, period_s: float) -> None:
-    """Raise UnstableModelError unless all poles lie in the left half plane, between 1e-9 and 50 per sample."""
+    """Raise UnstableModelError unless all poles are in the left half plane.
+
+    Their rates must be between 1e-9 and 50 per sample.
+    """
     rates = np.abs(poles) * period_s
     if not (np.all(np.isfinite(poles)) and np.all(poles.real < 0.0)):
         raise UnstableModelError(
@@ -202,21 +213,21 @@ def check_stable(poles: Poles, period_s: float) -> None:
 
 # Structures ----------------------------------------------------------------------------------------
 #
-# Model structures: what a handful of parameters means as a transfer function.
+# Model structures: the transfer functions of a few parameters.
 #
-# All are a gain over a polynomial without zeros, b0 / (a_N s^N + ... + a_1 s + 1), parametrised in
-# different ways, and after it a dead time e^(-t_d s) where the structure has one.
+# All are a gain over a polynomial without zeros, b0 / (a_N s^N + ... + a_1 s + 1), with different parameters, followed
+# by a dead time e^(-t_d s) if the structure has one.
 
 
 MAX_ORDER = 4
 MAX_LAGS = 6
 DEAD_TIME = "+delay"
-"""What a structure's name ends with that has a dead time."""
+"""Suffix of the name of a structure with a dead time."""
 KNOWN = f"first, third, lags2 .. lags{MAX_LAGS}, order:1 .. order:{MAX_ORDER}, each also with {DEAD_TIME}"
 
 
 class DenominatorKind(StrEnum):
-    """How the parameters make the denominator."""
+    """Parametrisation of the denominator."""
 
     FIRST = "first"
     THIRD = "third"
@@ -226,10 +237,10 @@ class DenominatorKind(StrEnum):
 
 @dataclass(frozen=True)
 class Structure:
-    """A parametrised transfer function; build it with :func:`structure`.
+    """A parametrised transfer function; build it with :func:`find_structure`.
 
-    ``names`` are the parameters in order, the gain first, all others positive; where the structure is ``delayed`` the
-    last one is the dead time t_d [s].
+    ``names`` are the parameters in order, the gain first, all others positive; if the structure is ``delayed`` the last
+    one is the dead time t_d [s].
     """
 
     name: str
@@ -240,19 +251,22 @@ class Structure:
 
     @property
     def undelayed(self) -> "Structure":
-        """The same without the dead time."""
+        """The structure without dead time."""
         return find_structure(self.name.removesuffix(DEAD_TIME))
 
     def dead_time(self, parameters: Signal) -> float:
-        """Dead time [s], 0 where the structure has none."""
+        """Return the dead time [s], 0 if the structure has none."""
         return float(parameters[-1]) if self.delayed else 0.0
 
     def sum_of_lags(self, parameters: Signal) -> float:
-        """a_1 + t_d [s], minus the slope of the phase at zero frequency."""
+        """Return a_1 + t_d [s], minus the slope of the phase at zero frequency."""
         return float(self.denominator(parameters)[1]) + self.dead_time(parameters)
 
     def denominator(self, parameters: Signal) -> Signal:
-        """Coefficients 1, a_1 .. a_N in ascending powers of s, shape (order + 1,); units s^i."""
+        """Return the coefficients 1, a_1 .. a_N in ascending powers of s.
+
+        Shape (order + 1,); units s^i.
+        """
         dynamics = self._dynamics(parameters)
         match self.kind:
             case DenominatorKind.FIRST:
@@ -266,7 +280,7 @@ class Structure:
                 return np.concatenate(([1.0], dynamics))
 
     def poles(self, parameters: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
-        """Poles [rad/s], shape (order,)."""
+        """Return the poles [rad/s], shape (order,)."""
         if self.kind in (DenominatorKind.FIRST, DenominatorKind.LAGS):
             return np.full(self.order, -1.0 / parameters[1], dtype=np.complex128)
         if self.kind is DenominatorKind.THIRD:
@@ -275,7 +289,10 @@ class Structure:
         return _roots(self.denominator(parameters))
 
     def from_denominator(self, gain: float, denominator: Signal) -> Signal:
-        """Parameters, without dead time, nearest to a stable denominator of the same order (ascending, 1 first)."""
+        """Return the parameters, without dead time, closest to a stable denominator.
+
+        It has the same order (ascending, 1 first).
+        """
         if self.kind is DenominatorKind.FIRST:
             return np.array([gain, denominator[1]])
         if self.kind is DenominatorKind.LAGS:
@@ -292,7 +309,7 @@ class Structure:
 
 
 def find_structure(name: str) -> Structure:
-    """Return the structure of that name, one of KNOWN. Raises StructureError."""
+    """Return the structure of a name, one of KNOWN. Raises StructureError."""
     if name.endswith(DEAD_TIME):
         plain = find_structure(name.removesuffix(DEAD_TIME))
         if not plain.delayed:
@@ -312,23 +329,26 @@ def find_structure(name: str) -> Structure:
 
 
 def _roots(ascending: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
-    """Roots of a polynomial given in ascending powers; scaled first, since a_N may be 10 powers of ten below 1."""
+    """Return the roots of a polynomial in ascending powers.
+
+    Scaled first, since a_N may be 10 powers of ten below 1.
+    """
     order = ascending.size - 1
     scale = abs(ascending[-1]) ** (1.0 / order)
     if not (scale > 0.0 and np.all(np.isfinite(ascending))):
         raise UnstableModelError("the coefficients leave the range of numbers")
     scaled = ascending / scale ** np.arange(order + 1)
     found = np.asarray(np.roots(scaled[::-1]) / scale, dtype=np.complex128)
-    if found.size != order or not np.all(np.isfinite(found)):  # a coefficient that underflows takes its root along
+    if found.size != order or not np.all(np.isfinite(found)):  # a coefficient that underflows loses its root
         raise UnstableModelError("the coefficients leave the range of numbers")
     return found
 
 
 # Result --------------------------------------------------------------------------------------------
 #
-# What identification returns: plain data, JSON-ready through ``to_json``.
+# Results of an identification as plain data, JSON-ready through ``to_json``.
 #
-# First order, residual tests and frequency check are stored as they are: nan is stored as null, and read as None.
+# First order, residual tests and frequency check are stored directly: NaN is stored as null, and read as None.
 
 
 Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
@@ -337,7 +357,10 @@ Figures = tuple[float | None, ...]
 
 @dataclass(frozen=True)
 class Model:
-    """A transfer function b0 e^(-t_d s) / (a_N s^N + ... + a_1 s + 1), as named parameters of a structure."""
+    """Transfer function b0 e^(-t_d s) / (a_N s^N + ... + a_1 s + 1).
+
+    As named parameters of a structure.
+    """
 
     structure: str
     parameters: dict[str, float]
@@ -349,7 +372,7 @@ class Model:
 
     @property
     def denominator(self) -> Signal:
-        """1, a_1 .. a_N in ascending powers of s, shape (order + 1,)."""
+        """Coefficients 1, a_1 .. a_N in ascending powers of s, shape (order + 1,)."""
         return find_structure(self.structure).denominator(self.vector)
 
     @property
@@ -364,23 +387,26 @@ class Model:
 
     @property
     def sum_of_lags(self) -> float:
-        """T [s]: minus the slope of the phase at zero frequency, which for these structures is a_1 + t_d."""
+        """T [s]: minus the slope of the phase at zero frequency, here a_1 + t_d."""
         return find_structure(self.structure).sum_of_lags(self.vector)
 
     @property
     def dead_time(self) -> float:
-        """t_d [s], 0 for structures without."""
+        """Dead time t_d [s], 0 for structures without."""
         return find_structure(self.structure).dead_time(self.vector)
 
     def response(self, omega: Signal) -> Complex:
-        """Frequency response at ``omega`` [rad/s], same shape."""
+        """Return the frequency response at ``omega`` [rad/s], same shape."""
         s = 1j * np.asarray(omega)
         return np.asarray(self.gain * np.exp(-self.dead_time * s) / np.polyval(self.denominator[::-1], s))
 
 
 @dataclass(frozen=True)
 class FirstOrder:
-    """K/(T s + 1) with gain and low-frequency phase of a larger model; T [s] is its sum of lags and dead time."""
+    """K/(T s + 1) with gain and low-frequency phase of a larger model.
+
+    T [s] is the sum of its lags and dead time.
+    """
 
     K: float
     T: float
@@ -389,17 +415,17 @@ class FirstOrder:
 
     @property
     def deviations(self) -> tuple[float, float]:
-        """Standard errors of K and T, nan where one could not be had."""
+        """Standard errors of K and T, NaN if not available."""
         return float("nan") if self.K_std is None else self.K_std, float("nan") if self.T_std is None else self.T_std
 
 
 @dataclass(frozen=True)
 class DryFriction:
-    """A motor with dry friction, fitted to the record: K [unit of y / unit of u], T [s], u_c [unit of u].
+    """Model of a motor with Coulomb friction, fitted to the record.
 
-    ``found`` says whether the friction is there; where it is not, the standard errors say how far what it could be
-    leaves K and T open. ``fit_percent`` is that of its simulation on the whole record. ``t_d`` [s] is its dead time, 0
-    beside a linear model without one.
+    K [unit of y / unit of u], T [s], u_c [unit of u]. ``found`` says whether friction is present; if not, the standard
+    errors show how uncertain K and T are because of possible friction. ``fit_percent`` is that of its simulation on the
+    whole record. ``t_d`` [s] is its dead time, 0 if the linear model has none.
     """
 
     found: bool
@@ -418,15 +444,18 @@ class DryFriction:
         return self.K_std, self.T_std
 
     def off_percent(self, K: float, T: float) -> tuple[float, float]:
-        """How far a linear gain and sum of lags and dead time are from these, in per cent."""
+        """Return the deviations [%] of a linear gain and sum of lags from these.
+
+        The sum of lags includes the dead time.
+        """
         return 100.0 * (K / self.K - 1.0), 100.0 * (T / (self.T + self.t_d) - 1.0)
 
 
 @dataclass(frozen=True)
 class CorrelationTest:
-    """Correlations at ``lags_s`` [s] beside their bounds; ``passed`` where none leaves its bound.
+    """Correlations at ``lags_s`` [s] with their bounds; ``passed`` if all are within.
 
-    The bounds belong to the test: at the 1 % level for all lags together, that is the largest of them.
+    The bounds are those of the test: at the 1 % level for all lags together, that is for the largest of them.
     """
 
     lags_s: tuple[float, ...]
@@ -449,11 +478,11 @@ class Residuals:
 
 @dataclass(frozen=True)
 class FrequencyCheck:
-    """A non-parametric frequency response, and how far the model is from it where that can be trusted.
+    """A non-parametric frequency response, and the model's deviation from it.
 
     ``omega`` [rad/s], ``magnitude`` [unit of y / unit of u], ``phase_deg`` [deg, unwrapped] and ``coherence`` (0 to 1)
-    line by line; the worst deviations are taken over the ``trusted_lines``: coherence at least 0.9, input power at
-    least a hundredth of its largest.
+    by line; the worst deviations are those of the ``trusted_lines``: coherence at least 0.9, input power at least a
+    hundredth of its largest.
     """
 
     omega: tuple[float, ...]
@@ -466,7 +495,7 @@ class FrequencyCheck:
 
 
 class Grade(StrEnum):
-    """How far a model may be trusted for tuning."""
+    """Suitability of a model for tuning."""
 
     USABLE = "usable"
     CAUTION = "usable with caution"
@@ -474,12 +503,12 @@ class Grade(StrEnum):
 
 
 def worst_grade(*grades: Grade) -> Grade:
-    """Return the least of some grades."""
+    """Return the worst of some grades."""
     return max(grades, key=list(Grade).index)
 
 
 def joint_method_name(methods: Mapping[str, str]) -> str:
-    """Name the estimators that ran, by channel; once where they are the same."""
+    """Return the names of the estimators by channel; once if they are equal."""
     if len(set(methods.values())) == 1:
         return next(iter(methods.values()))
     return "; ".join(f"{channel}: {method}" for channel, method in methods.items())
@@ -487,11 +516,11 @@ def joint_method_name(methods: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class Hint:
-    """A structure that explains a record better than the one that was asked for; both fitted to the same samples.
+    """A structure that explains a record better, fitted to the same samples.
 
-    ``dead_time`` where it is the same with a dead time, else it is of a higher order. ``fit_percent`` is the simulated
-    fit on the record, ``BIC_gain`` by how much its BIC is lower, ``F`` the ratio of the F test with
-    ``more_parameters`` degrees of freedom, initial states among them. ``white`` and ``independent_of_input`` are the
+    ``dead_time``: it is the same structure with a dead time, else one of a higher order. ``fit_percent`` is the
+    simulated fit on the record, ``BIC_gain`` the reduction of its BIC, ``F`` the ratio of the F test with
+    ``more_parameters`` degrees of freedom, initial states included. ``white`` and ``independent_of_input`` are the
     tests of its residuals.
     """
 
@@ -507,7 +536,7 @@ class Hint:
 
     @property
     def sentence(self) -> str:
-        """What would help, with figures."""
+        """The recommendation with its values."""
         return (
             f"{'a dead time' if self.dead_time else 'a higher order'} would help: {self.structure} fits"
             f" {format_percent(self.fit_percent)} % of the record where this structure fits"
@@ -518,9 +547,9 @@ class Hint:
 
 @dataclass(frozen=True)
 class InputOffset:
-    """The input u_0 [unit of u] at which the output would be zero, with its standard error.
+    """The input u_0 [unit of u] with zero output, and its standard error.
 
-    An offset of the output by -K u_0 looks the same.
+    Indistinguishable from an offset of the output by -K u_0.
     """
 
     u_0: float
@@ -529,31 +558,31 @@ class InputOffset:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A grade and its reasons; ``sentence`` says both in one line."""
+    """A grade and its reasons; ``sentence`` has both in one line."""
 
     grade: Grade
     reasons: tuple[str, ...]
 
     @property
     def sentence(self) -> str:
-        """The verdict as the operator reads it."""
+        """The verdict as text for the operator."""
         reasons = "; ".join(self.reasons)
         return f"{self.grade.value.capitalize()} for tuning: {reasons}."
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A model, how it was found and how good it is.
+    """A model, its method and its quality.
 
-    ``fit_percent`` is the simulated fit 100 (1 - |y - y_hat| / |y - mean y|) on the last third of the record by a
-    model fitted to the first two thirds, NaN where that could not be had, as the verdict then says;
-    ``fit_all_percent`` that of the reported model on the whole record. ``friction`` is there where something moves both
-    ways, so that dry friction would be seen. ``spread_percent`` is how well K and T are known, with what the structure
-    leaves out and the friction that the record cannot exclude; NaN where that could not be had.
-    ``covariance``, shape (p, p), is in the order of ``model.vector`` and robust to coloured residuals. ``noise`` are
-    the coefficients d_1 .. of the autoregressive noise model 1/D, empty for white noise. ``gain_error_percent``
-    compares the gain with ``gain_geometry`` where that is known; ``y_resolution`` is one count of the output's sensor,
-    given or found. ``hint`` is there where another structure would help, ``input_offset`` where it differs from zero.
+    ``fit_percent`` is the simulated fit 100 (1 - |y - y_hat| / |y - mean y|) on the last third of the record of a model
+    fitted to the first two thirds, NaN if not available, which the verdict explains; ``fit_all_percent`` that of the
+    reported model on the whole record. ``friction`` is set for motion in both directions, in which Coulomb friction
+    would be visible. ``spread_percent`` is the uncertainty of K and T, including unmodelled dynamics and friction that
+    the record cannot exclude; NaN if not available. ``covariance``, shape (p, p), is in the order of ``model.vector``
+    and robust to coloured residuals. ``noise`` are the coefficients d_1 .. of the autoregressive noise model 1/D, empty
+    for white noise. ``gain_error_percent`` compares the gain with ``gain_geometry`` if that is known; ``y_resolution``
+    is one count of the output sensor, given or detected. ``hint`` is set if another structure would be better,
+    ``input_offset`` if it differs from zero.
     """
 
     model: Model
@@ -576,7 +605,7 @@ class Estimate:
     input_offset: InputOffset | None = None
 
     def summary(self) -> dict[str, Any]:
-        """Return what the command line prints of foreign data."""
+        """Return the summary that the command line prints for imported data."""
         return {
             "parameters": self.model.parameters,
             "std_errors": self.std_errors,
@@ -591,7 +620,7 @@ class Estimate:
         }
 
     def to_json(self) -> dict[str, Any]:
-        """Plain dictionaries, lists and numbers."""
+        """Return plain dictionaries, lists and numbers."""
         document = asdict(self)
         document["covariance"] = self.covariance.tolist()
         document["verdict"] = {**asdict(self.verdict), "sentence": self.verdict.sentence}
@@ -604,7 +633,10 @@ class Estimate:
 
 
 def reduce_to_first_order(model: Model, covariance: Signal) -> FirstOrder:
-    """K is the static gain and T the sum of lags and dead time, with standard errors from ``covariance`` (p, p)."""
+    """Return static gain K and sum of lags T with standard errors.
+
+    T includes the dead time; the errors follow from ``covariance`` (p, p).
+    """
     shape, parameters = find_structure(model.structure), model.vector
     gradient = np.zeros(parameters.size)
     for i in range(1, parameters.size):
@@ -621,5 +653,5 @@ def reduce_to_first_order(model: Model, covariance: Signal) -> FirstOrder:
 
 
 def _root(variance: float) -> float:
-    """Return the square root; NaN, not measured, for a variance that rounding has made negative."""
+    """Return the square root; NaN for a variance that is negative by rounding."""
     return float(np.sqrt(variance)) if variance >= 0.0 else float("nan")

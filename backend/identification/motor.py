@@ -1,4 +1,7 @@
-"""Identifies motors: from unloaded voltage steps, or from any record of voltage and angle (equation 17)."""
+"""Identification of motors from voltage steps, or from voltage and angle.
+
+Equation 17.
+"""
 
 import itertools
 import math
@@ -50,12 +53,10 @@ if TYPE_CHECKING:
 
 # Motor ---------------------------------------------------------------------------------------------
 #
-# Motor from unloaded voltage steps (equation 17): the paper's 63.21 % rule, and least squares on
-# position.
+# Motor from unloaded voltage steps (equation 17): the paper's 63.21 % rule, and least squares on position.
 #
-# Position obeys T_m w' + w = K_m (u - u_c sign w), w = theta': K_m / (s (T_m s + 1)) with a Coulomb
-# voltage u_c, the part of the voltage that only overcomes dry friction. After a step from rest,
-# with v = K_m (u - u_c sign u),
+# Position obeys T_m w' + w = K_m (u - u_c sign w), w = theta': K_m / (s (T_m s + 1)) with a Coulomb voltage u_c, the
+# part of the voltage that only overcomes Coulomb friction. After a step from rest, with v = K_m (u - u_c sign u),
 #
 #     theta(t) = theta_0 + v (t - T_m (1 - e^(-t/T_m))).
 
@@ -73,11 +74,11 @@ _SMOOTHING_PART = 0.02
 
 @dataclass(frozen=True)
 class VoltageStepRecord:
-    """One run: ``u`` [V] steps once from zero and stays; ``theta`` [rad] at the outlet; both shape (n,).
+    """One run: ``u`` [V] steps once from zero; ``theta`` [rad] at the outlet.
 
-    ``tension_N`` is the tendon's force, shape (n,), where it is measured; ``u_max`` [V] the output's limit and
-    ``count_rad`` the encoder's resolution. Raises RecordError for a run that saturates, that the load touches, that
-    hardly moves, or that is not a step.
+    Both have shape (n,). ``tension_N`` is the tendon's force, shape (n,), if measured; ``u_max`` [V] the output's limit
+    and ``count_rad`` the encoder's resolution. Raises RecordError for a run that saturates, is loaded, hardly moves, or
+    is no step.
     """
 
     period_s: float
@@ -160,7 +161,7 @@ class VoltageStepRecord:
 
 @dataclass(frozen=True)
 class RuleResult:
-    """The 63.21 % rule on one run."""
+    """Result of the 63.21 % rule on one run."""
 
     voltage: float
     K_m: float
@@ -169,11 +170,12 @@ class RuleResult:
 
 @dataclass(frozen=True)
 class MotorIdentification:
-    """Both results. ``rule`` has one entry per run, ``rule_mean`` and ``rule_spread`` are (K_m, T_m) over the runs.
+    """Results of the 63.21 % rule and of least squares.
 
-    K_m [rad/(V·s)], T_m [s] and u_c [V] come from least squares on position over all runs; ``std_errors`` are theirs.
-    ``rms_counts`` is what they leave over of the position, in encoder counts. ``coulomb`` says whether u_c differs
-    from zero at the 1 % level; where it does not, it is left out of the fit.
+    ``rule`` has one entry per run, ``rule_mean`` and ``rule_spread`` are (K_m, T_m) over the runs. K_m [rad/(V·s)], T_m
+    [s] and u_c [V] come from least squares on position over all runs; ``std_errors`` are theirs. ``rms_counts`` is the
+    residual of the position in encoder counts. ``coulomb``: u_c differs from zero at the 1 % level; otherwise it is not
+    fitted.
     """
 
     K_m: float
@@ -189,7 +191,10 @@ class MotorIdentification:
 
 
 def identify_motor(runs: Sequence[VoltageStepRecord]) -> MotorIdentification:
-    """Identify the motor from steps of different voltages. Raises RecordError, NotConvergedError."""
+    """Identify the motor from steps of different voltages.
+
+    Raises RecordError, NotConvergedError.
+    """
     from scipy.stats import norm
 
     voltages = {abs(run.voltage) for run in runs}
@@ -227,7 +232,7 @@ def identify_motor(runs: Sequence[VoltageStepRecord]) -> MotorIdentification:
 
 
 def rule_of_63_percent(run: VoltageStepRecord) -> RuleResult:
-    """Take K_m from the steady speed and T_m where the speed reaches 63.21 % of it, as the paper does."""
+    """Take K_m from the steady speed and T_m from 63.21 % of it, as the paper does."""
     t = np.arange(run.u.size - run.first) * run.period_s
     theta = run.theta[run.first :]
     width = max(1, int(_SMOOTHING_PART * t.size))
@@ -241,7 +246,7 @@ def rule_of_63_percent(run: VoltageStepRecord) -> RuleResult:
 
 
 def _least_squares(runs: Sequence[VoltageStepRecord], start: Signal, *, coulomb: bool) -> tuple[Signal, Signal, float]:
-    """Parameters (K_m, T_m, u_c), their covariance, shape (3, 3), and the RMS error [rad]."""
+    """Return (K_m, T_m, u_c), their covariance, shape (3, 3), and the RMS error [rad]."""
     from scipy.optimize import least_squares
 
     free = 3 if coulomb else 2
@@ -262,13 +267,19 @@ def _least_squares(runs: Sequence[VoltageStepRecord], start: Signal, *, coulomb:
 
 
 def turn_from_rest(t: ArrayLike, speed: float, T_m: float) -> Signal:
-    """Turn [rad] after times ``t`` [s] of a motor that comes to a steady ``speed`` [rad/s] with ``T_m`` [s] (17)."""
+    """Return the rotation [rad] after times ``t`` [s] of a motor starting at rest.
+
+    Its steady speed is ``speed`` [rad/s], its time constant ``T_m`` [s] (equation 17).
+    """
     passed = np.asarray(t, np.float64)
     return np.asarray(speed * (passed + T_m * np.expm1(-passed / T_m)))
 
 
 def steady_speed(voltage: float, K_m: float, u_c: float) -> float:
-    """Speed [rad/s] at a ``voltage`` [V] of which the Coulomb voltage ``u_c`` [V] only overcomes dry friction."""
+    """Return the speed [rad/s] at a ``voltage`` [V].
+
+    The Coulomb voltage ``u_c`` [V] only overcomes Coulomb friction.
+    """
     return K_m * (voltage - math.copysign(u_c, voltage))
 
 
@@ -279,13 +290,16 @@ def _position(run: VoltageStepRecord, parameters: Signal) -> Signal:
 
 
 def validate_motor_step(run: VoltageStepRecord, K_m: float, T_m: float, u_c: float) -> ModelComparison:
-    """Set a motor beside a step that it was not fitted to; where the motor stood before is no part of the model."""
+    """Compare a motor model with a step that it was not fitted to.
+
+    The initial position is not part of the model.
+    """
     measured, turn = run.theta[run.first :], _position(run, np.array([K_m, T_m, u_c]))
     return ModelComparison(run.first, measured, turn + np.mean(measured - turn))
 
 
 def _motion(runs: Sequence[VoltageStepRecord]) -> float:
-    """Root mean square of the turn about its mean [rad], over all runs."""
+    """Return the RMS of the rotation about its mean [rad], over all runs."""
     turned = np.concatenate([_without_mean(run.theta[run.first :]) for run in runs])
     return float(np.sqrt(np.mean(turned**2)))
 
@@ -308,9 +322,9 @@ def _check_length(runs: Sequence[VoltageStepRecord], T_m: float) -> None:
 
 
 def judge_motor(K_m: float, T_m: float, spread_percent: float, counts: float, misfit_percent: float) -> Grade:
-    """Grade a motor: how well K_m and T_m are known [%], and what is left over in encoder counts and of the turn [%].
+    """Grade a motor by the uncertainty of K_m and T_m [%] and the residuals.
 
-    A figure that could not be had never counts in favour.
+    Residuals are in encoder counts and in percent of the rotation. A value that is not available counts as bad.
     """
     if not (K_m > 0.0 and T_m > 0.0):
         return Grade.UNUSABLE
@@ -322,7 +336,7 @@ def judge_motor(K_m: float, T_m: float, spread_percent: float, counts: float, mi
 
 
 def spread_percent(K_m: float, T_m: float, std_K_m: float, std_T_m: float) -> float:
-    """How well K_m and T_m are known [%]; NaN where that could not be had."""
+    """Return the uncertainty of K_m and T_m [%]; NaN if not available."""
     return float(100.0 * np.max([std_K_m / abs(K_m), std_T_m / abs(T_m)]))
 
 
@@ -342,13 +356,11 @@ def _verdict(solution: Signal, std: Signal, coulomb: bool, counts: float, misfit
 
 # Motor record --------------------------------------------------------------------------------------
 #
-# Motor from any record of voltage and angle (equation 17): K_m e^(-t_d s) / (s (T_m s + 1)) with
-# dry friction.
+# Motor from any record of voltage and angle (equation 17): K_m e^(-t_d s) / (s (T_m s + 1)) with Coulomb friction.
 #
-# The record may hold steps, sequences or anything else that moves the motor; the angle's zero is
-# free. The model is the one of :mod:`backend.identification.friction`, integrated once. Dead time
-# and friction that do not differ from zero are left out of the model, but not out of the verdict:
-# how well gain and lag are known is judged with both of them open.
+# The record may contain any motion of the motor; the angle's zero is arbitrary. The model is the one of
+# :mod:`backend.identification.friction`, integrated once. Dead time and friction that do not differ from zero are
+# omitted from the model, but not from the verdict: the uncertainty of gain and lag is judged with both of them free.
 
 
 NAMES = ("K_m", "T_m", "u_c", "t_d", "u_0")
@@ -364,25 +376,26 @@ _RESTS_WORDS = (
 )
 _RESTS = 0.1
 _MAX_CONDITION = 1e5
-"""Beyond it the record does not tell the parameters apart."""
+"""Condition number beyond which the record does not determine the parameters."""
 _MIN_LIKELIHOOD_RATIO = 20.0
-"""Twice the logarithm; chance alone exceeds it once in a hundred thousand records."""
+"""Least likelihood ratio, twice the logarithm; chance exceeds it once in a hundred thousand records."""
 _TRAINING_PART = 2.0 / 3.0
 _GAIN, _LAG, _SPEED, _FRICTION, _DELAY, _OFFSET = range(6)
 _ALL, _OPTIONAL = range(6), (_FRICTION, _DELAY, _OFFSET)
 _ORDER = [_GAIN, _LAG, _FRICTION, _DELAY, _OFFSET]
 _WINDOWS = 200
-"""Parts of a record over which a mean speed tells whether the motor goes both ways."""
+"""Parts of a record whose mean speeds show whether the motor moves in both directions."""
 
 
 @dataclass(frozen=True)
 class MotorRecord:
-    """K_m [rad/(V·s)], T_m [s], u_c [V], t_d [s] and u_0 [V], the voltage without effect, with standard errors.
+    """Parameters of a motor with standard errors.
 
-    u_c and t_d are 0, without an error, where they do not differ from zero at 1 %, u_0 where it is less than four
-    standard errors or the motor goes one way only: friction takes as much then. ``fit_percent`` is the simulated fit
-    on the last third of the record by a model of the first two, NaN where there is none; ``rms`` [unit of y] what the
-    model leaves over. ``spread_percent`` is how well K_m and T_m are known with friction, dead time and offset open.
+    K_m [rad/(V·s)], T_m [s], u_c [V], t_d [s] and u_0 [V], the voltage without effect. u_c and t_d are 0, without an
+    error, if they do not differ from zero at 1 %, u_0 if it is less than four standard errors or the motor moves in one
+    direction only, in which friction has the same effect. ``fit_percent`` is the simulated fit on the last third of the
+    record of a model of the first two, NaN if there is none; ``rms`` [unit of y] the residual of the model.
+    ``spread_percent`` is the uncertainty of K_m and T_m with friction, dead time and offset free.
     """
 
     K_m: float
@@ -405,7 +418,7 @@ class MotorRecord:
         return {name: getattr(self, name) for name in NAMES}
 
     def summary(self) -> dict[str, Any]:
-        """Return what the command line prints."""
+        """Return the summary that the command line prints."""
         return {
             "parameters": self.parameters,
             "std_errors": dict(zip(NAMES, self.std_errors, strict=True)),
@@ -421,10 +434,10 @@ class MotorRecord:
 
 @dataclass(frozen=True)
 class _Fitted:
-    """``solution``, as :func:`_model` takes it, the covariance of NAMES, and what is left over from ``first`` on.
+    """Solution of a fit, as :func:`_model` takes it.
 
-    ``first`` is the sample before which the voltage of before the record may show, for dead times up to twice those to
-    start from.
+    With the covariance of NAMES and the residuals from ``first`` on. Before sample ``first`` the voltage before the
+    record may have an effect, for dead times up to twice the starting ones.
     """
 
     solution: Signal
@@ -441,14 +454,17 @@ class _Fitted:
 
     @property
     def std_errors(self) -> Signal:
-        """Of the same; NaN where rounding has eaten a variance."""
+        """Standard errors of the parameters; NaN for variances lost to rounding."""
         variances = np.diag(self.covariance)
         return np.asarray(np.sqrt(np.where(variances >= 0.0, variances, np.nan)))
 
 
 def identify_motor_record(record: Record, y_resolution: float | None = None) -> MotorRecord:
-    """Identify the motor from voltage u and angle y. Raises RecordError, NotConvergedError."""
-    # Numbers out of range are refused where they arise; NumPy's own words about them are of no use to anybody.
+    """Identify the motor from voltage u and angle y.
+
+    Raises RecordError, NotConvergedError.
+    """
+    # Overflows are handled where they arise; NumPy's own warnings are of no use here.
     with np.errstate(all="ignore"):
         return _identify(record, y_resolution)
 
@@ -481,7 +497,7 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
     starts += _starts(record, offset=True)[: _STARTS_TRIED - 1] if both else []
     whole = found = _fit(record, free, starts)
     step = y_resolution or quantum(record.y)
-    # Beside a standard error, which looks at the next neighbourhood only: one voltage does not tell gain from friction.
+    # In addition to the standard error, which is local: with one voltage gain and friction are indistinguishable.
     friction_std = float(whole.std_errors[2]) if _is_friction_significant(record, whole, free) else float("nan")
     while len(left := [which for which in free if which not in _OPTIONAL or _is_significant(found, which)]) < len(free):
         free, found = left, _fit(record, left, [np.where(np.isin(_ALL, left), found.solution, 0.0)])
@@ -490,13 +506,13 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
     used = fit_all if rests else fit
     tests = whiteness(found.left, record.period_s), _input_correlation(record, found)
     rms = float(np.sqrt(np.mean(found.left**2)))
-    # What is below a count is the sensor's; more that is not white, or follows the voltage, is the motor's.
+    # Residuals below a count are the sensor's; larger ones, coloured or correlated with the voltage, are the motor's.
     is_trusted = all(test.passed for test in tests) or (step is not None and rms < step)
     is_trusted = is_trusted or 100.0 - fit_all <= NEGLIGIBLE_PERCENT
     spread = _spread(whole, found) if np.isfinite(friction_std) else float("nan")
     K_m, T_m, u_c, t_d, u_0 = (float(value) for value in found.parameters)
     findings = [
-        # Where the rest is white it is noise, and the floor is that of every structure; else it is the motor's.
+        # White residuals are noise, with the floor of every structure; others are the motor's.
         (grade_value(100.0 - used, 100.0 - GOOD_FIT_PERCENT, 100.0 - MIN_FIT_PERCENT), ""),
         (
             judge_motor(K_m, T_m, spread, rms / resolution if resolution else 0.0, 0.0 if is_trusted else 100.0 - used),
@@ -541,7 +557,10 @@ def _is_significant(found: _Fitted, which: int) -> bool:
 
 
 def _is_friction_significant(record: Record, whole: _Fitted, free: list[int]) -> bool:
-    """Whether a friction that is more by a tenth of the voltage would leave more over, everything else adapted."""
+    """Return whether friction larger by a tenth of the voltage increases the residual.
+
+    All other parameters are adapted.
+    """
     other = whole.solution.copy()
     other[_FRICTION] += 0.01 * MAX_STD_PERCENT * _size(record.u)
     worse = _fit(record, [which for which in free if which != _FRICTION], [other], whole.first)
@@ -554,7 +573,10 @@ def _size(u: Signal) -> float:
 
 
 def _spread(whole: _Fitted, found: _Fitted) -> float:
-    """How well K_m and T_m are known [%], with dead time and friction open; NaN if not measured."""
+    """Return the uncertainty of K_m and T_m [%], dead time and friction free.
+
+    NaN if not available.
+    """
     each = [
         spread_percent(*(float(value) for value in (*one.parameters[:2], *one.std_errors[:2])))
         for one in (whole, found)
@@ -570,7 +592,7 @@ def _input_correlation(record: Record, found: _Fitted) -> CorrelationTest:
 def _findings(
     record: Record, friction_std: float, dead_time_std: float, T_m: float, *, is_friction_significant: bool
 ) -> Iterator[tuple[Grade, str]]:
-    """Grade what friction and dead time may be: in shares of what they stand beside, voltage and lag."""
+    """Grade the uncertainty of friction and dead time, relative to voltage and lag."""
     friction, dead_time = 100.0 * friction_std / _size(record.u), 100.0 * dead_time_std / T_m
     for name, share, reference in (("friction", friction, "voltage"), ("dead time", dead_time, "lag")):
         yield (
@@ -584,7 +606,7 @@ def _findings(
 
 
 def _model(record: Record, z: Signal) -> Signal:
-    """Turn by K, ln T, first speed, u_c, dead time in samples and u_0, shape (n,)."""
+    """Return the rotation (n,) for K, ln T, first speed, u_c, dead time and u_0."""
     late = record.period_s * float(z[_DELAY])
     lag = positive_lag(float(z[_LAG]), record.period_s)
     return np.asarray(
@@ -602,7 +624,10 @@ def _model(record: Record, z: Signal) -> Signal:
 
 
 def _fit(record: Record, free: list[int], starts: list[Signal], first: int | None = None) -> _Fitted:
-    """Least squares on the angle, the best from all starts; what is not ``free`` stays. Raises NotConvergedError."""
+    """Return the least-squares fit of the angle, the best from all starts.
+
+    Parameters that are not ``free`` stay constant. Raises NotConvergedError.
+    """
     from scipy.optimize import least_squares
 
     longest = max(float(start[_DELAY]) for start in starts)
@@ -622,7 +647,7 @@ def _fit(record: Record, free: list[int], starts: list[Signal], first: int | Non
         scale = np.maximum(np.abs(start), 0.1 * np.max(np.abs(start[:_DELAY])))[free]
         try:
             return least_squares(residuals, start[free], jac=differences(residuals), x_scale=scale, max_nfev=_MAX_STEPS)
-        except ValueError:  # a simulation that leaves the range of numbers
+        except ValueError:  # a simulation that overflows
             raise NotConvergedError(_NO_MOTOR) from None
 
     best = min((descend(start) for start in starts), key=lambda one: float(one.cost))
@@ -643,26 +668,33 @@ def _fit(record: Record, free: list[int], starts: list[Signal], first: int | Non
 
 
 def _has_both_directions(record: Record) -> bool:
-    """Whether the angle goes up and down for long enough to tell an offset of the voltage from friction."""
+    """Return whether the angle rises and falls for long enough.
+
+    Only then can an offset of the voltage be distinguished from friction.
+    """
     return has_both_directions(np.diff(record.y[:: max(1, record.y.size // _WINDOWS)]))
 
 
 def _has_rest(record: Record, found: _Fitted) -> bool:
-    """Whether the model hardly turns in the first two thirds of the record or in its last third."""
+    """Return whether the model hardly turns in one part of the record.
+
+    The parts are the first two thirds and the last third.
+    """
     turn, split = _model(record, found.solution), int(_TRAINING_PART * record.u.size)
     return min(float(np.ptp(turn[:split])), float(np.ptp(turn[split:]))) < _RESTS * float(np.ptp(turn))
 
 
 def _fit_of_all(record: Record, found: _Fitted) -> float:
-    """Fit on the samples that the model was fitted to [%]."""
+    """Return the fit on the samples that the model was fitted to [%]."""
     y = record.y[found.first :]
     return 100.0 * (1.0 - float(np.linalg.norm(found.left)) / float(np.linalg.norm(y - np.mean(y))))
 
 
 def _starts(record: Record, *, offset: bool) -> list[Signal]:
-    """Return parameters of :func:`_model` over a grid of lags, frictions and dead times, best first; K is fitted.
+    """Return parameters of :func:`_model` over a grid, best first; K is fitted.
 
-    With an ``offset`` a ramp of the angle is fitted as well, which is what an offset of the voltage makes.
+    The grid covers lags, frictions and dead times. With an ``offset`` a ramp of the angle is fitted as well, which is
+    the effect of an offset of the voltage.
     """
     size, y = _size(record.u), record.y - np.mean(record.y)
     ramp = np.linspace(-1.0, 1.0, y.size)
@@ -684,7 +716,7 @@ def _starts(record: Record, *, offset: bool) -> list[Signal]:
 
 
 def _held_out(record: Record, found: _Fitted, free: list[int]) -> float:
-    """Fit on the last third; the speed at which it begins is that of the model over the whole record."""
+    """Return the fit on the last third, starting at the speed of the whole model."""
     split = int(_TRAINING_PART * record.u.size)
     try:
         trained = _fit(record.part(0, split), free, [found.solution]).solution

@@ -1,4 +1,4 @@
-"""Records: one input and one output, sampled evenly, and why one cannot be identified."""
+"""Records of one input and one output at even times, and their errors."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -11,19 +11,19 @@ from plant import ErrorCode, SinewError
 
 # Errors --------------------------------------------------------------------------------------------
 #
-# Why nothing could be identified. Each message says what was wrong and what to do about it.
+# Errors of an identification. Each message names the problem and the remedy.
 
 
 class IdentificationError(SinewError, ValueError):
-    """Base of everything the estimators refuse or fail at."""
+    """Base class of errors of the estimators."""
 
     category = ErrorCode.BAD_VALUE
 
 
 class RecordError(IdentificationError):
-    """A record from which nothing can be identified: which quantity, its value, the bound, the unit, what to do.
+    """An unsuitable record: quantity, value, bound, unit, and remedy.
 
-    ``minimum`` or ``maximum`` is None where that side has no bound.
+    ``minimum`` or ``maximum`` is None for no bound.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class RecordError(IdentificationError):
 
 
 class FileFault(StrEnum):
-    """What is wrong with a file of samples, for programs and tests."""
+    """Error of a file with samples, for programs and tests."""
 
     UNREADABLE = "unreadable"
     FORMAT = "format"
@@ -72,9 +72,9 @@ class FileFault(StrEnum):
 
 
 class DataFileError(IdentificationError):
-    """A file that cannot be read as columns of numbers: which fault, and where.
+    """A file that cannot be read as columns of numbers: the fault and its place.
 
-    ``option`` is the option of the command line that resolves it, None where only another file does.
+    ``option`` is the option of the command line that resolves it, None if only another file does.
     """
 
     def __init__(
@@ -94,13 +94,13 @@ class DataFileError(IdentificationError):
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Code, and the place of the fault: the field of the form that resolves it, and the line."""
+        """Code and place of the fault: the field of the form that resolves it, the line."""
         field = {"--header": "header", "--decimal": "decimal"}.get(self.option or "", "table")
         return {"code": self.fault, "quantity": field, "path": [field], "line": self.line}
 
 
 class StructureError(IdentificationError):
-    """A structure that does not exist; the message lists those that do."""
+    """An unknown structure; the message lists the known ones."""
 
 
 class NoStartError(IdentificationError):
@@ -112,16 +112,16 @@ class NotConvergedError(IdentificationError):
 
 
 class NotContinuousError(IdentificationError):
-    """A sampled model that no continuous-time system of the same order can have produced."""
+    """A sampled model without a continuous-time equivalent of the same order."""
 
 
 class UnstableModelError(IdentificationError):
-    """Parameters that describe no stable system with poles in the sampled band."""
+    """Parameters of a system that is unstable or has poles outside the sampled band."""
 
 
 # Record --------------------------------------------------------------------------------------------
 #
-# The data object that every estimator takes: one input, one output, sampled evenly.
+# The input of every estimator: one input and one output signal at even times.
 
 
 Signal = NDArray[np.float64]
@@ -129,7 +129,7 @@ Signal = NDArray[np.float64]
 MIN_SAMPLES = 200
 MAX_SATURATED_PERCENT = 2.0
 MOVES = 0.1
-"""Share of its peak-to-peak by which an input has to change to count as moving."""
+"""Fraction of its peak-to-peak by which an input must change to count as moving."""
 MAX_PERIOD_ERROR = 1e-3
 MAX_STEP, MIN_STEP = 1.5, 0.5
 _EVEN = 1e-3
@@ -142,7 +142,10 @@ _FINEST = 1e-7
 
 @dataclass(frozen=True)
 class Controller:
-    """Proportional-integral feedback u = k_p (r - y) + k_i integral of (r - y), whatever else is added to u."""
+    """Proportional-integral feedback u = k_p (r - y) + k_i integral of (r - y).
+
+    Other signals may be added to u.
+    """
 
     k_p: float
     k_i: float
@@ -150,14 +153,14 @@ class Controller:
 
 @dataclass(frozen=True)
 class Record:
-    """One identification record; refused by RecordError where nothing can be learnt from it.
+    """One identification record; RecordError if it is unsuitable.
 
-    ``u`` and ``y``, shape (n,), any units: sample k of ``y`` is taken at the instant at which sample k of ``u``
-    is applied, and ``u`` is held until sample k + 1 (zero-order hold). ``r`` is a signal from outside the loop, set
-    point or excitation, free of the measurement noise; ``controller`` is the feedback law from y to u. Either one
-    lets the estimators build instruments that are valid in closed loop. ``t`` [s], where given, is checked against
-    ``period_s``. An output that stops abruptly at its extreme value, again and again, while the input moves is
-    refused as saturated. An input at its limit is not: the model holds for the input as it was applied.
+    ``u`` and ``y``, shape (n,), any units: sample k of ``y`` is taken at the time at which sample k of ``u`` is
+    applied, and ``u`` is held until sample k + 1 (zero-order hold). ``r`` is an external signal of the loop, set point
+    or excitation, free of the measurement noise; ``controller`` is the feedback law from y to u. With either one the
+    estimators build instruments that are valid in closed loop. ``t`` [s], if given, is compared with ``period_s``. An
+    output that repeatedly stops abruptly at its extreme value while the input moves is rejected as saturated. An input
+    at its limit is not: the model is valid for the input as applied.
     """
 
     period_s: float
@@ -198,11 +201,11 @@ class Record:
 
     @property
     def duration_s(self) -> float:
-        """Length of the record [s]."""
+        """Duration of the record [s]."""
         return self.u.size * self.period_s
 
     def part(self, start: int, stop: int) -> "Record":
-        """Return the samples start..stop-1 as a record of their own."""
+        """Return the samples start..stop-1 as a separate record."""
         window = slice(start, stop)
         return replace(
             self,
@@ -214,14 +217,17 @@ class Record:
 
 
 def coarse_resolution(values: Signal) -> float | None:
-    """Return the step of a signal, shape (n,), of few, evenly spaced values, as a coarse sensor gives; else None."""
+    """Return the step of a signal with few, evenly spaced values, else None.
+
+    ``values`` has shape (n,); a coarse sensor gives such a signal.
+    """
     return None if np.unique(values).size > values.size // 4 else quantum(values)
 
 
 def quantum(values: Signal) -> float | None:
-    """Return the step of a signal, shape (n,), whose values are all whole steps apart, however many; else None.
+    """Return the step of a signal whose values are all whole steps apart, else None.
 
-    A step below 1e-7 of the signal is the rounding of numbers, not of a sensor.
+    ``values`` has shape (n,). A step below 1e-7 of the signal is the rounding of numbers, not of a sensor.
     """
     levels = np.unique(values)
     steps = np.diff(levels)
@@ -236,10 +242,10 @@ def quantum(values: Signal) -> float | None:
 
 @dataclass(frozen=True)
 class RestAtLimit:
-    """How long an output rests at one of its extreme values, ``limit`` [% of the record].
+    """Rest of an output at one of its extreme values, ``limit`` [% of the record].
 
-    ``moving_percent`` is the part of it while the input moves. ``abrupt`` where the output gets there at full speed at
-    least twice, as at a limit, and does not settle there.
+    ``moving_percent`` is the part of it during which the input moves. ``abrupt``: the output reaches the limit at full
+    speed at least twice, and does not settle there.
     """
 
     limit: float
@@ -249,10 +255,10 @@ class RestAtLimit:
 
 
 def rest_at_limit(u: Signal, y: Signal) -> RestAtLimit | None:
-    """Return the longer rest of y, shape (n,), at its lowest or highest value that is a sign of a limit; else None.
+    """Return the longer rest of y at an extreme value that indicates a limit, or None.
 
-    The sign is that the output comes to rest there abruptly, or rests while u moves, for longer than at ten of its
-    other values and than 2 % of the record.
+    ``u`` and ``y`` have shape (n,). The indication is that the output comes to rest there abruptly, or rests while u
+    moves, for longer than at ten of its other values and than 2 % of the record.
     """
     levels, counts = np.unique(y, return_counts=True)
     if levels.size < 3:
@@ -268,7 +274,7 @@ def rest_at_limit(u: Signal, y: Signal) -> RestAtLimit | None:
         for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             moved = np.abs(u[start:end] - u[max(start - 1, 0)]) > least_move
             if start == 0:
-                continue  # at first everything rests, and a dead time later it still does
+                continue  # everything rests at first, and during a dead time
             resting += end - start
             moving += end - start - int(np.argmax(moved)) - 1 if np.any(moved) else 0
             before = y[max(start - 3, 0)]
@@ -281,7 +287,7 @@ def rest_at_limit(u: Signal, y: Signal) -> RestAtLimit | None:
 
 
 def has_one_step(u: Signal) -> bool:
-    """Whether an input, shape (n,), is at one value, then at another, and that is all."""
+    """Return whether an input (n,) has one value, then another, and no more."""
     high = u > 0.5 * (float(np.min(u)) + float(np.max(u)))
     if np.count_nonzero(np.diff(high)) != 1:
         return False
@@ -290,7 +296,10 @@ def has_one_step(u: Signal) -> bool:
 
 
 def time_at_limit_percent(u: Signal) -> float:
-    """Return the time that an input of many values spends at its lowest and highest value [%], 0 for few values."""
+    """Return the time that an input spends at its extreme values [%].
+
+    0 for an input with few values.
+    """
     levels, counts = np.unique(u, return_counts=True)
     if levels.size < 3:
         return 0.0
@@ -300,10 +309,11 @@ def time_at_limit_percent(u: Signal) -> float:
 
 
 def find_wrap(values: Signal, least: int = 2) -> tuple[int, float] | None:
-    """Return the sample before the first wrap of an angle, shape (n,), and the size of a turn; None without one.
+    """Return the sample before the first wrap of an angle and its size, or None.
 
-    An angle that wraps jumps from one end of its range to the other, always by about the same, and moves slowly
-    everywhere else. ``least`` is how many such jumps have to be there: one may be a gap in the record.
+    ``values`` has shape (n,). An angle that wraps jumps from one end of its range to the other, always by about the
+    same, and moves slowly otherwise. ``least`` is the required number of such jumps: a single one may be a gap in the
+    record.
     """
     span, steps = float(np.ptp(values)), np.diff(values)
     jumps = np.abs(steps) > _WRAPPED_JUMP * span
@@ -314,7 +324,7 @@ def find_wrap(values: Signal, least: int = 2) -> tuple[int, float] | None:
     for whole in (2.0 * np.pi, 360.0, 1.0):
         if abs(whole - turn) <= 2.0 * rest + 0.01 * whole:
             turn = whole
-    # Beside the turn, the angle goes on at the speed it had, and it travels: a sequence of two values does not.
+    # Apart from the jumps, the angle continues at its speed, and travels: a sequence of two values does not.
     unwrapped = np.cumsum(steps - np.where(jumps, np.sign(steps) * turn, 0.0))
     on = steps[jumps] - np.sign(steps[jumps]) * turn
     travels = rest > 0.0 and float(np.ptp(unwrapped)) > _TRAVEL_STEPS * rest
@@ -353,7 +363,7 @@ def _require(quantity: str, value: float, minimum: float, unit: str, remedy: str
 
 
 def check_period(period_s: float) -> None:
-    """Raise RecordError for a sample time [s] that is none."""
+    """Raise RecordError for an invalid sample time [s]."""
     if not (np.isfinite(period_s) and 1e-7 <= period_s <= 1e3):
         raise RecordError(
             quantity="sample time",
@@ -366,7 +376,7 @@ def check_period(period_s: float) -> None:
 
 
 def mean_period(t: Signal) -> float:
-    """Sample time [s] that a time column, shape (n,), has on the whole. Raises RecordError."""
+    """Return the mean sample time [s] of a time column (n,). Raises RecordError."""
     if t.size < 2 or not t[-1] > t[0]:
         raise RecordError(
             quantity="length of the time column",
@@ -380,7 +390,10 @@ def mean_period(t: Signal) -> float:
 
 
 def check_time(t: Signal, period_s: float) -> None:
-    """Raise RecordError where a time column, shape (n,) [s], has holes, runs back or is not of this sample time."""
+    """Raise RecordError for a time column (n,) [s] that has gaps or decreases.
+
+    Or whose sample time differs.
+    """
     if t.size < 2:
         return
     steps = np.diff(t)
@@ -434,9 +447,9 @@ def _check_moves(name: str, values: Signal) -> None:
 
 
 def _check_saturation(u: Signal, y: Signal) -> None:
-    """Refuse an output that stops abruptly at one of its extreme values while the input moves."""
+    """Raise RecordError for an output that stops at its limit while the input moves."""
     rest = rest_at_limit(u, y)
-    # At zero, dry friction stops a motor abruptly, too.
+    # At zero, Coulomb friction stops a motor abruptly, too.
     moves = rest is not None and rest.moving_percent > MAX_SATURATED_PERCENT
     if rest is not None and moves and rest.abrupt and rest.limit != 0.0:
         raise RecordError(

@@ -1,4 +1,7 @@
-"""Spring characteristic from a load sweep: polynomials of several orders, and which of them to use (figure 3)."""
+"""Spring characteristic from a load sweep: polynomials, and the recommended order.
+
+See figure 3.
+"""
 
 from dataclasses import dataclass, field
 
@@ -20,7 +23,7 @@ class SpringFit:
     """Polynomial F(x) = k_0 + k_1 x + ... with its errors.
 
     ``k`` and ``std_errors`` in N/m^i, lowest power first, shape (order + 1,); ``errors`` [N] measured minus fitted,
-    shape (n,); ``cross_validation_N`` is the RMS error at points left out one at a time.
+    shape (n,); ``cross_validation_N`` is the RMS error of leave-one-out cross-validation.
     """
 
     order: int
@@ -33,13 +36,13 @@ class SpringFit:
     rising: bool
 
     def force(self, x: Signal) -> Signal:
-        """Force [N] at elongation ``x`` [m], same shape."""
+        """Return the force [N] at elongation ``x`` [m], same shape."""
         return np.asarray(np.polyval(self.k[::-1], x))
 
 
 @dataclass(frozen=True)
 class SpringIdentification:
-    """Fits of all orders, the recommended order and the sentence that says why."""
+    """Fits of all orders, the recommended order and the reason."""
 
     fits: tuple[SpringFit, ...]
     recommended: int
@@ -52,9 +55,9 @@ class SpringIdentification:
 
 
 def identify_spring(x: Signal, F: Signal, orders: tuple[int, ...] = ORDERS) -> SpringIdentification:
-    """Least-squares polynomials through elongations ``x`` [m] and forces ``F`` [N] of a taut spring, shape (n,).
+    """Fit polynomials to elongations ``x`` [m] and forces ``F`` [N] of a taut spring.
 
-    Raises RecordError for points that are too few, not finite, without spread, or not taut.
+    Shape (n,) each. Raises RecordError for points that are too few, not finite, without spread, or not taut.
     """
     x, F = np.asarray(x, dtype=np.float64), np.asarray(F, dtype=np.float64)
     _check_points(x, F, max(orders))
@@ -66,9 +69,10 @@ def identify_spring(x: Signal, F: Signal, orders: tuple[int, ...] = ORDERS) -> S
 def read_load_sweep(
     text: str, *, header: int | None = None, decimal: DecimalMark | None = None
 ) -> tuple[Signal, Signal, Columns]:
-    """Elongation [m] and force [N], shape (n,) each, from CSV with the columns ``x [m]`` or ``x [mm]``, and ``F [N]``.
+    """Return elongation [m] and force [N], shape (n,) each, and the columns of a CSV.
 
-    Also the columns as they were read; ``header`` and ``decimal`` as :func:`read_csv` takes them. Raises DataFileError.
+    It has the columns ``x [m]`` or ``x [mm]``, and ``F [N]``; ``header`` and ``decimal`` as in :func:`read_csv`. Raises
+    DataFileError.
     """
     columns = read_csv(text, header=header, decimal=decimal)
     x, F = columns.column("x"), columns.column("F")
@@ -126,7 +130,7 @@ def _check_points(x: Signal, F: Signal, order: int) -> None:
 
 
 def _fit(x: Signal, F: Signal, order: int) -> SpringFit:
-    # In the scaled variable of Polynomial.fit the columns are of one size: raw powers of millimetres lose six digits.
+    # The columns are scaled by Polynomial.fit: raw powers of millimetres lose six digits.
     scaled = Polynomial.fit(x, F, order)
     offset, scale = scaled.mapparms()
     columns = np.vander(offset + scale * x, order + 1, increasing=True)
@@ -151,13 +155,19 @@ def _fit(x: Signal, F: Signal, order: int) -> SpringFit:
 
 
 def _powers(offset: float, scale: float, power: int, order: int) -> Signal:
-    """Coefficients of (offset + scale x)^power in powers of x, padded to ``order + 1``."""
+    """Return the coefficients of (offset + scale x)^power in powers of x.
+
+    Padded to ``order + 1``.
+    """
     coefficients = (Polynomial([offset, scale]) ** power).coef
     return np.pad(coefficients, (0, order + 1 - coefficients.size))
 
 
 def _recommend(fits: tuple[SpringFit, ...]) -> tuple[int, str]:
-    """Take the lowest order, unless a higher one predicts points left out clearly better and still rises."""
+    """Return the lowest order, unless a higher one predicts much better and rises.
+
+    By cross-validation.
+    """
     chosen = fits[0]
     for fit in fits[1:]:
         if fit.rising and fit.cross_validation_N < (1.0 - MIN_IMPROVEMENT) * chosen.cross_validation_N:

@@ -1,4 +1,4 @@
-"""Tables of text as people save them: columns by name, decimals, dates and times of day."""
+"""Tables of text: columns by name, decimal marks, dates and times of day."""
 
 import csv
 import re
@@ -15,14 +15,13 @@ from backend.identification.records import DataFileError, FileFault, Signal
 
 # Dates ---------------------------------------------------------------------------------------------
 #
-# Dates and times of day as people and instruments write them, to seconds from the first one on.
+# Dates and times of day in usual formats, converted to seconds from the first one.
 #
-# No library's parser is asked: each of them guesses what a missing part or an ambiguous order
-# means.
+# No library parser is used, because they guess missing parts and ambiguous orders.
 
 
 DAY_FIRST, MONTH_FIRST = "dmy", "mdy"
-"""What says which of 03/04/2026 is the day, in place of a unit."""
+"""Values in place of a unit that say which of 03/04/2026 is the day."""
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _CLOCK = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,](?P<fraction>\d+))?)?"
@@ -51,7 +50,7 @@ _FORMS = {
 
 @dataclass(frozen=True)
 class Dates:
-    """Seconds from the first date on, shape (n,), and in which form the dates are written."""
+    """Seconds from the first date on, shape (n,), and the form of the dates."""
 
     seconds: Signal
     form: str
@@ -59,9 +58,10 @@ class Dates:
 
 
 def read_dates(name: str, texts: Sequence[str], order: str | None = None) -> Dates:
-    """Read a column of dates; ``order`` is DAY_FIRST or MONTH_FIRST where 03/04/2026 needs it.
+    """Read a column of dates; ``order`` is DAY_FIRST or MONTH_FIRST if ambiguous.
 
-    Raises DataFileError for what is no date, for forms or zones that change, and for an order that cannot be told.
+    Such as 03/04/2026. Raises DataFileError for invalid dates, for forms or zones that change, and for an ambiguous
+    order.
     """
     cells = [text.strip() for text in texts]
     form = next((form for form, pattern in _FORMS.items() if cells and pattern.fullmatch(cells[0])), None)
@@ -107,7 +107,7 @@ def _no_date(name: str, cell: str, row: int) -> DataFileError:
 def _make_day_reader(
     name: str, form: str, matches: Sequence[re.Match[str]], order: str | None
 ) -> Callable[[re.Match[str]], int]:
-    """Return what gives the number of the day of a date."""
+    """Return the function from a date to the number of its day."""
     if form == "time of day":
         return lambda _: 0
     if form == "named month":
@@ -132,12 +132,15 @@ def _make_day_reader(
 
 @cache
 def _ordinal(year: str, month: str | int, day: str) -> int:
-    """Days since 1970. Raises ValueError for a day that does not exist."""
+    """Return the days since 1970. Raises ValueError for a day that does not exist."""
     return int(np.datetime64(f"{year}-{int(month):02d}-{int(day):02d}", "D").astype(np.int64))
 
 
 def _of_day_ns(match: re.Match[str]) -> int:
-    """Nanoseconds from midnight in UTC on, or in the zone that the dates leave out. Raises ValueError."""
+    """Return the nanoseconds from midnight in UTC, or in the omitted time zone.
+
+    Raises ValueError.
+    """
     hour, minute, second = (int(match[part] or 0) for part in ("hour", "minute", "second"))
     if match["half"]:
         if not 1 <= hour <= 12:
@@ -156,32 +159,30 @@ def _of_day_ns(match: re.Match[str]) -> int:
 
 # Decimals ------------------------------------------------------------------------------------------
 #
-# Which mark separates decimals in a table of text: a point or a comma; the other one groups
-# thousands.
+# Decimal mark of a table of text: a point or a comma; the other one groups thousands.
 #
-# One cell often does not tell: "8,019" is 8019 or 8.019. The table tells where some cell has one
-# reading only, as "0,5" or "1,234.5". Where none does, or where cells contradict each other, the
-# table is refused.
+# A single cell is often ambiguous: "8,019" is 8019 or 8.019. The table is unambiguous if some cell has one reading
+# only, such as "0,5" or "1,234.5". If there is none, or if cells contradict each other, the table is rejected.
 
 
 MISSING = ("", "na", "nan", "n/a", "null", "none", "-")
-"""Cells that hold no value, in lower case."""
+"""Cells without a value, in lower case."""
 
 
 class DecimalMark(StrEnum):
-    """The character before the decimals."""
+    """Decimal mark."""
 
     POINT = "point"
     COMMA = "comma"
 
     @property
     def character(self) -> str:
-        """The mark itself."""
+        """The character of the mark."""
         return "." if self is DecimalMark.POINT else ","
 
     @property
     def other(self) -> "DecimalMark":
-        """The one that groups thousands."""
+        """The mark that groups thousands."""
         return DecimalMark.COMMA if self is DecimalMark.POINT else DecimalMark.POINT
 
 
@@ -199,12 +200,12 @@ _COMMA_ONLY = re.compile(r"(?<![\d.,])[+-]?(?:0|\d{4,})?,\d|(?<![\d.,])[+-]?\d+,
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell holds no value."""
+    """Return whether a cell has no value."""
     return cell.strip().lower() in MISSING
 
 
 def number(cell: str, mark: DecimalMark) -> float | None:
-    """Return the number in a cell, NaN for one without a value, None for words."""
+    """Return the number in a cell, NaN without a value, None for text."""
     text = cell.strip()
     if text.lower() in MISSING:
         return float("nan")
@@ -217,19 +218,22 @@ def number(cell: str, mark: DecimalMark) -> float | None:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell holds a number with either mark."""
+    """Return whether a cell holds a number with either mark."""
     return not is_missing(cell) and any(number(cell, mark) is not None for mark in DecimalMark)
 
 
 def is_unambiguous(text: str, mark: DecimalMark) -> bool:
-    """Whether a text without the other mark holds a number that only this mark allows, such as 0.5 or 12.25."""
+    """Return whether a text has a number that only this mark allows.
+
+    Such as 0.5 or 12.25; the text does not contain the other mark.
+    """
     pattern = _POINT_ONLY if mark is DecimalMark.POINT else _COMMA_ONLY
     return pattern.search(text) is not None
 
 
 @dataclass(frozen=True)
 class _Column:
-    """What the cells of a column allow: readings of all of them, and a cell that has one reading only."""
+    """Possible readings of a column's cells, and cells with one reading only."""
 
     readings: frozenset[DecimalMark]
     only: dict[DecimalMark, int]
@@ -237,7 +241,7 @@ class _Column:
 
     @property
     def is_mixed(self) -> bool:
-        """Whether each cell is a number, though not with one mark."""
+        """Whether each cell is a number, though not with the same mark."""
         return not self.readings and len(self.only) == 2
 
 
@@ -262,7 +266,7 @@ def _scan_column(cells: Sequence[str]) -> _Column:
 
 @dataclass(frozen=True)
 class Decimals:
-    """The mark of a table, columns whose thousands are grouped, and columns that do not fit, with the row."""
+    """Decimal mark of a table, grouped columns, and misfit columns with the row."""
 
     mark: DecimalMark
     grouped: tuple[int, ...] = ()
@@ -277,10 +281,10 @@ def detect_decimal_mark(
     *,
     is_point_usual: bool,
 ) -> Decimals:
-    """Return the decimal mark of a table from its cells, column by column; ``asked`` is believed.
+    """Return the decimal mark of a table from its cells; ``asked`` has priority.
 
-    ``names`` and ``lines`` say where a cell is. ``is_point_usual`` where a point as in 8.019 needs no other evidence.
-    Raises DataFileError where the cells do not tell, or contradict each other.
+    ``names`` and ``lines`` locate a cell. ``is_point_usual``: a point as in 8.019 needs no other evidence. Raises
+    DataFileError if the cells are ambiguous or contradict each other.
     """
     scanned = [_scan_column(cells) for cells in columns]
     marks = {
@@ -324,7 +328,10 @@ def detect_decimal_mark(
 
 
 def _has_groups_only(cells: Sequence[str], mark: DecimalMark) -> bool:
-    """Whether a column groups each number from 1000 on, and some cell shows that it is no decimal mark."""
+    """Return whether a column groups each number from 1000 on, provably.
+
+    A cell must show that the character is no decimal mark.
+    """
     group, shown = mark.other.character, False
     for cell in cells:
         value = number(cell, mark)
@@ -354,18 +361,17 @@ def _make_ambiguity_error(
 
 # Table ---------------------------------------------------------------------------------------------
 #
-# A table as people save it, as text: columns by name, and why one of them cannot be used.
+# A table of text: columns by name, and reasons why a column is unusable.
 #
-# Separators are comma, semicolon, tab, vertical bar or blanks, or what a line ``sep=;`` says. Lines
-# that begin with # or % are comments. Lines above the heading, a row of units below it, an index
-# without a name and columns of text are not read as numbers, and :class:`Columns` says so.
-# :mod:`backend.identification.tables` finds the decimal mark.
+# Separators are comma, semicolon, tab, vertical bar or blanks, or that of a line ``sep=;``. Lines that begin with # or
+# % are comments. Lines above the heading, a row of units below it, an index without a name and columns of text are not
+# read as numbers, and :class:`Columns` lists them.
 
 
 MAX_SAMPLES = 5_000_000
 NOT_ASKED_FOR = "not asked for"
 LARGEST_EXACT = 2.0**53
-"""Whole numbers beyond it are rounded as 64-bit floating-point numbers."""
+"""Integers beyond it are rounded as 64-bit floating-point numbers."""
 _HEADING = re.compile(r"^\s*(?P<name>[^\[\(]*?)\s*(?:[\[\(](?P<unit>[^\]\)]*)[\]\)])?\s*$")
 _COMMENTS = ("#", "%")
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "vertical bar", " ": "blanks"}
@@ -377,7 +383,7 @@ _ONE_UNIT = (
 _TABLE_UNIT = re.compile(rf"\[[^\]]*\]|\([^)]*\)|{_ONE_UNIT}(?:[·*/ .]{_ONE_UNIT})*")
 _TIME_NAME = re.compile(r"\s*(?:t|x_value|(?:date)?time(?:stamp)?s?)\b", re.IGNORECASE)
 _SAMPLE = 9
-"""Rows from the middle of a table that tell its separator and which columns hold numbers."""
+"""Rows from the middle of a table that determine its separator and its columns of numbers."""
 
 Line = tuple[int, str]
 Row = tuple[int, list[str]]
@@ -385,12 +391,13 @@ Whole = NDArray[np.int64]
 
 
 class Columns(dict[str, Signal]):
-    """Numeric columns by name, and what is known of the file they come from.
+    """Numeric columns by name, with information about their file.
 
-    ``units`` of those that carry one, ``texts`` the cells of columns that hold words, ``whole`` the exact numbers of
-    columns that rounding changes. ``reasons`` say why another column is not here, ``faults`` which kind of reason it
-    is. ``layout`` says how the file was read, for people and programs; ``notes`` what else there is to say. ``holes``
-    are lines between rows that may be samples that are missing.
+    - ``units``: units of columns that have one; ``texts``: cells of columns of text.
+    - ``whole``: exact integers of columns that rounding changes.
+    - ``reasons``: why another column is missing; ``faults``: the kind of the reason.
+    - ``layout``: format of the file, for people and programs; ``notes``: further remarks.
+    - ``holes``: number of lines between rows that may be missing samples.
     """
 
     def __init__(self, columns: dict[str, Signal] | None = None) -> None:
@@ -405,7 +412,7 @@ class Columns(dict[str, Signal]):
         self.holes = 0
 
     def column(self, name: str) -> Signal:
-        """Return a column. Raises DataFileError saying why there is none of that name."""
+        """Return a column. Raises DataFileError with the reason if it is missing."""
         if name in self.reasons:
             raise DataFileError(self.reasons[name], self.faults.get(name, FileFault.NOT_A_NUMBER), column=name)
         if name not in self:
@@ -421,20 +428,20 @@ class Columns(dict[str, Signal]):
         return self[name]
 
     def not_read(self) -> dict[str, str]:
-        """Return all columns of the file, each with why it would not be read."""
+        """Return all columns of the file, each with the reason for not reading it."""
         return dict.fromkeys(self, NOT_ASKED_FOR) | self.reasons
 
     def leave_out(self, name: str, reason: str, fault: FileFault = FileFault.NOT_A_NUMBER) -> None:
-        """Say why a column of the file is not read."""
+        """Remove a column of the file, with a reason."""
         self.pop(name, None)
         self.reasons[name], self.faults[name] = reason, fault
 
 
 def read_csv(text: str, *, header: int | None = None, decimal: DecimalMark | None = None) -> Columns:
-    """Columns of a table of text; names may carry a unit, as in ``u [V]``.
+    """Return the columns of a table of text; names may have a unit, as in ``u [V]``.
 
-    ``header`` is the line that holds the names, ``decimal`` the mark before decimals; both are found where they are
-    not given. Raises DataFileError.
+    ``header`` is the line with the names, ``decimal`` the decimal mark; both are detected if not given. Raises
+    DataFileError.
     """
     table = _Table(text)
     heading, first = table.read_heading(header) if header is not None else table.find_heading()
@@ -447,7 +454,7 @@ def _no_heading() -> DataFileError:
 
 @dataclass(frozen=True)
 class _Heading:
-    """Names of the columns, the number of their line, and the units of a row of its own."""
+    """Names of the columns, the number of their line, and a row of units."""
 
     line: int
     names: list[str]
@@ -455,7 +462,7 @@ class _Heading:
 
 
 class _Table:
-    """Numbered lines of a text, apart: comments, and all others that are not empty."""
+    """Numbered lines of a text: comments, and other lines that are not empty."""
 
     def __init__(self, text: str) -> None:
         self.comments: list[Line] = []
@@ -480,7 +487,7 @@ class _Table:
         return [line for _, line in self.lines[start : start + _SAMPLE]]
 
     def _separator(self) -> str:
-        """Return the separator by which most cells of the middle of the table are numbers."""
+        """Return the separator with the most numeric cells in the middle of the table."""
         best, found = (0.0, 0), " "
         for separator in _NAMES:
             rows = [_cells(line, separator) for line in self._middle()]
@@ -494,9 +501,9 @@ class _Table:
         return found
 
     def _form(self) -> tuple[int, frozenset[int], bool]:
-        """Return how many columns there are and which hold numbers, by the middle of the table.
+        """Return the number of columns and the numeric ones, from the middle of the table.
 
-        Also whether the last one is empty there, so that it may be what a separator at the end of each row makes.
+        Also whether the last column is empty there, so that it may result from a separator at the end of each row.
         """
         rows = [_cells(line, self.separator) for line in self._middle()]
         width = _usual([len(cells) for cells in rows])
@@ -510,7 +517,7 @@ class _Table:
         return width, frozenset(numeric), width > 1 and not any(cells[-1] for cells in rows)
 
     def cells(self, line: str) -> list[str]:
-        """Cells of a line, without the empty one that a separator at the end makes."""
+        """Return the cells of a line, without an empty one after a final separator."""
         cells = _cells(line, self.separator)
         if len(cells) == self.width + 1 and not cells[-1]:
             cells.pop()
@@ -522,21 +529,24 @@ class _Table:
         return fits and any(is_number(cells[at]) for at in self.numeric)
 
     def _has_words(self, line: str) -> bool:
-        """Whether a line may name the columns."""
+        """Return whether a line may name the columns."""
         cells = self._names(line)
         fits = len(cells) == self.width or (self.is_open and len(cells) == self.width - 1)
         words = fits and not any(is_number(cells[at]) for at in self.numeric)
         return words and any(cells) and not line.lstrip().startswith("***")
 
     def _names(self, line: str) -> list[str]:
-        """Cells of a heading: LabVIEW has a column of comments that most rows do not fill."""
+        """Return the cells of a heading.
+
+        LabVIEW adds a column of comments that most rows do not fill.
+        """
         names = self.cells(line)
         if len(names) == self.width + 1 and names[-1].lower() == "comment":
             names.pop()
         return names
 
     def find_heading(self) -> tuple[_Heading, int]:
-        """Find the names of the columns; also the index of the first row. Raises DataFileError."""
+        """Find the heading and the index of the first row. Raises DataFileError."""
         if not self.lines:
             raise _no_heading()
         first = next((at for at, (_, line) in enumerate(self.lines) if self.numeric and self._has_numbers(line)), 1)
@@ -574,7 +584,10 @@ class _Table:
         raise DataFileError("the first line holds numbers: put the names of the columns there", FileFault.NO_HEADING)
 
     def read_heading(self, line: int) -> tuple[_Heading, int]:
-        """Return the heading of a line, comment or not, and the index of the first row. Raises DataFileError."""
+        """Return the heading of a line, comment or not, and the index of the first row.
+
+        Raises DataFileError.
+        """
         words = dict((*self.comments, *self.lines)).get(line)
         if words is None:
             raise DataFileError(
@@ -649,7 +662,10 @@ class _Table:
         return columns, found.mark
 
     def _plain(self, rows: list[Line], decimal: DecimalMark | None) -> tuple[Signal, DecimalMark] | None:
-        """Numbers of a table without quotes, words and holes, read in one go; None where it is not one."""
+        """Return the numbers of a table without quotes, text and gaps, parsed at once.
+
+        None if it is not such a table.
+        """
         texts = [line for _, line in rows]
         whole = "\n".join(texts)
         mark = DecimalMark.POINT
@@ -670,7 +686,7 @@ class _Table:
             return None
 
     def _note_gaps(self, columns: Columns, *, rows: int, empty: int) -> None:
-        """Say which lines between rows may be samples that are missing."""
+        """Note lines between rows that may be missing samples."""
         lines = [line for line, _ in self.lines[len(self.lines) - empty - rows : len(self.lines) - empty]]
         first, last = (lines[0], lines[-1]) if lines else (0, 0)
         blank = sum(first < line < last for line in self.blank)
@@ -704,7 +720,7 @@ class _Table:
         if below > (1 if heading.units else 0):
             unread = below - (1 if heading.units else 0)
             columns.notes.append(f"{unread} lines below the heading, above the first row of numbers, are not read")
-        # LabVIEW tells in its preamble what X_Value is.
+        # LabVIEW's preamble says what X_Value is.
         dimensions = [line for number_of, line in self.lines if number_of < heading.line and "X_Dimension" in line]
         if "X_Value" in columns and any("Time" in line for line in dimensions):
             columns.units["X_Value"] = columns.units.get("X_Value") or "s"
@@ -719,18 +735,18 @@ def _cells(line: str, separator: str) -> list[str]:
         return [cell.strip('"') for cell in re.sub(r"\s+(?=[\[\(])", "", line).split()]  # a unit belongs to its name
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
-    except csv.Error:  # a cell longer than the reader takes
+    except csv.Error:  # a cell longer than the reader's limit
         return [line]
 
 
 def _split_cell(heading: str) -> tuple[str, str]:
-    """Name and unit of a cell of the heading."""
+    """Return name and unit of a cell of the heading."""
     match = _HEADING.match(heading)
     return (match["name"], match["unit"] or "") if match else (heading, "")
 
 
 def _values(cells: list[str], mark: DecimalMark) -> Signal | list[str]:
-    """Numbers of a column, 1 and 0 for true and false; its words where one of them is neither."""
+    """Return the numbers of a column, 1 and 0 for true and false, or its texts."""
     values = [number(cell, mark) for cell in cells]
     if None not in values:
         return np.array(values, dtype=np.float64)
@@ -741,7 +757,7 @@ def _values(cells: list[str], mark: DecimalMark) -> Signal | list[str]:
 
 
 def _store_integers(columns: Columns, name: str, cells: list[str]) -> None:
-    """Keep the exact numbers of a column of whole numbers that are too large for floating point."""
+    """Store the exact integers of a column that are too large for floating point."""
     try:
         columns.whole[name] = np.array([int(cell) for cell in cells], dtype=np.int64)
     except (ValueError, OverflowError):

@@ -1,4 +1,4 @@
-"""Validation of a model: residual tests, standard errors, noise model, fit on unseen data, verdict."""
+"""Validation of a model: residual tests, standard errors, noise model, verdict."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,10 @@ MAX_NOISE_ORDER = 12
 
 
 def fit_autoregression(residuals: Signal, max_order: int = MAX_NOISE_ORDER) -> Signal:
-    """Coefficients 1, d_1 .. d_p of D(z^-1), by the Yule-Walker equations; p <= max_order minimises BIC."""
+    """Return the coefficients 1, d_1 .. d_p of D(z^-1), by the Yule-Walker equations.
+
+    The order p <= max_order minimises BIC.
+    """
     from scipy.linalg import solve_toeplitz
 
     count = residuals.size
@@ -48,11 +51,10 @@ def fit_autoregression(residuals: Signal, max_order: int = MAX_NOISE_ORDER) -> S
 
 # Residuals -----------------------------------------------------------------------------------------
 #
-# Tests of residuals: whether they are white, and whether they are independent of the input.
+# Tests of residuals for whiteness and for independence of the input.
 #
-# Both look at the largest of many correlations, each in units of its own standard deviation, and
-# ask at the 1 % level for all of them together (Bonferroni) whether chance alone makes one that
-# large.
+# Both use the largest of many correlations, each in units of its own standard deviation, at the 1 % level for all of
+# them together (Bonferroni).
 
 
 RESIDUAL_LEVEL = 0.01
@@ -64,11 +66,11 @@ Reals = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Judged:
-    """A residual test in words and numbers.
+    """A residual test with its values.
 
-    ``statistic`` is the largest of so many ``lags``' correlations in standard deviations, ``critical`` what it may be
-    at the level for all of them together; ``bound`` the same for each correlation as it is drawn. ``passed`` where
-    none leaves its bound.
+    ``statistic`` is the largest correlation of ``lags`` lags in standard deviations, ``critical`` its limit at the
+    level for all of them together; ``bound`` the same for each correlation as drawn. ``passed``: all are within their
+    bounds.
     """
 
     lags: int
@@ -79,7 +81,7 @@ class Judged:
 
     @property
     def sentence(self) -> str:
-        """Which test, its statistic, its level."""
+        """Name of the test, its statistic, its level."""
         return (
             f"largest of {self.lags} correlations {self.statistic:.1f} standard deviations,"
             f" bound {self.critical:.1f} at the {100.0 * RESIDUAL_LEVEL:g} % level for all lags together"
@@ -87,7 +89,7 @@ class Judged:
 
 
 def whiteness(residuals: Signal, period_s: float) -> CorrelationTest:
-    """Autocorrelation of the residuals, shape (n,), at 1 .. 25 samples."""
+    """Return the autocorrelation of the residuals, shape (n,), at 1 .. 25 samples."""
     lags = np.arange(1, _WHITENESS_LAGS + 1)
     products = correlation(residuals, residuals)
     deviation = np.full(lags.size, 1.0 / np.sqrt(residuals.size))
@@ -95,14 +97,15 @@ def whiteness(residuals: Signal, period_s: float) -> CorrelationTest:
 
 
 def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: float) -> CorrelationTest:
-    """Correlation of the residuals with earlier inputs, up to five times ``slowest_s`` [s]; both shape (n,).
+    """Return the correlation of the residuals with earlier inputs; both shape (n,).
 
-    The variance of each correlation is the sum over lags of r_e r_u, tapered: it allows for the colour of both.
+    Up to five times ``slowest_s`` [s]. The variance of each correlation is the sum over lags of r_e r_u, tapered: it
+    allows for the colour of both.
     """
     u = u - np.mean(u)
     own, drive = correlation(residuals, residuals), correlation(u, u)
     reach = int(np.clip(5.0 * slowest_s / period_s, _INPUT_LAGS, residuals.size // 4))
-    # Geometric: a fast pole left out shows at the first samples, a wrong lag after seconds.
+    # Geometric: a missing fast pole shows at the first samples, a wrong lag after seconds.
     lags = np.unique(np.geomspace(1, reach, _INPUT_LAGS).astype(int))
     cross = correlation(residuals, u)[lags]
     both = own[:reach] * drive[:reach] * (1.0 - np.arange(reach) / reach) / residuals.size
@@ -113,11 +116,11 @@ def input_correlation(residuals: Signal, u: Signal, period_s: float, slowest_s: 
 
 
 class StoredTest(Protocol):
-    """A test as it was made, or as it is stored."""
+    """A test as made, or as stored."""
 
     @property
     def correlation(self) -> Sequence[float | None]:
-        """Correlations, lag by lag."""
+        """Correlations by lag."""
 
     @property
     def bound(self) -> Sequence[float | None]:
@@ -125,11 +128,11 @@ class StoredTest(Protocol):
 
     @property
     def passed(self) -> bool:
-        """Whether none leaves its bound."""
+        """Whether all are within their bounds."""
 
 
 def read_whiteness_test(test: StoredTest) -> Judged:
-    """Return what a stored test asked and found."""
+    """Return the values of a stored test."""
     correlation, bound = np.array(test.correlation, dtype=float), np.array(test.bound, dtype=float)
     critical = critical_deviation(correlation.size)
     return Judged(
@@ -142,7 +145,10 @@ def read_whiteness_test(test: StoredTest) -> Judged:
 
 
 def critical_deviation(lags: int) -> float:
-    """Return standard deviations that the largest of so many correlations exceeds with the probability of the level."""
+    """Return the standard deviations that the largest correlation exceeds by chance.
+
+    With the probability of the level.
+    """
     from scipy.stats import norm
 
     return float(norm.ppf(1.0 - RESIDUAL_LEVEL / (2.0 * lags)))
@@ -160,23 +166,21 @@ def _make_correlation_test(lags_s: Reals, correlations: Reals, deviation: Reals)
 
 # Uncertainty ---------------------------------------------------------------------------------------
 #
-# Standard errors that stay honest when the residuals are coloured: the sandwich formula with a HAC
-# middle.
+# Standard errors that are valid for coloured residuals: the sandwich formula with a HAC estimate.
 
 
 def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> Signal:
-    """Covariance of the solution of instruments' residuals = 0, shape (p, p).
+    """Return the covariance of the solution of instruments' residuals = 0.
 
-    ``instruments`` Z and ``sensitivities`` J, shape (n, p); ``residuals`` shape (n,). NaN for
-    parameters without effect.
-    (Z'J)^-1 M (Z'J)^-T, where M is the long-run covariance of Z_t e_t: sum over lags of their covariances with
-    Bartlett weights (Newey and West 1987), over a bandwidth chosen from the data (Andrews 1991).
+    Shape (p, p). ``instruments`` Z and ``sensitivities`` J, shape (n, p); ``residuals`` shape (n,). NaN for parameters
+    without effect. (Z'J)^-1 M (Z'J)^-T, where M is the long-run covariance of Z_t e_t: sum over lags of their
+    covariances with Bartlett weights (Newey and West 1987), over a bandwidth from the data (Andrews 1991).
     """
     scale = np.linalg.norm(instruments, axis=0), np.linalg.norm(sensitivities, axis=0)
     unknown = ~(np.all(np.isfinite(instruments), axis=0) & np.all(np.isfinite(sensitivities), axis=0))
     unknown |= ~((scale[0] > 0.0) & (scale[1] > 0.0))
     if np.any(unknown):
-        # What has no effect on the record, or none that numbers can hold, is not determined by it.
+        # The record does not determine parameters without a representable effect.
         known = ~unknown
         covariance = np.full((known.size, known.size), np.nan)
         if np.any(known):
@@ -190,7 +194,10 @@ def sandwich(instruments: Signal, sensitivities: Signal, residuals: Signal) -> S
 
 
 def _long_run(moments: Signal) -> Signal:
-    """Sum over lags of Bartlett weight times covariance, evaluated in the frequency domain, shape (p, p)."""
+    """Return the sum over lags of Bartlett weight times covariance, shape (p, p).
+
+    Evaluated in the frequency domain.
+    """
     from scipy.fft import next_fast_len, rfft
 
     bandwidth = _bandwidth(moments)
@@ -205,10 +212,13 @@ def _long_run(moments: Signal) -> Signal:
 
 
 def _bandwidth(moments: Signal) -> int:
-    """Andrews' bandwidth for Bartlett weights, from a first-order autoregression of each column."""
+    """Return Andrews' bandwidth for Bartlett weights.
+
+    From a first-order autoregression of each column.
+    """
     count = moments.shape[0]
     past, now = moments[:-1], moments[1:]
-    power = np.maximum(np.sum(moments**2, axis=0), np.finfo(float).tiny)  # a perfect fit leaves nothing
+    power = np.maximum(np.sum(moments**2, axis=0), np.finfo(float).tiny)  # zero for a perfect fit
     rho = np.clip(np.sum(past * now, axis=0) / power, -0.97, 0.9999)
     spread = 4.0 * rho**2 / ((1.0 - rho) ** 2 * (1.0 + rho) ** 2)
     return int(min(np.ceil(1.1447 * (np.mean(spread) * count) ** (1.0 / 3.0)), count // 10))
@@ -216,8 +226,7 @@ def _bandwidth(moments: Signal) -> int:
 
 # Validation ----------------------------------------------------------------------------------------
 #
-# What a model must show before it is used for tuning: tests on residuals, fit on unseen data, a
-# verdict.
+# Requirements of a model for tuning: residual tests, fit on validation data, verdict.
 
 
 MIN_COUNTS = 20.0
@@ -228,17 +237,17 @@ CAUTION_GAIN_ERROR_PERCENT = 5.0
 MAX_STD_PERCENT = 10.0
 CAUTION_STD_PERCENT = 3.0
 MAX_OTHER_STD_PERCENT = 39.0
-"""Of parameters other than K and T: beyond it they do not differ from zero at the 1 % level."""
+"""For parameters other than K and T: beyond it they do not differ from zero at the 1 % level."""
 MIN_FIT_PERCENT = 50.0
 GOOD_FIT_PERCENT = 80.0
-"""Fits by which a model explains three quarters of the output's variance, and 96 %."""
+"""Fits with which a model explains three quarters of the output's variance, and 96 %."""
 MAX_FRICTION_ERROR_PERCENT = 10.0
 NEGLIGIBLE_PERCENT = 0.01
-"""Residuals below this share of the motion are rounding of numbers, where they cannot move K and T either."""
+"""Residuals below this share of the motion are rounding, if they cannot change K and T either."""
 
 
 def information_criteria(residuals: Signal, parameter_count: int) -> tuple[float, float, float]:
-    """AIC, BIC and FPE of Gaussian residuals, shape (n,); smaller is better."""
+    """Return AIC, BIC and FPE of Gaussian residuals, shape (n,); smaller is better."""
     count, variance = residuals.size, max(float(np.mean(residuals**2)), np.finfo(float).tiny)
     log_likelihood = count * float(np.log(variance))
     return (
@@ -249,25 +258,30 @@ def information_criteria(residuals: Signal, parameter_count: int) -> tuple[float
 
 
 def misfit_percent(fit: float, resolution_percent: float) -> float:
-    """Return what neither the model nor the sensor's resolution explains, in per cent of the motion, like ``fit``."""
+    """Return the part of the motion [%] that neither model nor resolution explain.
+
+    ``fit`` is in percent as well.
+    """
     return float(np.sqrt(max((100.0 - fit) ** 2 - resolution_percent**2, 0.0)))
 
 
 @dataclass(frozen=True)
 class ValidationData:
-    """What a verdict is made from.
+    """Data of a verdict.
 
-    ``fit`` [%] on unseen data, NaN where there is none. ``motion_counts`` is the output's peak-to-peak in sensor
-    counts; ``resolution_percent`` the standard deviation of rounding to counts in per cent of the output's, 0 where
-    the sensor is not known. ``friction`` is there where dry friction would be seen.
-
-    ``fit_all`` [%] is the fit on the record itself; it counts where ``unseen_rests``, the output rests in the first two
-    thirds of the record or in its last one. ``one_step`` where the input changes once only. ``rounding`` where the
-    residuals are no larger than rounding to the steps of the output's values makes them; ``largest_bias_percent`` is
-    what residuals of this size could move K and T by at most, whatever they are. ``at_limit`` is how y rests at its
-    extreme while u moves, ``input_at_limit_percent`` the time that u does so behind a known controller. ``lead``
-    is the gain of an output that shows the input of its own instant. ``fed_back`` where the input reacts to coloured
-    noise of the output, through a loop that was not named. ``wrap`` is the size of a turn of an angle that wraps.
+    - ``fit`` [%]: on validation data, NaN if there are none; ``fit_all`` [%]: on the record itself, used if
+      ``unseen_rests``, that is if the output rests in the first two thirds of the record or in its last one.
+    - ``motion_counts``: peak-to-peak of the output in sensor counts; ``resolution_percent``: standard deviation of
+      rounding to counts in percent of the output's, 0 if the sensor is unknown.
+    - ``friction``: set if Coulomb friction would be visible.
+    - ``one_step``: the input changes only once.
+    - ``rounding``: the residuals are no larger than rounding to the steps of the output's values.
+    - ``largest_bias_percent``: largest change of K and T by residuals of this size.
+    - ``at_limit``: rest of y at its extreme while u moves; ``input_at_limit_percent``: time that u rests there, with a
+      known controller.
+    - ``lead``: gain of an output that follows the input of the same sample.
+    - ``fed_back``: the input reacts to coloured noise of the output, through an unspecified loop.
+    - ``wrap``: size of a turn of an angle that wraps.
     """
 
     first_order: FirstOrder
@@ -293,30 +307,30 @@ class ValidationData:
 
     @property
     def misfit(self) -> float:
-        """What neither model nor sensor explains, in per cent of the motion; NaN where there is no fit."""
+        """Part of the motion [%] that neither model nor sensor explain; NaN without fit."""
         return misfit_percent(self.fit_all if self.unseen_rests else self.fit, self.resolution_percent)
 
     @property
     def unexplained(self) -> bool:
-        """Whether the residuals tell of something that the model leaves out."""
+        """Whether the residuals indicate unmodelled dynamics."""
         return not (self.residuals.input_correlation.passed and self.residuals.whiteness.passed)
 
     @property
     def biased_by_loop(self) -> bool:
-        """Whether a loop that was not named feeds coloured noise back into the input."""
+        """Whether an unspecified loop feeds coloured noise back into the input."""
         return self.fed_back and not self.negligible and bool(np.isfinite(self.misfit))
 
     @property
     def negligible(self) -> bool:
-        """Whether the residuals are rounding, and too small to move K and T whatever they come from."""
+        """Whether the residuals are rounding, and too small to change K and T."""
         small = self.rounding or self.misfit <= NEGLIGIBLE_PERCENT
         return small and self.largest_bias_percent <= CAUTION_STD_PERCENT
 
     @property
     def spread(self) -> float:
-        """How well K and T are known [%]; NaN where that could not be had.
+        """Uncertainty of K and T [%]; NaN if not available.
 
-        Standard errors do not cover what the structure leaves out: where the residuals tell of that, it counts as well.
+        Standard errors do not include unmodelled dynamics: if the residuals indicate any, they are added.
         """
         known = _compute_relative_errors(self.first_order)
         if not self.unexplained:
@@ -325,7 +339,7 @@ class ValidationData:
 
     @property
     def spread_with_friction(self) -> float:
-        """The same, where dry friction that the record can neither show nor exclude is left open [%]."""
+        """The uncertainty [%] including friction that the record cannot exclude."""
         if self.friction is None:
             return self.spread
         off = self.friction.off_percent(self.first_order.K, self.first_order.T)
@@ -341,7 +355,7 @@ Finding = tuple[Grade, str]
 
 
 def judge(evidence: ValidationData) -> Verdict:
-    """Grade a model and give the reasons. A figure that could not be had never counts in favour."""
+    """Grade a model and give the reasons. A value that is not available counts as bad."""
     if evidence.wrap is not None or evidence.lead is not None:
         return Verdict(Grade.UNUSABLE, tuple(reason for _, reason in _unsuitable(evidence)))
     findings = [
@@ -367,14 +381,14 @@ def judge(evidence: ValidationData) -> Verdict:
 
 
 def grade_value(value: float, caution: float, most: float) -> Grade:
-    """Grade a figure that is better the smaller it is; NaN, not measured, is never usable."""
+    """Grade a value that is better the smaller it is; NaN is never usable."""
     if value <= caution:
         return Grade.USABLE
     return Grade.CAUTION if value <= most else Grade.UNUSABLE
 
 
 def _unsuitable(evidence: ValidationData) -> Iterator[Finding]:
-    """Signals that no model of this kind can connect; what else there is to say about the model follows from it."""
+    """Yield the defects of signals that no model can describe."""
     if evidence.wrap is not None:
         yield (
             Grade.UNUSABLE,
@@ -390,7 +404,7 @@ def _unsuitable(evidence: ValidationData) -> Iterator[Finding]:
 
 
 def _signals(evidence: ValidationData) -> Iterator[Finding]:
-    """Grade what is doubtful about the signals themselves, whatever the model."""
+    """Grade doubtful properties of the signals, independent of the model."""
     if evidence.one_step:
         yield (
             Grade.CAUTION,
@@ -483,7 +497,7 @@ def _gain(evidence: ValidationData) -> Iterator[Finding]:
 
 def _errors(evidence: ValidationData) -> Iterator[Finding]:
     found = evidence.first_order
-    # Beside what the loop may do to them, the standard errors of K and T say nothing.
+    # With a possible bias by the loop, the standard errors of K and T are meaningless.
     reduced = () if evidence.biased_by_loop else zip("KT", (found.K, found.T), found.deviations, strict=True)
     for name, value, std in reduced:
         spread = 100.0 * std / abs(value)
@@ -510,7 +524,7 @@ def _residuals(evidence: ValidationData) -> Iterator[Finding]:
     if not evidence.unexplained or named or evidence.negligible or not np.isfinite(misfit):
         return
     if follows or known_sensor:
-        # Where the resolution is known, so is the sensor: what is larger and coloured is friction, not noise.
+        # With known resolution the sensor is known too: larger, coloured residuals are friction, not noise.
         grade = grade_value(misfit, CAUTION_MISFIT_PERCENT, MAX_MISFIT_PERCENT)
         if grade is not Grade.USABLE:
             yield (
@@ -530,8 +544,7 @@ def _residuals(evidence: ValidationData) -> Iterator[Finding]:
 
 # Feedback ------------------------------------------------------------------------------------------
 #
-# Whether an input reacts to the noise of its output: a record of a closed loop that does not say
-# so.
+# Detection of an input that reacts to noise of its output: a record of an unspecified closed loop.
 
 
 FEEDBACK_LEVEL = 1e-6
@@ -543,18 +556,18 @@ _EXACT = 1e-9
 
 
 def has_noise_feedback(u: Signal, residuals: Signal, gain: float) -> bool:
-    """Whether u, shape (n,), acts against a model's residuals up to its own instant, beyond what its past tells.
+    """Return whether u (n,) reacts to a model's residuals more than its past explains.
 
-    In open loop the noise of the output says nothing about the input to come. Samples at which the input takes an
-    unusual step, as at the edges of a sequence, are left out: between them a controller shows best. The regression
-    on the residuals has to be significant (F test) and to explain a tenth of what the past leaves open. With the
-    model's ``gain``, the reaction has to be a negative feedback: an output that shows its input at once, which no
-    model here does, goes the other way.
+    In open loop the noise of the output does not predict the input. Samples with unusual steps of the input, such as
+    the edges of a sequence, are omitted: between them a controller is most visible. The regression on the residuals
+    must be significant (F test) and explain a tenth of what the past does not. With the model's ``gain``, the reaction
+    must be a negative feedback: an output that shows its input at once, which no model here does, has the opposite
+    sign.
     """
     from scipy.stats import f as fisher
 
     if np.mean(np.diff(u) == 0.0) > 0.5:
-        return False  # held, as no controller does at this rate
+        return False  # held, unlike with a controller at this rate
     past = np.column_stack([np.ones(u.size - _OWN_LAGS), *_make_lags(u, range(1, _OWN_LAGS + 1))])
     noise = np.column_stack(_make_lags(residuals, range(_FEEDBACK_LAGS)))
     now = u[_OWN_LAGS:]
@@ -562,7 +575,7 @@ def has_noise_feedback(u: Signal, residuals: Signal, gain: float) -> bool:
         open_ = np.abs(now - past @ least_squares(past, now))
         usual = float(np.median(open_))
         if not usual > _EXACT * float(np.std(u)):
-            return False  # its past tells it exactly
+            return False  # its past predicts it exactly
         is_open = open_ <= _USUAL * usual
         past, both, now = past[is_open], np.column_stack((past, noise))[is_open], now[is_open]
         open_ = now - past @ least_squares(past, now)
