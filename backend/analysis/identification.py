@@ -44,10 +44,10 @@ from backend.identification import (
 )
 from backend.identification import identify_actuator as estimate_actuator
 from backend.models import (
-    MODEL,
+    ACTUATOR_MODEL,
+    ACTUATOR_QUALITY,
     MOTOR_MODELS,
     MOTOR_QUALITIES,
-    QUALITY,
     SPRING_MODELS,
     SPRING_QUALITIES,
     ActuatorModel,
@@ -166,7 +166,7 @@ def to_store_actuator(
         data={**signals, "first_sample": start, "samples": columns["t"].size - start, "period_s": T_s},
         method=joint_method_name({name: channel.method for name, channel in channels.items()}),
         options={**asdict(plan), "structures": {name: channel.model.structure for name, channel in channels.items()}},
-        model=MODEL.write(
+        model=ACTUATOR_MODEL.write(
             ActuatorModel(
                 S_nominal=estimate.S_nominal,
                 q_nominal=estimate.q_nominal,
@@ -174,7 +174,7 @@ def to_store_actuator(
                 G_S=_actuator_model(estimate.G_S),
             )
         ),
-        quality=QUALITY.write(
+        quality=ACTUATOR_QUALITY.write(
             ActuatorQuality(
                 motion_counts=estimate.motion_counts,
                 G_q=_actuator_quality(estimate.G_q, estimate.candidates_q, estimate.arx_q),

@@ -1,11 +1,11 @@
 from . import identification, upgrades
 from .document import Document, DocumentCodec, UnreadableDocumentError, document_digest, replace_non_finite
 from .identification import (
+    ACTUATOR_MODEL,
+    ACTUATOR_QUALITY,
     CHANNELS,
-    MODEL,
     MOTOR_MODELS,
     MOTOR_QUALITIES,
-    QUALITY,
     SPRING_MODELS,
     SPRING_QUALITIES,
     ActuatorModel,
@@ -94,6 +94,8 @@ from .settings import (
 
 __all__ = [
     "ACTIVE_TUNING",
+    "ACTUATOR_MODEL",
+    "ACTUATOR_QUALITY",
     "APPLIED",
     "CHANNELS",
     "CRITERIA",
@@ -102,12 +104,10 @@ __all__ = [
     "LAMBDA",
     "MAX_RECORD_NUMBER",
     "METRICS",
-    "MODEL",
     "MOTIONS",
     "MOTOR_MODELS",
     "MOTOR_QUALITIES",
     "PLANT_NUMBERS",
-    "QUALITY",
     "SAVED_TUNING",
     "SETTINGS",
     "SPRING_MODELS",

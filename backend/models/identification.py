@@ -1,4 +1,7 @@
-"""What identifications of actuator, motors and springs store of their results. Pure."""
+"""Stored results of identifications of actuator, motors and springs. Pure.
+
+Numbers are in SI. None stands for a number that could not be computed, or that an earlier version did not store.
+"""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
@@ -11,12 +14,6 @@ from backend.response_docs import describe_field
 from plant import Side
 
 # Actuator ------------------------------------------------------------------------------------------
-#
-# What an actuator identification found: the models of G_q and G_S, how good they are, and which
-# samples they used.
-#
-# All numbers in SI; None stands for a figure that could not be had, or that an earlier version did
-# not keep.
 
 
 VERSION = 1
@@ -28,7 +25,7 @@ Numbers = tuple[float | None, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelModel:
-    """The transfer function of one channel; ``covariance`` in the order of its structure's parameters."""
+    """Transfer function of one channel; ``covariance`` has the order of the parameters of its structure."""
 
     structure: str
     parameters: dict[str, float]
@@ -41,7 +38,7 @@ class ChannelModel:
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorModel:
-    """Both channels, at the joint position and stiffness of rest before the excitation."""
+    """Models of both channels, at the joint position and stiffness before the excitation."""
 
     S_nominal: float
     q_nominal: float | None = None
@@ -52,7 +49,7 @@ class ActuatorModel:
 
 @dataclass(frozen=True, kw_only=True)
 class TriedStructure:
-    """A structure that was tried, in brief."""
+    """A model structure that was tried, with a summary of its model."""
 
     structure: str
     parameters: dict[str, float] | None = field(default=None, metadata=ABSENT)
@@ -66,7 +63,7 @@ class TriedStructure:
 
 @dataclass(frozen=True)
 class FailedCandidate:
-    """A structure that gave no model, and why."""
+    """A model structure that gave no model, and why."""
 
     structure: str
     problem: Annotated[str, Field(min_length=1)]
@@ -74,7 +71,7 @@ class FailedCandidate:
 
 @dataclass(frozen=True, kw_only=True)
 class ArxEstimate:
-    """What the paper's method gives on the same record."""
+    """Result of the paper's method on the same record."""
 
     method: str | None = field(default=None, metadata=ABSENT)
     fit_percent: float | None = None
@@ -87,14 +84,14 @@ class ArxEstimate:
 
 @dataclass(frozen=True)
 class MissingArxEstimate:
-    """Why the paper's method gives nothing."""
+    """Reason why the paper's method gives no result."""
 
     problem: Annotated[str, Field(min_length=1)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelQuality:
-    """How good the model of one channel is; ``arx`` is None where it was not computed then."""
+    """Quality of the model of one channel; ``arx`` is None if it was not computed."""
 
     fit_percent: float | None = None
     fit_all_percent: float | None = None
@@ -114,7 +111,7 @@ class ChannelQuality:
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorQuality:
-    """How good both models are; ``motion_counts`` is the joint's motion, peak to peak."""
+    """Quality of both models; ``motion_counts`` is the motion of the joint, peak to peak."""
 
     motion_counts: float | None = None
     G_q: ChannelQuality
@@ -124,7 +121,7 @@ class ActuatorQuality:
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorRecord:
-    """Which samples of the run were used: from ``first_sample`` on, every ``period_s``."""
+    """Samples of the run that were used: from ``first_sample`` on, every ``period_s``."""
 
     input: str = "theta_A_ref"
     outputs: tuple[str, ...] = ("q", "S")
@@ -135,7 +132,7 @@ class ActuatorRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorOptions:
-    """What was asked for: the tension [N] that was held, and the estimator where there was a choice."""
+    """Options of the identification: tension [N], and the estimator if there was a choice."""
 
     tension_N: float
     estimator: str | None = None
@@ -143,7 +140,7 @@ class ActuatorOptions:
 
 @dataclass(frozen=True)
 class IdentifiedChannel:
-    """One channel: its model, and how good that is."""
+    """Model and quality of one channel."""
 
     model: ChannelModel
     quality: ChannelQuality
@@ -151,33 +148,32 @@ class IdentifiedChannel:
 
 @dataclass(frozen=True)
 class ActuatorResult:
-    """All that is stored of an actuator identification."""
+    """Models and qualities of an actuator identification."""
 
     model: ActuatorModel
     quality: ActuatorQuality
 
     def channel(self, name: ChannelName) -> IdentifiedChannel:
-        """Return one channel."""
+        """Return model and quality of one channel."""
         if name == "G_q":
             return IdentifiedChannel(self.model.G_q, self.quality.G_q)
         return IdentifiedChannel(self.model.G_S, self.quality.G_S)
 
 
-MODEL: DocumentCodec[ActuatorModel] = DocumentCodec(ActuatorModel, "its model", VERSION)
-QUALITY: DocumentCodec[ActuatorQuality] = DocumentCodec(ActuatorQuality, "the quality of its model", VERSION)
-RECORD: DocumentCodec[ActuatorRecord] = DocumentCodec(ActuatorRecord, "what is told of its samples", VERSION)
-OPTIONS: DocumentCodec[ActuatorOptions] = DocumentCodec(ActuatorOptions, "its options", VERSION)
+ACTUATOR_MODEL: DocumentCodec[ActuatorModel] = DocumentCodec(ActuatorModel, "its model", VERSION)
+ACTUATOR_QUALITY: DocumentCodec[ActuatorQuality] = DocumentCodec(ActuatorQuality, "the quality of its model", VERSION)
+ACTUATOR_RECORD: DocumentCodec[ActuatorRecord] = DocumentCodec(ActuatorRecord, "what is told of its samples", VERSION)
+ACTUATOR_OPTIONS: DocumentCodec[ActuatorOptions] = DocumentCodec(ActuatorOptions, "its options", VERSION)
 
 
-# Motor ---------------------------------------------------------------------------------------------
+# Motors --------------------------------------------------------------------------------------------
 #
-# What a motor identification found of both motors: K_m [rad/(V·s)], T_m [s], Coulomb voltage u_c
-# [V], and how good.
+# K_m in rad/(V·s), T_m in s, Coulomb voltage u_c in V.
 
 
 @dataclass(frozen=True)
 class MotorFit:
-    """Least squares on position, or its standard errors."""
+    """Least-squares fit on position, or its standard errors."""
 
     K_m: float | None
     T_m: float | None
@@ -186,7 +182,7 @@ class MotorFit:
 
 @dataclass(frozen=True)
 class MotorConstants:
-    """Gain and time constant alone."""
+    """Gain and time constant of a motor."""
 
     K_m: float | None
     T_m: float | None
@@ -194,7 +190,7 @@ class MotorConstants:
 
 @dataclass(frozen=True)
 class StepRuleEstimate:
-    """The 63.21 % rule on one step [V]."""
+    """Estimate by the 63.21 % rule from one voltage step [V]."""
 
     voltage: float
     K_m: float | None
@@ -203,7 +199,7 @@ class StepRuleEstimate:
 
 @dataclass(frozen=True)
 class IdentifiedMotor:
-    """One motor; ``before`` is what was in force."""
+    """Result for one motor; ``before`` are the parameters that were active."""
 
     parameters: MotorFit
     std_errors: MotorFit
@@ -216,7 +212,7 @@ class IdentifiedMotor:
 
 @dataclass(frozen=True)
 class RefusedStep:
-    """A step [V] that could not be used, and why."""
+    """A voltage step [V] that could not be used, and why."""
 
     voltage: float
     reason: str
@@ -224,7 +220,7 @@ class RefusedStep:
 
 @dataclass(frozen=True)
 class StoredStepCurve:
-    """A few points of a step [V] as measured and as the model says, to draw: t [s], turn [rad]."""
+    """Points of a voltage step [V] to draw, measured and modelled: t [s], angle [rad]."""
 
     voltage: float = field(metadata=describe_field("voltage of the step", "V"))
     t: tuple[float, ...] = field(metadata=describe_field("time from the step", "s"))
@@ -234,7 +230,7 @@ class StoredStepCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class MotorQuality:
-    """How well the model of one motor describes its steps."""
+    """Quality of the model of one motor."""
 
     rms_counts: float | None
     grade: Grade
@@ -245,7 +241,7 @@ class MotorQuality:
 
 @dataclass(frozen=True)
 class MotorModels:
-    """Both motors."""
+    """Results for both motors."""
 
     A: IdentifiedMotor
     B: IdentifiedMotor
@@ -254,7 +250,7 @@ class MotorModels:
 
 @dataclass(frozen=True)
 class MotorQualities:
-    """How good both are."""
+    """Quality of the models of both motors."""
 
     A: MotorQuality
     B: MotorQuality
@@ -263,7 +259,7 @@ class MotorQualities:
 
 @dataclass(frozen=True)
 class MotorResult:
-    """One motor: its model, and how good that is."""
+    """Model and quality of one motor."""
 
     model: IdentifiedMotor
     quality: MotorQuality
@@ -271,13 +267,13 @@ class MotorResult:
 
 @dataclass(frozen=True)
 class MotorsResult:
-    """All that is stored of a motor identification."""
+    """Models and qualities of a motor identification."""
 
     models: MotorModels
     qualities: MotorQualities
 
     def side(self, side: Side) -> MotorResult:
-        """Return one motor."""
+        """Return model and quality of one motor."""
         if side == "A":
             return MotorResult(self.models.A, self.qualities.A)
         return MotorResult(self.models.B, self.qualities.B)
@@ -287,17 +283,14 @@ MOTOR_MODELS: DocumentCodec[MotorModels] = DocumentCodec(MotorModels, "its model
 MOTOR_QUALITIES: DocumentCodec[MotorQualities] = DocumentCodec(MotorQualities, "the quality of its model", VERSION)
 
 
-# Spring --------------------------------------------------------------------------------------------
+# Springs -------------------------------------------------------------------------------------------
 #
-# What a spring identification found of both springs, or of a table: polynomials F = k_0 + k_1 x + …
-# of several orders.
-#
-# Elongations in m, forces in N.
+# Polynomials F = k_0 + k_1 x + … of several orders, x in m and F in N.
 
 
 @dataclass(frozen=True)
 class StoredSpringFit:
-    """A polynomial of one order and its errors; ``rising`` where it rises over all elongations that were measured."""
+    """A polynomial of one order and its errors; ``rising`` if it rises over the whole measured range."""
 
     order: int
     k: tuple[float, ...] = field(metadata=describe_field("coefficients, lowest power first [N/m^i]"))
@@ -310,7 +303,7 @@ class StoredSpringFit:
 
 @dataclass(frozen=True)
 class SpringModel:
-    """One spring; ``before`` are the coefficients that were in force, none for a table."""
+    """Polynomials of one spring; ``before`` are the coefficients that were active, None for a table."""
 
     recommended: int
     reason: str
@@ -320,7 +313,7 @@ class SpringModel:
 
 @dataclass(frozen=True)
 class SpringQuality:
-    """Measured pairs, thinned to be drawn, the errors of each order at them, and the curves by order, "x" the first."""
+    """Measured points of one spring, decimated for drawing, with errors and curves by order; ``curve`` also has "x"."""
 
     pairs: int
     hysteresis_N: float | None
@@ -332,13 +325,13 @@ class SpringQuality:
 
     @property
     def curve_x(self) -> tuple[float, ...]:
-        """Where the curves are drawn."""
+        """Elongations of the curves [m]."""
         return self.curve["x"]
 
 
 @dataclass(frozen=True)
 class SpringModels:
-    """Both springs of a sweep, or the one of a table."""
+    """Models of both springs from a sweep, or of one from a table."""
 
     A: SpringModel | None = field(default=None, metadata=ABSENT)
     B: SpringModel | None = field(default=None, metadata=ABSENT)
@@ -348,7 +341,7 @@ class SpringModels:
 
 @dataclass(frozen=True)
 class SpringQualities:
-    """How good they are."""
+    """Quality of the models in ``SpringModels``."""
 
     A: SpringQuality | None = field(default=None, metadata=ABSENT)
     B: SpringQuality | None = field(default=None, metadata=ABSENT)
@@ -358,7 +351,7 @@ class SpringQualities:
 
 @dataclass(frozen=True)
 class SpringResult:
-    """One spring: its model, and how good that is."""
+    """Model and quality of one spring."""
 
     model: SpringModel
     quality: SpringQuality
@@ -366,7 +359,7 @@ class SpringResult:
 
 @dataclass(frozen=True)
 class TableReading:
-    """What was read of a table: the units of x and F, how the file is laid out, other columns with the reason."""
+    """Units and layout of an imported table; ``not_read`` has the reason by the name of an ignored column."""
 
     x_unit: str
     F_unit: str
@@ -377,7 +370,7 @@ class TableReading:
 
 @dataclass(frozen=True)
 class TableRecord:
-    """The file that a table came from, and what was read of it; None for tables from before that was kept."""
+    """File of an imported table; ``read`` is None for tables that an earlier version imported."""
 
     file: str
     sha256: str
@@ -390,11 +383,14 @@ SPRING_QUALITIES: DocumentCodec[SpringQualities] = DocumentCodec(SpringQualities
 TABLE: DocumentCodec[TableRecord] = DocumentCodec(TableRecord, "what is told of its file", VERSION)
 
 
-def combine_spring_results(models: SpringModels, qualities: SpringQualities, of: str) -> dict[str, SpringResult]:
-    """Return the springs of ``of`` by name: "A" and "B", or "table". Raises UnreadableDocumentError."""
-    both = ((name, getattr(models, name), getattr(qualities, name)) for name in ("A", "B", "table"))
-    there = [(name, model, quality) for name, model, quality in both if model or quality]
-    missing = next((name for name, model, quality in there if not (model and quality)), "" if there else "A")
+def combine_spring_results(models: SpringModels, qualities: SpringQualities, owner: str) -> dict[str, SpringResult]:
+    """Return the results by spring: "A" and "B", or "table". Error messages name the ``owner``, such as "run 12".
+
+    Raises UnreadableDocumentError.
+    """
+    pairs = ((name, getattr(models, name), getattr(qualities, name)) for name in ("A", "B", "table"))
+    present = [(name, model, quality) for name, model, quality in pairs if model or quality]
+    missing = next((name for name, model, quality in present if not (model and quality)), "" if present else "A")
     if missing:
-        raise UnreadableDocumentError(f"{of}: its model cannot be read, field {missing}: it is missing")
-    return {name: SpringResult(model, quality) for name, model, quality in there}
+        raise UnreadableDocumentError(f"{owner}: its model cannot be read, field {missing}: it is missing")
+    return {name: SpringResult(model, quality) for name, model, quality in present}

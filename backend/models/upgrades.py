@@ -1,7 +1,6 @@
-"""Rewrites documents of earlier versions into the present form. Pure.
+"""Upgrades documents of earlier versions to the current form, for migrations and imports. Pure.
 
-For the migration and for imports. Each function returns the document that it was given where that has the present form,
-or cannot be read in any.
+Each function returns its document unchanged if that has the current form already, or no known form.
 """
 
 import json
@@ -13,10 +12,10 @@ from typing import Any
 from backend.identification import Grade, critical_deviation, judge_motor, spread_percent
 from backend.models.document import DocumentCodec, UnreadableDocumentError, replace_non_finite
 from backend.models.identification import (
+    ACTUATOR_QUALITY,
     CHANNELS,
     MOTOR_MODELS,
     MOTOR_QUALITIES,
-    QUALITY,
     MotorResult,
     MotorsResult,
 )
@@ -33,11 +32,11 @@ from plant import SIDES
 
 NO_STORED_REASON = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
 SEQUENCE, SEGMENTS = "sequence", "segments"
-"""What an own sequence of references was called, and its one setting."""
+"""Names of a sequence, a former kind of experiment, and of its only setting."""
 
-_OF_SEGMENT = ("duration_s", "q_ref", "S_ref", "F_push", "period_s")
-_LOOP = tuple(item.name for item in fields(StoredLoopSettings))
-_BEFORE_KEPT: dict[str, Any] = {
+_SEGMENT_FIELDS = ("duration_s", "q_ref", "S_ref", "F_push", "period_s")
+_LOOP_FIELDS = tuple(item.name for item in fields(StoredLoopSettings))
+_EARLIER_TUNING_DEFAULTS: dict[str, Any] = {
     "b": 0.0,
     "bank": 0,
     "interpolate": False,
@@ -45,11 +44,11 @@ _BEFORE_KEPT: dict[str, Any] = {
     "u_plan": 8.5,
     "k_ext": 0.0,
 }
-"""What was in force of these parts of a tuning before they were kept."""
+"""Values of the parts of a tuning that earlier versions did not store."""
 
 
 def upgrade_record(kind: str, document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a record of a kind with its documents in the present form."""
+    """Return a record of a kind with its documents in the current form."""
     match kind:
         case "run":
             changed = {"settings": upgrade_run_settings(document["settings"])}
@@ -66,44 +65,44 @@ def upgrade_record(kind: str, document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def upgrade_run_settings(document: Any) -> Any:
-    """Return the settings of a run with its tuning, and the motion, in ``loop``, and with its plan as it is written.
+    """Return the settings of a run in the current form.
 
-    A session had its tuning beside the mode, ``u_plan`` alone said how references are followed, and a sequence had a
-    list of segments for an experiment.
+    In earlier forms a session had its tuning next to the mode instead of in ``loop``, ``u_plan`` implied the motion,
+    and a sequence had a list of segments instead of an experiment.
     """
     if not isinstance(document, Mapping):
         return document
     loop, rest = document.get("loop"), document
     if loop is None and "mode" in document:
-        loop = {name: document[name] for name in _LOOP if name in document}
-        rest = {name: part for name, part in document.items() if name not in _LOOP}
+        loop = {name: document[name] for name in _LOOP_FIELDS if name in document}
+        rest = {name: part for name, part in document.items() if name not in _LOOP_FIELDS}
     if not isinstance(loop, Mapping):
         return document
-    return _readable(SETTINGS, {**_with_experiment(rest), "loop": complete_motion(loop)}, document)
+    return _return_if_readable(SETTINGS, {**_replace_sequence(rest), "loop": complete_motion(loop)}, document)
 
 
 def convert_sequence(segments: object) -> dict[str, Any] | None:
-    """Return the experiment that plays what a sequence did, tick by tick; None for what was no sequence.
+    """Return the experiment with the same references at each tick as a sequence; None for an invalid sequence.
 
-    A sequence is a text in JSON: a list of segments with ``duration_s``, ``q_ref``, ``S_ref`` and, where they are not
-    the default, ``F_push``, ``shape`` and ``period_s``.
+    A sequence is a JSON text: a list of segments with ``duration_s``, ``q_ref``, ``S_ref`` and, unless they have their
+    defaults, ``F_push``, ``shape`` and ``period_s``.
     """
     try:
-        listed = json.loads(segments) if isinstance(segments, str) else None
-        parts = [_part_of_sequence(one) for one in listed] if isinstance(listed, list) else []
+        parsed = json.loads(segments) if isinstance(segments, str) else None
+        parts = [_convert_segment(segment) for segment in parsed] if isinstance(parsed, list) else []
     except (ValueError, RecursionError, OverflowError):
         return None
-    section = {"name": SEQUENCE, "title": "Own sequence", "parts": parts}
-    return {"format": 1, "name": SEQUENCE, "title": "Own sequence", "phases": [section]} if parts else None
+    phase = {"name": SEQUENCE, "title": "Own sequence", "parts": parts}
+    return {"format": 1, "name": SEQUENCE, "title": "Own sequence", "phases": [phase]} if parts else None
 
 
-def _part_of_sequence(segment: Any) -> dict[str, Any]:
-    """Return the part that a segment is. Raises ValueError, OverflowError."""
-    if not isinstance(segment, Mapping) or not {*_OF_SEGMENT[:3]} <= set(segment) <= {*_OF_SEGMENT, "shape"}:
+def _convert_segment(segment: Any) -> dict[str, Any]:
+    """Return a segment as a part of an experiment. Raises ValueError, OverflowError."""
+    if not isinstance(segment, Mapping) or not {*_SEGMENT_FIELDS[:3]} <= set(segment) <= {*_SEGMENT_FIELDS, "shape"}:
         raise ValueError
     shape = segment.get("shape", "step")
-    numbers = {name: segment[name] for name in _OF_SEGMENT if name in segment}
-    if shape not in ("step", "ramp", "sine") or not all(map(_is_finite, numbers.values())):
+    numbers = {name: segment[name] for name in _SEGMENT_FIELDS if name in segment}
+    if shape not in ("step", "ramp", "sine") or not all(map(_is_finite_number, numbers.values())):
         raise ValueError
     if shape == "sine":
         numbers = {"duration_s": numbers["duration_s"], "period_s": 1.0, **numbers}
@@ -112,12 +111,12 @@ def _part_of_sequence(segment: Any) -> dict[str, Any]:
     return {"do": shape, **{name: number for name, number in numbers.items() if name != "F_push" or number != 0.0}}
 
 
-def _is_finite(number: Any) -> bool:
+def _is_finite_number(number: Any) -> bool:
     return isinstance(number, int | float) and not isinstance(number, bool) and math.isfinite(number)
 
 
-def _with_experiment(document: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the settings of a run of a sequence with an experiment in its place."""
+def _replace_sequence(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the settings of a run with a sequence replaced by an experiment."""
     plan, declared = document.get("plan"), document.get("declared")
     if not isinstance(plan, Mapping) or set(plan) != {SEGMENTS}:
         return document
@@ -133,50 +132,51 @@ def _with_experiment(document: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def upgrade_metrics(document: Any) -> Any:
-    """Return metrics with a reason for each figure, and definitions 0 for none."""
+    """Return metrics that each have a reason, with definitions 0 if no version was stored."""
     if not isinstance(document, Mapping) or not isinstance(document.get("figures"), list):
         return document
-    figures = [_with_reason(item, "value") for item in document["figures"]]
-    return _readable(METRICS, {"definitions": 0, **document, "figures": figures}, document)
+    figures = [_add_reason(item, "value") for item in document["figures"]]
+    return _return_if_readable(METRICS, {"definitions": 0, **document, "figures": figures}, document)
 
 
 def upgrade_criteria(document: Any) -> Any:
-    """Return criteria with a reason for each."""
+    """Return criteria that each have a reason."""
     if not isinstance(document, list):
         return document
-    return _readable(CRITERIA, [_with_reason(item, "passed") for item in document], document)
+    return _return_if_readable(CRITERIA, [_add_reason(item, "passed") for item in document], document)
 
 
 def upgrade_quality(kind: str, model: Any, quality: Any) -> Any:
     """Return the quality of an identified model with bounds and grades.
 
-    Residual tests of an actuator kept the 99 % band of one lag in place of the bound of the whole test, and motors no
-    grade: it is what their figures say. The models themselves have had one form only.
+    In earlier forms a residual test of an actuator had the 99 % band of one lag instead of the bound of the whole test,
+    and a motor had no grade; the grade is computed from its model.
     """
     if not isinstance(quality, Mapping):
         return quality
     match kind:
         case "actuator":
-            channels = {name: _with_bounds(quality[name]) for name in CHANNELS if name in quality}
-            return _readable(QUALITY, {**quality, **channels}, quality)
+            channels = {name: _add_bounds(quality[name]) for name in CHANNELS if name in quality}
+            return _return_if_readable(ACTUATOR_QUALITY, {**quality, **channels}, quality)
         case "motor":
-            return _with_grades(model, quality)
+            return _add_grades(model, quality)
         case _:
             return quality
 
 
 def upgrade_tuning(document: Any) -> Any:
-    """Return a kept tuning with all parts, those that were not kept as they were.
+    """Return the stored active tuning with all parts.
 
-    A ``bank`` of null stood for gains from geometry.
+    In earlier forms a ``bank`` of null meant geometric gains.
     """
     if not isinstance(document, Mapping):
         return document
-    kept = {name: part for name, part in complete_motion(document).items() if part is not None}
-    return _readable(ACTIVE_TUNING, {**_BEFORE_KEPT, **kept}, document)
+    stored = {name: part for name, part in complete_motion(document).items() if part is not None}
+    return _return_if_readable(ACTIVE_TUNING, {**_EARLIER_TUNING_DEFAULTS, **stored}, document)
 
 
-def _readable(codec: DocumentCodec[Any], upgraded: Any, document: Any) -> Any:
+def _return_if_readable(codec: DocumentCodec[Any], upgraded: Any, document: Any) -> Any:
+    """Return the upgraded document if it can be read, else the original one."""
     if upgraded == document:
         return document
     try:
@@ -186,53 +186,55 @@ def _readable(codec: DocumentCodec[Any], upgraded: Any, document: Any) -> Any:
     return upgraded
 
 
-def _with_reason(item: Any, measured: str) -> Any:
+def _add_reason(item: Any, measured: str) -> Any:
+    """Return a metric or criterion with a reason; it was not measured if the entry ``measured`` is None."""
     if not isinstance(item, Mapping) or "reason" in item:
         return item
     return {**item, "reason": NO_STORED_REASON if item.get(measured) is None else ""}
 
 
-def _with_bounds(channel: Any) -> Any:
+def _add_bounds(channel: Any) -> Any:
     residuals = channel.get("residuals") if isinstance(channel, Mapping) else None
     if not isinstance(residuals, Mapping):
         return channel
-    tests = {name: _with_bound(test) for name, test in residuals.items()}
+    tests = {name: _add_bound(test) for name, test in residuals.items()}
     return {**channel, "residuals": tests}
 
 
-def _with_bound(test: Any) -> Any:
+def _add_bound(test: Any) -> Any:
+    """Return a residual test with the bound of the whole test, computed from the band of one lag."""
     if not isinstance(test, Mapping) or test.get("bound") is not None or not isinstance(test.get("band"), list):
         return test
     band = test["band"]
     try:
-        critical, alone = critical_deviation(len(band)), critical_deviation(1)
-        bound = [None if one is None else one * critical / alone for one in band]
+        critical, single = critical_deviation(len(band)), critical_deviation(1)
+        bound = [None if value is None else value * critical / single for value in band]
     except (ArithmeticError, TypeError):
         return test
     return replace_non_finite({name: part for name, part in test.items() if name != "band"} | {"bound": bound})
 
 
-def _with_grades(model: Any, quality: Mapping[str, Any]) -> Mapping[str, Any]:
+def _add_grades(model: Any, quality: Mapping[str, Any]) -> Mapping[str, Any]:
     sides: dict[str, Any] = {side: quality[side] for side in SIDES if isinstance(quality.get(side), Mapping)}
-    without = {side: part for side, part in sides.items() if part.get("grade") is None}
-    if not without:
+    ungraded = {side: part for side, part in sides.items() if part.get("grade") is None}
+    if not ungraded:
         return quality
-    read = {**quality, **{side: {**part, "grade": Grade.UNUSABLE} for side, part in without.items()}}
+    # the codec needs a grade to read the rest
+    readable = {**quality, **{side: {**part, "grade": Grade.UNUSABLE} for side, part in ungraded.items()}}
     try:
-        found = MotorsResult(MOTOR_MODELS.read(model, ""), MOTOR_QUALITIES.read(read, ""))
+        result = MotorsResult(MOTOR_MODELS.read(model, ""), MOTOR_QUALITIES.read(readable, ""))
     except UnreadableDocumentError:
         return quality
     return {
         **quality,
-        **{side: {**without[side], "grade": _grade(found.side(side))} for side in SIDES if side in without},
+        **{side: {**ungraded[side], "grade": _judge_motor(result.side(side))} for side in SIDES if side in ungraded},
     }
 
 
-def _grade(found: MotorResult) -> str:
-    fitted, std = found.model.parameters, found.model.std_errors
+def _judge_motor(motor: MotorResult) -> str:
+    fit, std = motor.model.parameters, motor.model.std_errors
     K_m, T_m, std_K_m, std_T_m, counts = (
-        math.nan if value is None else value
-        for value in (fitted.K_m, fitted.T_m, std.K_m, std.T_m, found.quality.rms_counts)
+        math.nan if value is None else value for value in (fit.K_m, fit.T_m, std.K_m, std.T_m, motor.quality.rms_counts)
     )
     spread = spread_percent(K_m, T_m, std_K_m, std_T_m) if K_m and T_m else math.nan
     return judge_motor(K_m, T_m, spread, counts, 0.0).value

@@ -195,20 +195,20 @@ class Identification(NewIdentification):
     def actuator(self) -> identification.ActuatorResult:
         """Identified models of an actuator."""
         model, quality = (
-            identification.MODEL.read(self.model, self._of),
-            identification.QUALITY.read(self.quality, self._of),
+            identification.ACTUATOR_MODEL.read(self.model, self._of),
+            identification.ACTUATOR_QUALITY.read(self.quality, self._of),
         )
         return identification.ActuatorResult(model, quality)
 
     @cached_property
     def actuator_record(self) -> identification.ActuatorRecord:
         """Samples from which the models of an actuator were identified."""
-        return identification.RECORD.read(self.data, self._of)
+        return identification.ACTUATOR_RECORD.read(self.data, self._of)
 
     @cached_property
     def actuator_options(self) -> identification.ActuatorOptions:
         """Options of an actuator's identification."""
-        return identification.OPTIONS.read(self.options, self._of)
+        return identification.ACTUATOR_OPTIONS.read(self.options, self._of)
 
     @cached_property
     def motors(self) -> identification.MotorsResult:

@@ -8,7 +8,7 @@ from scipy.stats import norm
 from backend.analysis.identification_views import _correlation
 from backend.identification.models import CorrelationTest
 from backend.identification.validation import fit_autoregression, input_correlation, read_whiteness_test, whiteness
-from backend.models.identification import QUALITY as QUALITIES
+from backend.models.identification import ACTUATOR_QUALITY
 from backend.models.upgrades import upgrade_quality
 from tests.models.earlier_identifications import QUALITY
 
@@ -58,7 +58,7 @@ def test_a_test_that_was_stored_with_one_lags_band_gets_the_bound_of_the_whole_t
     old = {"lags_s": list(found.lags_s), "correlation": list(found.correlation), "band": band, "passed": found.passed}
     channel = QUALITY | {"residuals": {"whiteness": old, "input_correlation": old}}
     quality = upgrade_quality("actuator", {}, {"G_q": channel, "G_S": QUALITY})
-    test = QUALITIES.read(quality, "it").G_q.residuals.whiteness
+    test = ACTUATOR_QUALITY.read(quality, "it").G_q.residuals.whiteness
     assert test.bound == pytest.approx(found.bound)
     assert read_whiteness_test(test).statistic == pytest.approx(read_whiteness_test(found).statistic)
 

@@ -44,8 +44,8 @@ def stored(database: Database) -> StoredIdentifications:
 @pytest.mark.parametrize(
     ("edge", "document"),
     [
-        (identification.MODEL, earlier.ACTUATOR["model"]),
-        (identification.QUALITY, earlier.ACTUATOR["quality"]),
+        (identification.ACTUATOR_MODEL, earlier.ACTUATOR["model"]),
+        (identification.ACTUATOR_QUALITY, earlier.ACTUATOR["quality"]),
         (identification.MOTOR_MODELS, earlier.MOTORS["model"]),
         (identification.MOTOR_QUALITIES, earlier.MOTORS["quality"]),
         (identification.SPRING_MODELS, earlier.SPRINGS["model"]),
