@@ -57,8 +57,8 @@ PATHS: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a text": (PlainTextError, check_plain_text),
     "a key": (PlainTextError, lambda words: check_plain_texts([{"a": {words: 1}}])),
     "a request": (RequestRejectedError, lambda words: require_valid_body(json.dumps({"note": words}).encode())),
-    "YAML": (ExperimentError, lambda words: parser.read(as_yaml(description=words))),
-    "JSON as a text": (ExperimentError, lambda words: parser.read(json.dumps(described(f"x{words}y")))),
+    "YAML": (ExperimentError, lambda words: parser.parse_experiment(as_yaml(description=words))),
+    "JSON as a text": (ExperimentError, lambda words: parser.parse_experiment(json.dumps(described(f"x{words}y")))),
     "an import": (ValueError, lambda words: read_strict(json.dumps({"run": [{"note": words}]}))),
     "an experiment in an import": (
         ValueError,
@@ -77,22 +77,26 @@ def with_setting(**parts: Any) -> str:
 
 LINES: dict[str, tuple[type[Exception], Callable[[str], object]]] = {
     "a line": (PlainTextError, check_single_line),
-    "a title in YAML": (ExperimentError, lambda words: parser.read(as_yaml(words))),
-    "a title in JSON": (ExperimentError, lambda words: parser.read(json.dumps(experiment(words)))),
+    "a title in YAML": (ExperimentError, lambda words: parser.parse_experiment(as_yaml(words))),
+    "a title in JSON": (ExperimentError, lambda words: parser.parse_experiment(json.dumps(experiment(words)))),
     "a phase": (
         ExperimentError,
-        lambda words: parser.read(json.dumps({**experiment("x"), "phases": [{**PARTS[0], "title": words}]})),
+        lambda words: parser.parse_experiment(
+            json.dumps({**experiment("x"), "phases": [{**PARTS[0], "title": words}]})
+        ),
     ),
-    "a symbol": (ExperimentError, lambda words: parser.read(with_setting(symbol=words))),
-    "a unit": (ExperimentError, lambda words: parser.read(with_setting(unit=words))),
-    "a meaning": (ExperimentError, lambda words: parser.read(with_setting(meaning=words))),
+    "a symbol": (ExperimentError, lambda words: parser.parse_experiment(with_setting(symbol=words))),
+    "a unit": (ExperimentError, lambda words: parser.parse_experiment(with_setting(unit=words))),
+    "a meaning": (ExperimentError, lambda words: parser.parse_experiment(with_setting(meaning=words))),
     "a choice": (
         ExperimentError,
-        lambda words: parser.read(with_setting(kind="choice", choices=[words], default=words)),
+        lambda words: parser.parse_experiment(with_setting(kind="choice", choices=[words], default=words)),
     ),
     "a remedy": (
         ExperimentError,
-        lambda words: parser.read(json.dumps({**experiment("x"), "rules": [{"that": "1 < 2", "remedy": words}]})),
+        lambda words: parser.parse_experiment(
+            json.dumps({**experiment("x"), "rules": [{"that": "1 < 2", "remedy": words}]})
+        ),
     ),
     "the title of a study": (
         ValueError,
@@ -151,11 +155,11 @@ def test_what_an_earlier_version_stored_is_read_and_shown_escaped(words: str) ->
     read = parser.parse_canonical(json.dumps(experiment(title)))
     assert read.title == escape_line(title)
     assert read.title.isprintable()
-    assert parser.read(json.dumps(experiment(title)), stored=True)[0].title == escape_line(title)
+    assert parser.parse_experiment(json.dumps(experiment(title)), stored=True)[0].title == escape_line(title)
     assert STUDY.validate_json(
         json.dumps({"format": 1, "name": "a", "title": escape_line(title)}), context=STORED_CONTEXT
     ).title == escape_line(title)
-    assert parser.parse_canonical(parser.canonical(read)) == read
+    assert parser.parse_canonical(parser.to_canonical_text(read)) == read
 
 
 def test_a_terminal_is_given_escapes() -> None:
@@ -226,16 +230,16 @@ def test_lines_and_letters_of_any_language_are_taken(path: str, words: str) -> N
 def test_json_may_write_a_character_as_a_pair_of_escapes() -> None:
     written = json.dumps(experiment("😀"))
     assert "\\ud83d\\ude00" in written
-    assert parser.read(written)[0].title == "😀"
+    assert parser.parse_experiment(written)[0].title == "😀"
 
 
 def test_an_escape_beyond_all_characters_is_refused() -> None:
     with pytest.raises(ExperimentError):
-        parser.read('title: "\\Uffffffff"')
+        parser.parse_experiment('title: "\\Uffffffff"')
 
 
 def test_a_refusal_says_where_the_character_stands() -> None:
     with pytest.raises(ExperimentError) as refused:
-        parser.read(as_yaml("\0"))
+        parser.parse_experiment(as_yaml("\0"))
     assert refused.value.line == 3
     assert refused.value.path == ("title",)

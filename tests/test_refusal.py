@@ -27,7 +27,7 @@ def test_a_segment_is_named_as_it_was_numbered() -> None:
     """Typed 120 degrees in the third segment: its place, the quantity and the bounds as the operator reads them."""
     segments = [{"duration_s": 4, "q_ref": math.radians(angle), "S_ref": 10} for angle in (0, 30, 120)]
     with pytest.raises(OutOfRangeError) as refused:
-        find_experiment("sequence").make({"segments": json.dumps(segments)})
+        find_experiment("sequence").make_plan({"segments": json.dumps(segments)})
     assert refused.value.path == ("segments", 2, "q_ref")
     assert said(refused.value) == (
         "segment 3, position reference: 120° is outside -80.2 to 80.2°; choose a value between the two"

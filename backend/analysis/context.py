@@ -53,7 +53,7 @@ class EvaluationContext:
             if start > sample:
                 break
             number = segment.tuning or number
-        return self.tuning.replace_values(self.plan.laid.changes[number - 1]) if number else self.tuning
+        return self.tuning.replace_values(self.plan.compiled.changes[number - 1]) if number else self.tuning
 
     def references_before(self, sample: int) -> tuple[float, float]:
         """Return q_ref [rad] and S_ref [N·m/rad] as they were left by what ended at a sample."""

@@ -52,7 +52,7 @@ from backend.analysis.step_metrics import (
 from backend.banks import TUNING_NAMES, TUNING_SETTINGS
 from backend.errors import Path
 from backend.experiments import (
-    OF_THE_PLANT,
+    PLANT_NAMES,
     ActuatorIdentificationPlan,
     Bound,
     Experiment,
@@ -182,7 +182,7 @@ def known_to_bounds(
     }
 
 
-_OF_PLANT_AND_TUNING = (*OF_THE_PLANT, "lam_q", "lam_S", "lam_motor")
+_OF_PLANT_AND_TUNING = (*PLANT_NAMES, "lam_q", "lam_S", "lam_motor")
 
 
 def require_measurable(experiment: Experiment, values: Mapping[str, Value], lines: Lines) -> None:

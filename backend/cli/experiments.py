@@ -330,7 +330,7 @@ def experiment(
     requests = []
     for name in names:
         definition = find_definition(name, settings)
-        plan, loop_settings, tuning = resolve_settings(definition.settings, definition.make, chosen, base)
+        plan, loop_settings, tuning = resolve_settings(definition.settings, definition.make_plan, chosen, base)
         requests.append(RunRequest(plan, loop_settings, who))
     if len(requests) == 1:
         run_headless(settings, requests[0], tuning, out, as_json=as_json)
@@ -344,7 +344,7 @@ def find_definition(name: str, settings: Settings) -> "ExperimentDefinition":
     from backend.services import OwnExperiments
 
     if Path(name).suffix in (".yaml", ".yml", ".json"):
-        return library.build_library_entry(*parser.read(read_text_file(Path(name))))
+        return library.build_experiment_definition(*parser.parse_experiment(read_text_file(Path(name))))
     if name in library.experiments_by_name():
         warn_if_deprecated(name)
         return library.find_experiment(name)
@@ -357,8 +357,8 @@ def warn_if_deprecated(name: str) -> None:
     from backend.experiments import experiments_by_name
 
     definition = experiments_by_name().get(name)
-    if definition is not None and definition.instead:
-        error_console.print(f"{name} is deprecated: {definition.instead}", highlight=False, markup=False)
+    if definition is not None and definition.replacement:
+        error_console.print(f"{name} is deprecated: {definition.replacement}", highlight=False, markup=False)
 
 
 def read_text_file(file: Path) -> str:
@@ -386,7 +386,7 @@ def list_experiments(data: DataFolder = None, as_json: AsJson = False) -> None:
 
     with open_configured_database(load_settings(data=data), read_only=True) as database:
         found = OwnExperiments(database).list_definitions()
-    rows = [(one.name, one.title, f"{one.usual.program().duration_s:.6g}") for one in found]
+    rows = [(one.name, one.title, f"{one.default_plan.program().duration_s:.6g}") for one in found]
     if as_json:
         print_json([{"name": name, "title": title, "duration_s": float(duration)} for name, title, duration in rows])
     else:

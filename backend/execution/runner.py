@@ -22,10 +22,10 @@ from backend.experiments import (
     IdentificationPlan,
     LoopSettings,
     Plan,
-    declare_choice,
+    describe_plan_values,
     find_line,
     forecast_identifications,
-    plan_values,
+    list_stored_values,
     read_start,
     require_reach,
 )
@@ -99,23 +99,23 @@ def compile_program(load_bank: LoadBank, parameters: PlantParameters, plan: Plan
     if not isinstance(plan, ExperimentPlan):
         return program
     require_measurable(plan.experiment, plan.values, plan.lines)
-    require_reach(plan.laid, parameters, plan.lines)
+    require_reach(plan.compiled, parameters, plan.lines)
     tunings = tuple(
         _build_change_command(load_bank, parameters, plan, choice, index)
-        for index, choice in zip(plan.laid.change_places, list_plan_tunings(plan, tuning), strict=True)
+        for index, choice in zip(plan.compiled.change_paths, list_plan_tunings(plan, tuning), strict=True)
     )
     return replace(program, tunings=tunings)
 
 
 def list_plan_tunings(plan: Plan, tuning: TuningSettings) -> list[TuningSettings]:
     """Return the tunings that a plan changes to, in order; ``tuning`` is the one at its start."""
-    changes = plan.laid.changes if isinstance(plan, ExperimentPlan) else ()
+    changes = plan.compiled.changes if isinstance(plan, ExperimentPlan) else ()
     return [tuning.replace_values(change) for change in changes]
 
 
 def list_plan_banks(plan: Plan) -> set[int]:
     """Return the numbers of the banks that a plan changes to."""
-    changes = plan.laid.changes if isinstance(plan, ExperimentPlan) else ()
+    changes = plan.compiled.changes if isinstance(plan, ExperimentPlan) else ()
     return {int(change["bank"]) for change in changes if "bank" in change}
 
 
@@ -374,9 +374,9 @@ def create_run(rig: ExperimentRig, request: RunRequest) -> Run:
         forecast.require_within_range(rig.parameters)
     compile_program(make_bank_loader(rig.database), rig.parameters, request.plan, request.loop_settings.tuning)
     settings = RunSettings(
-        plan=plan_values(request.plan),
+        plan=list_stored_values(request.plan),
         loop=StoredLoopSettings(**asdict(request.loop_settings)),
-        declared=(*declare_choice(request.plan), *describe_values(request.loop_settings)),
+        declared=(*describe_plan_values(request.plan), *describe_values(request.loop_settings)),
         versions={"Python": platform.python_version()}
         | {name: version(package) for name, package in _PACKAGES.items()},
         granted=None if rig.loop.granted is None else StoredRealTimeStatus(**asdict(rig.loop.granted)),

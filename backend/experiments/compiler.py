@@ -1,4 +1,4 @@
-"""Compiles an experiment into segments of the loop: layout, expressions of numbers, pushes, reach."""
+"""Compiles an experiment into the segments that the control loop executes, and checks them against the plant."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -41,103 +41,100 @@ from backend.realtime import (
 from backend.response_docs import describe_field
 from plant import K_LEAST, SUBSTEPS, Obstacle, PlantError, PlantParameters, T_s, require_possible_wall
 
-# Hand ----------------------------------------------------------------------------------------------
+# Manual pushes -------------------------------------------------------------------------------------
 #
-# Pushes like a person's: a smooth rise, a hold, a smooth release and a pause, each drawn anew.
-# Pure.
+# Random pushes that resemble those of a person: smooth rise, hold, smooth release and pause.
 
 
-PIECE_S = 0.04
-"""Smooth pushes are played as straight pieces of this length [s]."""
+SMOOTH_SEGMENT_S = 0.04
+"""Length of the linear segments that approximate a smooth push [s]."""
 
-_LONGEST_S = 3.3
-"""Longest push of a hand, its pause left out [s]."""
+_PUSH_MAX_S = 3.3
+"""Longest manual push, without its pause [s]."""
 
 
-class PushPiece(NamedTuple):
-    """A piece of a push: how long [s], to which force [N], and how."""
+class PushSegment(NamedTuple):
+    """A segment of a push: duration [s], final force [N] and shape."""
 
     duration_s: float
     F_push: float
     shape: Shape
 
 
-def smooth(start: float, end: float, duration_s: float, *, evenly: bool = False) -> Iterator[PushPiece]:
-    """Go from start to end [N] along half a cosine, in straight pieces of PIECE_S, or ``evenly`` in just this time."""
-    pieces = max(round(duration_s / PIECE_S), 1)
+def generate_smooth_push(start: float, end: float, duration_s: float, *, evenly: bool = False) -> Iterator[PushSegment]:
+    """Yield the segments of a half cosine from start to end [N].
+
+    A segment lasts SMOOTH_SEGMENT_S, or is adjusted so that all last ``duration_s`` exactly (``evenly``).
+    """
+    pieces = max(round(duration_s / SMOOTH_SEGMENT_S), 1)
     ends = [round(duration_s * piece / pieces, 3) for piece in range(pieces + 1)]
     for piece in range(1, pieces + 1):
         share = 0.5 - 0.5 * math.cos(math.pi * piece / pieces)
-        lasts = ends[piece] - ends[piece - 1] if evenly else PIECE_S
-        yield PushPiece(lasts, start + share * (end - start), Shape.RAMP)
+        lasts = ends[piece] - ends[piece - 1] if evenly else SMOOTH_SEGMENT_S
+        yield PushSegment(lasts, start + share * (end - start), Shape.RAMP)
 
 
-def pushes_of_a_hand(F_push: float, pushes: int, pause_s: float, seed: int) -> Iterator[PushPiece]:
-    """Push ``pushes`` times with up to ``F_push`` [N]; the same seed gives the same pushes."""
+def generate_manual_pushes(F_push: float, pushes: int, pause_s: float, seed: int) -> Iterator[PushSegment]:
+    """Yield the segments of ``pushes`` random pushes of up to ``F_push`` [N]; the seed determines them."""
     random = np.random.default_rng(seed)
     for _ in range(pushes):
         peak = F_push * random.uniform(0.3, 1.0) * random.choice((-1.0, 1.0))
         rise_s, held_s, release_s = random.uniform(0.3, 0.9), random.uniform(0.2, 1.5), random.uniform(0.3, 0.9)
-        yield from smooth(0.0, peak, rise_s)
-        yield PushPiece(held_s, peak, Shape.STEP)
-        yield from smooth(peak, 0.0, release_s)
-        yield PushPiece(pause_s * random.uniform(0.3, 1.0), 0.0, Shape.STEP)
+        yield from generate_smooth_push(0.0, peak, rise_s)
+        yield PushSegment(held_s, peak, Shape.STEP)
+        yield from generate_smooth_push(peak, 0.0, release_s)
+        yield PushSegment(pause_s * random.uniform(0.3, 1.0), 0.0, Shape.STEP)
 
 
-# Laid ----------------------------------------------------------------------------------------------
-#
-# What an experiment plays, laid out, and where it was written. Pure.
+# Compiled experiment -------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class CompiledExperiment:
-    """What the loop plays. ``places`` (one of each segment) say where it was written.
+    """Segments of an experiment for the control loop, with the document paths that they come from.
 
-    ``changes`` are the tunings that segments put into use, each with all that differs from the one at the start, and
-    ``change_places`` where they were written; ``walls`` and ``wall_places`` likewise what stands in the joint's way.
-    ``touches`` are what contacts are given way to on the way.
+    ``paths`` has one entry per segment. ``changes`` are the tunings that segments apply, each with all differences from
+    the initial tuning, written at ``change_paths``; ``walls`` are the obstacles that segments set, written at
+    ``wall_paths``; ``contact_detections`` are the settings of the contact detection that segments apply.
     """
 
     segments: tuple[Segment, ...]
-    places: tuple[Path, ...]
+    paths: tuple[Path, ...]
     phases: tuple[Phase, ...]
     changes: tuple[Mapping[str, Value], ...]
-    change_places: tuple[Path, ...]
+    change_paths: tuple[Path, ...]
     walls: tuple[Obstacle | None, ...] = ()
-    wall_places: tuple[Path, ...] = ()
-    touches: tuple[ContactDetection, ...] = ()
+    wall_paths: tuple[Path, ...] = ()
+    contact_detections: tuple[ContactDetection, ...] = ()
 
 
 # Multisine -----------------------------------------------------------------------------------------
-#
-# The sum of harmonics that a multisine is. Pure.
 
 
-def peak_of(lines: int) -> float:
-    """Return the largest value of the sum of so many cosines with Schroeder's phases, of over its period."""
+def compute_multisine_peak(lines: int) -> float:
+    """Return the largest value over a period of the sum of ``lines`` cosines with Schroeder's phases."""
     import numpy as np
 
     t = np.arange(0.0, 1.0, 1.0 / (64 * lines))
     k = np.arange(1, lines + 1)
     total = np.cos(2.0 * np.pi * np.outer(t, k) - np.pi * k * (k - 1) / lines).sum(axis=1)
-    return float(np.abs(total).max()) * 1.01  # between the points it may be a little more
+    return float(np.abs(total).max()) * 1.01  # the peak may lie between two points
 
 
 # Numbers -------------------------------------------------------------------------------------------
 #
-# Numbers as a part of an experiment asks for them: expressions, their bounds, and where they stand.
-# Pure.
+# Evaluates the expressions in the parts of an experiment and checks their bounds.
 
 
-LONGEST_PART_S = 600.0
+PART_MAX_S = 600.0
 Q_REF_MAX = 1.4
-"""Largest joint reference of an experiment [rad]; the plant's own bound is looked at before a start."""
+"""Largest joint reference of an experiment [rad]; the bound of the plant is checked before a start."""
 
-S_LOWEST, S_HIGHEST = 8.0, 15.0
+S_REF_MIN, S_REF_MAX = 8.0, 15.0
 
 
-class Numbers:
-    """Reads the numbers of the part at ``_path``, of settings and counters by their names; the references so far."""
+class NumberReader:
+    """Evaluates numbers of the part at ``_path`` from settings and counters; tracks the current references."""
 
     def __init__(self, values: Names, lines: Lines) -> None:
         self._names = dict(values)
@@ -145,104 +142,103 @@ class Numbers:
         self._path: Path = ()
         self._q, self._S = 0.0, 10.0
 
-    def _time(self, expression: float | str, name: str = "duration_s", words: str = "") -> float:
+    def _read_time(self, expression: float | str, name: str = "duration_s", words: str = "") -> float:
         return round(
-            self._number(name=name, expression=expression, least=0.01, most=LONGEST_PART_S, unit="s", words=words), 3
+            self._read_number(name=name, expression=expression, least=0.01, most=PART_MAX_S, unit="s", words=words), 3
         )
 
-    def _whole(self, name: str, expression: float | str, least: int, most: int) -> int:
-        number = self._number(name, expression, least, most, "1")
+    def _read_integer(self, name: str, expression: float | str, least: int, most: int) -> int:
+        number = self._read_number(name, expression, least, most, "1")
         if number != round(number):
-            raise self._refused(f"{number:g} is not a whole number", (*self._path, name))
+            raise self._build_error(f"{number:g} is not a whole number", (*self._path, name))
         return round(number)
 
-    def _number(
+    def _read_number(
         self, name: str, expression: float | str, least: float, most: float, unit: str, words: str = ""
     ) -> float:
         path = (*self._path, name)
         try:
             number = evaluate_number(expression, self._names)
         except ExpressionError as error:
-            raise self._refused(str(error), path) from None
-        slack = 1e-9 * max(abs(least), abs(most))  # a bound that was computed from the same settings is one to be met
+            raise self._build_error(str(error), path) from None
+        slack = 1e-9 * max(abs(least), abs(most))  # a value equal to a computed bound is allowed
         clipped = min(max(number, least), most) if least - slack <= number <= most + slack else number
         with error_context(path, self._lines):
             check_range(name, clipped, least, most, unit, words=words, path=path)
         return clipped
 
-    def _aim(self, q_ref: float | str | None, S_ref: float | str | None) -> None:
+    def _set_references(self, q_ref: float | str | None, S_ref: float | str | None) -> None:
         if q_ref is not None:
-            self._q = self._number("q_ref", q_ref, -Q_REF_MAX, Q_REF_MAX, "rad")
+            self._q = self._read_number("q_ref", q_ref, -Q_REF_MAX, Q_REF_MAX, "rad")
         if S_ref is not None:
-            self._S = self._number("S_ref", S_ref, S_LOWEST, S_HIGHEST, "N·m/rad")
+            self._S = self._read_number("S_ref", S_ref, S_REF_MIN, S_REF_MAX, "N·m/rad")
 
-    def _amplitudes(self, q: float | str, S: float | str) -> tuple[float, float]:
-        """Return the amplitudes; the references stay within their bounds on both sides."""
-        room_q = max(Q_REF_MAX - abs(self._q), 0.0)  # a crest may have swung further to the other side
-        room_S = max(min(S_HIGHEST - self._S, self._S - S_LOWEST), 0.0)
+    def _read_amplitudes(self, q: float | str, S: float | str) -> tuple[float, float]:
+        """Return the amplitudes, after checking that the references stay within their bounds in both directions."""
+        margin_q = max(Q_REF_MAX - abs(self._q), 0.0)  # a previous crest may lie beyond the bound
+        margin_S = max(min(S_REF_MAX - self._S, self._S - S_REF_MIN), 0.0)
         about = f"around {self._q:.6g} rad" if self._q else ""
-        amplitude_q = self._number(
+        amplitude_q = self._read_number(
             name="q_amplitude",
             expression=q,
-            least=-room_q,
-            most=room_q,
+            least=-margin_q,
+            most=margin_q,
             unit="rad",
             words=f"amplitude of q_ref {about}".strip(),
         )
         words = f"amplitude of S_ref around {self._S:.6g} N·m/rad"
-        return amplitude_q, self._number(
-            name="S_amplitude", expression=S, least=-room_S, most=room_S, unit="N·m/rad", words=words
+        return amplitude_q, self._read_number(
+            name="S_amplitude", expression=S, least=-margin_S, most=margin_S, unit="N·m/rad", words=words
         )
 
-    def _refused(self, why: str, path: Path) -> ExperimentError:
+    def _build_error(self, why: str, path: Path) -> ExperimentError:
         return ExperimentError(why, path, find_line(path, self._lines))
 
 
 # Reach ---------------------------------------------------------------------------------------------
 #
-# Whether a plant's joint and stiffness may be brought where an experiment asks, told with line and
-# bound. Pure.
+# Checks that a plant can follow the references of an experiment.
 
 
-def require_reach(laid: CompiledExperiment, parameters: PlantParameters, lines: Lines) -> None:
-    """Raise ExperimentError for the first reference outside the plant's bounds; what oscillates, on both sides.
+def require_reach(compiled: CompiledExperiment, parameters: PlantParameters, lines: Lines) -> None:
+    """Raise ExperimentError for the first reference outside the plant's bounds, or an impossible wall.
 
-    And for a wall that cannot stand in this plant's way.
+    Oscillations are checked in both directions.
     """
     bounds = compute_bounds(parameters)
-    q, S, placed = 0.0, 0.0, False
-    for segment, place in zip(laid.segments, laid.places, strict=True):
-        asked = [(segment.q_ref, segment.S_ref)]
+    q, S, has_references = 0.0, 0.0, False
+    for segment, path in zip(compiled.segments, compiled.paths, strict=True):
+        to_check = [(segment.q_ref, segment.S_ref)]
         if segment.shape not in OSCILLATING:
-            placed = True
-        elif placed:  # around which references it goes that plays first, the loop alone knows
-            asked.append((2.0 * q - segment.q_ref, 2.0 * S - segment.S_ref))
-        for q_ref, S_ref in asked:
-            with error_context(place, lines):
-                check_range("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad", path=(*place, "q_ref"))
-                check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad", path=(*place, "S_ref"))
+            has_references = True
+        elif has_references:  # the centre of an initial oscillation is known to the loop only
+            to_check.append((2.0 * q - segment.q_ref, 2.0 * S - segment.S_ref))
+        for q_ref, S_ref in to_check:
+            with error_context(path, lines):
+                check_range("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad", path=(*path, "q_ref"))
+                check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad", path=(*path, "S_ref"))
         q, S = final_references(segment, q, S)
     g, joint = parameters.geometry, parameters.make_dynamics().joint
-    for wall, place in zip(laid.walls, laid.wall_places, strict=True):
+    for wall, path in zip(compiled.walls, compiled.wall_paths, strict=True):
         try:
             if wall is not None:
                 require_possible_wall(wall, joint, parameters.safety.F_max, g.q_max, T_s / SUBSTEPS)
         except PlantError as error:
-            raise ExperimentError(str(error), place, find_line(place, lines)) from None
+            raise ExperimentError(str(error), path, find_line(path, lines)) from None
 
 
-# Told ----------------------------------------------------------------------------------------------
+# Played parts --------------------------------------------------------------------------------------
 #
-# What each part of an experiment comes to once it is laid out: when it plays, from where to where.
-# Pure.
+# Times and references of each part of an experiment, for the page.
 
 
 @dataclass(frozen=True)
 class PlayedPart:
-    """A part as it plays.
+    """Times and references of a part.
 
-    ``q_from`` and ``S_from`` are the references that its first piece finds, None where the experiment begins; ``q_to``,
-    ``S_to`` and ``piece_s`` are that piece's own. ``end_s`` is the end of its last piece, all repetitions counted.
+    ``q_from`` and ``S_from`` are the references before its first segment, None at the start of the experiment;
+    ``q_to``, ``S_to`` and ``piece_s`` are those of the first segment. ``end_s`` is the end of the last one, including
+    repetitions.
     """
 
     path: Path = field(metadata=describe_field("where it stands in the document"))
@@ -256,12 +252,12 @@ class PlayedPart:
     S_to: float = field(metadata=describe_field("stiffness reference of its first piece", "N·m/rad"))
 
 
-def list_played_parts(laid: CompiledExperiment) -> list[PlayedPart]:
-    """Return the parts that move or wait, in the order in which they first play."""
+def list_played_parts(compiled: CompiledExperiment) -> list[PlayedPart]:
+    """Return the parts that become segments, in the order of their first execution."""
     found: dict[Path, PlayedPart] = {}
     at: tuple[float, float] | None = None
     clock_s = 0.0
-    for segment, path in zip(laid.segments, laid.places, strict=True):
+    for segment, path in zip(compiled.segments, compiled.paths, strict=True):
         end_s = clock_s + segment.duration_s
         q_from, S_from = at or (None, None)
         first = found.get(path) or PlayedPart(
@@ -281,190 +277,190 @@ def list_played_parts(laid: CompiledExperiment) -> list[PlayedPart]:
     return list(found.values())
 
 
-# Touches -------------------------------------------------------------------------------------------
+# Contact detection ---------------------------------------------------------------------------------
 #
-# What an experiment learns and gives way to, as it is laid out, and what of it makes no sense.
-# Pure.
+# Changes of the contact detection during an experiment: calibrations of the bias of the external
+# force, and the parts that a contact ends.
 
 
-LEARNING_S = 2.0
-"""Least rest [s] that is learned from; seven times as long as its mean reaches back
+CALIBRATION_MIN_S = 2.0
+"""Least duration [s] of a calibration at rest: seven times the time constant of its mean
 (``disturbance_observer.MEAN_S``)."""
 
 
-class Touches:
-    """Touches in their order; each begins with the next segment, and what changes before there is one is one change."""
+class ContactDetectionSequence:
+    """Settings of the contact detection in their order; each applies from the next segment on.
+
+    Changes between two segments are combined into one. Methods return a problem as text, empty for none.
+    """
 
     def __init__(self) -> None:
-        self.made: list[ContactDetection] = []
-        self._begun = 0
-        self._within = False
-        self._learned: list[float] = []
+        self.items: list[ContactDetection] = []
+        self._taken_count = 0
+        self._ends_parts = False
+        self._calibrated_S: list[float] = []
 
     @property
-    def unused_learning(self) -> bool:
-        """Whether something was learned as the last thing of all."""
-        return len(self.made) > self._begun and self.made[-1].learns
+    def has_unused_calibration(self) -> bool:
+        """Whether a calibration is the last change, without a segment after it."""
+        return len(self.items) > self._taken_count and self.items[-1].learns
 
-    def learn(self, S: float) -> str:
-        """Learn what is felt at rest at S [N·m/rad]; why that cannot be, empty where it can."""
-        if self._within:
+    def add_calibration(self, S: float) -> str:
+        """Calibrate the bias of the external force at rest at the stiffness S [N·m/rad]."""
+        if self._ends_parts:
             return "nothing is learned within what a contact ends: learn before it"
-        self._learned.append(S)
-        return self._put(ContactDetection(0.0, learns=True))
+        self._calibrated_S.append(S)
+        return self._append(ContactDetection(0.0, learns=True))
 
-    def open(self, contact_N: float, S: float) -> str:
-        """Let contacts above contact_N [N] end what comes, which begins at S [N·m/rad]; why not, empty where it can."""
-        if self._within:
+    def begin_contact_end(self, contact_N: float, S: float) -> str:
+        """Let contacts above ``contact_N`` [N] end the following parts, which begin at S [N·m/rad]."""
+        if self._ends_parts:
             return "a contact ends this already: what it ends has no part of its kind"
-        if not self._learned:
+        if not self._calibrated_S:
             return "nothing was learned before it: let the joint rest in a part `do: learn` first, at this stiffness"
-        if not min(self._learned) - NEIGHBOUR <= S <= max(self._learned) + NEIGHBOUR:
-            known = ", ".join(f"{learned:.4g}" for learned in sorted(set(self._learned)))
+        if not min(self._calibrated_S) - NEIGHBOUR <= S <= max(self._calibrated_S) + NEIGHBOUR:
+            known = ", ".join(f"{value:.4g}" for value in sorted(set(self._calibrated_S)))
             return f"at {S:.4g} N·m/rad nothing was learned, only at {known}: let the joint rest in a part `do: learn`"
-        self._within = True
-        return self._put(ContactDetection(contact_N))
+        self._ends_parts = True
+        return self._append(ContactDetection(contact_N))
 
-    def close(self) -> str:
-        """Let contacts end nothing more."""
-        self._within = False
-        return self._put(ContactDetection())
+    def finish_contact_end(self) -> str:
+        """End the range of parts that a contact ends."""
+        self._ends_parts = False
+        return self._append(ContactDetection())
 
-    def of_next(self) -> int:
-        """Return the number of the touch that begins with the next segment, 0 for none."""
-        if len(self.made) == self._begun:
+    def take_next_number(self) -> int:
+        """Return the number of the change that the next segment applies; 0 for none."""
+        if len(self.items) == self._taken_count:
             return 0
-        self._begun = len(self.made)
-        return self._begun
+        self._taken_count = len(self.items)
+        return self._taken_count
 
-    def _put(self, touch: ContactDetection) -> str:
-        if len(self.made) > self._begun:
-            self.made[-1] = ContactDetection(touch.contact_N, self.made[-1].learns or touch.learns)
+    def _append(self, detection: ContactDetection) -> str:
+        if len(self.items) > self._taken_count:
+            self.items[-1] = ContactDetection(detection.contact_N, self.items[-1].learns or detection.learns)
             return ""
-        if len(self.made) == MAX_TOUCHES:
+        if len(self.items) == MAX_TOUCHES:
             return f"{MAX_TOUCHES} changes of what is given way to are the most: split the experiment"
-        self.made.append(touch)
+        self.items.append(detection)
         return ""
 
 
-# Layout --------------------------------------------------------------------------------------------
-#
-# Lays the parts of an experiment out: what the loop plays, one after the other, and where it was
-# written. Pure.
+# Compiler ------------------------------------------------------------------------------------------
 
 
-LONGEST_S = 3600.0
+DURATION_MAX_S = 3600.0
 F_PUSH_MAX = 30.0
 LOAD_MAX_NM = 0.5
 _K_WALL_MAX, _C_WALL_MAX = 1e5, 100.0
-"""Of any plant; its own bounds of a wall are looked at before a start."""
-_FASTEST_HZ = 50.0
-_MOST_PARTS = 4 * MAX_SEGMENTS
-_FROM_REST = (schema.Measure.COMPLIANCE, schema.Measure.DISTURBANCE, schema.Measure.PUSHES)
-"""Measures of pushes, which count from the rest before each."""
-_TUNED = {setting.name: setting for setting in describe_settings(TuningSettings)}
+"""Bounds for all plants; those of the actual plant are checked before a start."""
+_FREQUENCY_MAX_HZ = 50.0
+_PARTS_MAX = 4 * MAX_SEGMENTS
+_MEASURES_FROM_REST = (schema.Measure.COMPLIANCE, schema.Measure.DISTURBANCE, schema.Measure.PUSHES)
+"""Measures of pushes; each push must start from rest."""
+_TUNING_SETTINGS = {setting.name: setting for setting in describe_settings(TuningSettings)}
 
 
-def laid(experiment: schema.Experiment, values: Names, lines: Lines) -> CompiledExperiment:
-    """Lay an experiment out with these values of its settings. Raises ExperimentError naming line and bound."""
-    return _Layout(experiment, values, lines).laid()
+def compile_experiment(experiment: schema.Experiment, values: Names, lines: Lines) -> CompiledExperiment:
+    """Compile an experiment with values of its settings. Raises ExperimentError with line and bound."""
+    return _Compiler(experiment, values, lines).compile()
 
 
-class _Layout(Numbers):
+class _Compiler(NumberReader):
     def __init__(self, experiment: schema.Experiment, values: Names, lines: Lines) -> None:
         super().__init__(values, lines)
         self._experiment = experiment
         self._segments: list[Segment] = []
-        self._places: list[Path] = []
+        self._paths: list[Path] = []
         self._changes: list[Mapping[str, Value]] = []
-        self._change_places: list[Path] = []
-        self._unused_change = False
-        self._placed = False
+        self._change_paths: list[Path] = []
+        self._has_unused_change = False
+        self._has_references = False
         self._F = 0.0
         self._duration_s = 0.0
         self._parts = 0
         self._walls: list[Obstacle | None] = []
-        self._wall_places: list[Path] = []
-        self._walls_up = 0
-        self._touches = Touches()
+        self._wall_paths: list[Path] = []
+        self._assigned_walls = 0
+        self._detections = ContactDetectionSequence()
 
-    def laid(self) -> CompiledExperiment:
+    def compile(self) -> CompiledExperiment:
         phases: list[Phase] = []
-        for place, section in enumerate(self._experiment.phases):
-            path: Path = ("phases", place)
+        for index, section in enumerate(self._experiment.phases):
+            path: Path = ("phases", index)
             if any(phase.name == section.name for phase in phases):
-                raise self._refused("another phase has this name: give each its own", (*path, "name"))
+                raise self._build_error("another phase has this name: give each its own", (*path, "name"))
             start_s = self._duration_s
-            self._play(section.parts, (*path, "parts"))
+            self._compile_parts(section.parts, (*path, "parts"))
             phases.append(Phase(section.name, section.title, start_s, self._duration_s))
-        if self._unused_change:
-            raise self._refused("nothing is played after this change of the tuning: leave it out", self._path)
-        if self._walls_up != len(self._walls):
-            raise self._refused("nothing is played after this change of the wall: leave it out", self._path)
-        if self._touches.unused_learning:
-            raise self._refused("nothing is played after what is learned here: leave it out", self._path)
+        if self._has_unused_change:
+            raise self._build_error("nothing is played after this change of the tuning: leave it out", self._path)
+        if self._assigned_walls != len(self._walls):
+            raise self._build_error("nothing is played after this change of the wall: leave it out", self._path)
+        if self._detections.has_unused_calibration:
+            raise self._build_error("nothing is played after what is learned here: leave it out", self._path)
         if not self._segments:
-            raise self._refused("it plays nothing: give it a motion", ("phases",))
+            raise self._build_error("it plays nothing: give it a motion", ("phases",))
         return CompiledExperiment(
             segments=tuple(self._segments),
-            places=tuple(self._places),
+            paths=tuple(self._paths),
             phases=tuple(phases),
             changes=tuple(self._changes),
-            change_places=tuple(self._change_places),
+            change_paths=tuple(self._change_paths),
             walls=tuple(self._walls),
-            wall_places=tuple(self._wall_places),
-            touches=tuple(self._touches.made),
+            wall_paths=tuple(self._wall_paths),
+            contact_detections=tuple(self._detections.items),
         )
 
-    def _play(self, parts: Sequence[Any], path: Path) -> None:
-        for place, part in enumerate(parts):
-            self._path = (*path, place)
+    def _compile_parts(self, parts: Sequence[Any], path: Path) -> None:
+        for index, part in enumerate(parts):
+            self._path = (*path, index)
             self._parts += 1
-            if self._parts > _MOST_PARTS:
-                raise self._refused(f"{_MOST_PARTS} parts are the most, all repetitions counted", self._path)
-            self._lay(part)
+            if self._parts > _PARTS_MAX:
+                raise self._build_error(f"{_PARTS_MAX} parts are the most, all repetitions counted", self._path)
+            self._compile_part(part)
 
     @singledispatchmethod
-    def _lay(self, part: Any) -> None:
+    def _compile_part(self, part: Any) -> None:
         raise TypeError(f"no layout for {type(part).__name__}")
 
-    @_lay.register
-    def _hold(self, part: schema.Hold) -> None:
-        self._stay(self._time(part.duration_s))
+    @_compile_part.register
+    def _compile_hold(self, part: schema.Hold) -> None:
+        self._add_hold(self._read_time(part.duration_s))
 
-    @_lay.register
-    def _step(self, part: schema.Step) -> None:
-        self._aim(part.q_ref, part.S_ref)
-        self._stay(self._time(part.duration_s), self._pushed(part.F_push))
+    @_compile_part.register
+    def _compile_step(self, part: schema.Step) -> None:
+        self._set_references(part.q_ref, part.S_ref)
+        self._add_hold(self._read_time(part.duration_s), self._read_push(part.F_push))
 
-    @_lay.register
-    def _ramp(self, part: schema.Ramp) -> None:
-        self._aim(part.q_ref, part.S_ref)
-        F = self._pushed(part.F_push)
-        self._add(Segment(self._time(part.duration_s), self._q, self._S, F, Shape.RAMP))
+    @_compile_part.register
+    def _compile_ramp(self, part: schema.Ramp) -> None:
+        self._set_references(part.q_ref, part.S_ref)
+        F = self._read_push(part.F_push)
+        self._add(Segment(self._read_time(part.duration_s), self._q, self._S, F, Shape.RAMP))
 
-    @_lay.register
-    def _pulse(self, part: schema.Pulse) -> None:
+    @_compile_part.register
+    def _compile_pulse(self, part: schema.Pulse) -> None:
         before = self._q, self._S
-        self._aim(part.q_ref, part.S_ref)
-        self._stay(self._time(part.duration_s))
+        self._set_references(part.q_ref, part.S_ref)
+        self._add_hold(self._read_time(part.duration_s))
         self._q, self._S = before
-        self._stay(self._time(part.rest_s, "rest_s"))
+        self._add_hold(self._read_time(part.rest_s, "rest_s"))
 
-    @_lay.register
-    def _sine(self, part: schema.Sine) -> None:
-        period_s = self._number("period_s", part.period_s, 0.02, LONGEST_PART_S, "s")
-        duration_s = self._time(part.duration_s)
-        F = self._pushed(part.F_push)
+    @_compile_part.register
+    def _compile_sine(self, part: schema.Sine) -> None:
+        period_s = self._read_number("period_s", part.period_s, 0.02, PART_MAX_S, "s")
+        duration_s = self._read_time(part.duration_s)
+        F = self._read_push(part.F_push)
         q_before, S_before, F_before = self._q, self._S, self._F
         if part.q_ref is None or part.S_ref is None:
-            self._require_placed()
-        q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
+            self._require_references()
+        q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
         for name, amplitude, crest in (("q_amplitude", q, part.q_ref), ("S_amplitude", S, part.S_ref)):
             if amplitude and crest is not None:
-                raise self._refused("its crest is said twice, by the reference as well", (*self._path, name))
+                raise self._build_error("its crest is said twice, by the reference as well", (*self._path, name))
         self._q, self._S = q_before + q, S_before + S
-        self._aim(part.q_ref, part.S_ref)
+        self._set_references(part.q_ref, part.S_ref)
         self._add(Segment(duration_s, self._q, self._S, F, Shape.SINE, period_s))
         q = q if part.q_ref is None else self._q - q_before
         S = S if part.S_ref is None else self._S - S_before
@@ -473,14 +469,14 @@ class _Layout(Numbers):
         if F:
             self._F = F_before + end * (F - F_before)
 
-    @_lay.register
-    def _sweep(self, part: schema.Sweep) -> None:
-        low = 1.0 / LONGEST_PART_S
-        from_Hz = self._number("from_Hz", part.from_Hz, low, _FASTEST_HZ, "Hz")
-        to_Hz = self._number("to_Hz", part.to_Hz, low, _FASTEST_HZ, "Hz")
-        duration_s = self._time(part.duration_s)
-        self._require_placed()
-        q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
+    @_compile_part.register
+    def _compile_sweep(self, part: schema.Sweep) -> None:
+        low = 1.0 / PART_MAX_S
+        from_Hz = self._read_number("from_Hz", part.from_Hz, low, _FREQUENCY_MAX_HZ, "Hz")
+        to_Hz = self._read_number("to_Hz", part.to_Hz, low, _FREQUENCY_MAX_HZ, "Hz")
+        duration_s = self._read_time(part.duration_s)
+        self._require_references()
+        q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
         end_s = 1.0 / to_Hz
         swept = Segment(
             duration_s=duration_s,
@@ -493,36 +489,36 @@ class _Layout(Numbers):
         )
         self._add(swept)
 
-    @_lay.register
-    def _prbs(self, part: schema.Prbs) -> None:
-        chip_s = round(self._number("chip_s", part.chip_s, 0.001, 60.0, "s"), 3)
-        bits = self._whole("bits", part.bits, MIN_BITS, MAX_BITS)
-        periods = self._whole("periods", part.periods, 1, 1000)
-        self._require_placed()
-        q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
-        duration_s = self._time(periods * (2**bits - 1) * chip_s, "chip_s", "time of all chips")
+    @_compile_part.register
+    def _compile_prbs(self, part: schema.Prbs) -> None:
+        chip_s = round(self._read_number("chip_s", part.chip_s, 0.001, 60.0, "s"), 3)
+        bits = self._read_integer("bits", part.bits, MIN_BITS, MAX_BITS)
+        periods = self._read_integer("periods", part.periods, 1, 1000)
+        self._require_references()
+        q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
+        duration_s = self._read_time(periods * (2**bits - 1) * chip_s, "chip_s", "time of all chips")
         self._add(Segment(duration_s, self._q + q, self._S + S, shape=Shape.PRBS, period_s=chip_s, count=bits))
 
-    @_lay.register
-    def _multisine(self, part: schema.Multisine) -> None:
-        period_s = round(self._number("period_s", part.period_s, 0.1, LONGEST_PART_S, "s"), 3)
-        lines = self._whole("lines", part.lines, 1, MAX_LINES)
+    @_compile_part.register
+    def _compile_multisine(self, part: schema.Multisine) -> None:
+        period_s = round(self._read_number("period_s", part.period_s, 0.1, PART_MAX_S, "s"), 3)
+        lines = self._read_integer("lines", part.lines, 1, MAX_LINES)
         with error_context((*self._path, "lines"), self._lines):
-            fastest = f"{_FASTEST_HZ:g} Hz is the fastest: take fewer lines or a longer period"
+            fastest = f"{_FREQUENCY_MAX_HZ:g} Hz is the fastest: take fewer lines or a longer period"
             check_range(
                 "lines",
                 lines / period_s,
                 minimum=None,
-                maximum=_FASTEST_HZ,
+                maximum=_FREQUENCY_MAX_HZ,
                 unit="Hz",
                 remedy=fastest,
                 words="highest frequency",
             )
-        periods = self._whole("periods", part.periods, 1, 1000)
-        self._require_placed()
-        q, S = self._amplitudes(part.q_amplitude, part.S_amplitude)
-        duration_s = self._time(periods * period_s, "periods", "time of all periods")
-        peak, shape = peak_of(lines), Shape.MULTISINE
+        periods = self._read_integer("periods", part.periods, 1, 1000)
+        self._require_references()
+        q, S = self._read_amplitudes(part.q_amplitude, part.S_amplitude)
+        duration_s = self._read_time(periods * period_s, "periods", "time of all periods")
+        peak, shape = compute_multisine_peak(lines), Shape.MULTISINE
         self._add(
             Segment(
                 duration_s=duration_s,
@@ -536,150 +532,156 @@ class _Layout(Numbers):
             )
         )
 
-    @_lay.register
-    def _push(self, part: schema.Push) -> None:
-        F = self._number("F_push", part.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
-        duration_s = self._time(part.duration_s)
+    @_compile_part.register
+    def _compile_push(self, part: schema.Push) -> None:
+        F = self._read_number("F_push", part.F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
+        duration_s = self._read_time(part.duration_s)
         if part.shape == "smooth":
-            self._press(smooth(self._F, F, duration_s, evenly=True))
+            self._add_push(generate_smooth_push(self._F, F, duration_s, evenly=True))
         else:
-            self._press([PushPiece(duration_s, F, Shape(part.shape))])
+            self._add_push([PushSegment(duration_s, F, Shape(part.shape))])
 
-    @_lay.register
-    def _hand(self, part: schema.Hand) -> None:
-        F = self._number("F_push", part.F_push, 0.0, F_PUSH_MAX, "N")
-        pushes = self._whole("pushes", part.pushes, 1, 100)
-        pause_s = self._number("pause_s", part.pause_s, 0.05, 60.0, "s")
-        self._press(pushes_of_a_hand(F, pushes, pause_s, self._whole("seed", part.seed, 0, 2**31 - 1)))
+    @_compile_part.register
+    def _compile_hand(self, part: schema.Hand) -> None:
+        F = self._read_number("F_push", part.F_push, 0.0, F_PUSH_MAX, "N")
+        pushes = self._read_integer("pushes", part.pushes, 1, 100)
+        pause_s = self._read_number("pause_s", part.pause_s, 0.05, 60.0, "s")
+        self._add_push(generate_manual_pushes(F, pushes, pause_s, self._read_integer("seed", part.seed, 0, 2**31 - 1)))
 
-    @_lay.register
-    def _load(self, part: schema.Load) -> None:
-        load_A = self._number("load_A", part.load_A, 0.0, LOAD_MAX_NM, "N·m")
-        load_B = self._number("load_B", part.load_B, 0.0, LOAD_MAX_NM, "N·m")
-        self._add(Segment(self._time(part.duration_s), self._q, self._S, load_A=load_A, load_B=load_B))
+    @_compile_part.register
+    def _compile_load(self, part: schema.Load) -> None:
+        load_A = self._read_number("load_A", part.load_A, 0.0, LOAD_MAX_NM, "N·m")
+        load_B = self._read_number("load_B", part.load_B, 0.0, LOAD_MAX_NM, "N·m")
+        self._add(Segment(self._read_time(part.duration_s), self._q, self._S, load_A=load_A, load_B=load_B))
 
-    @_lay.register
-    def _tuning(self, part: schema.Tuning) -> None:
+    @_compile_part.register
+    def _compile_tuning(self, part: schema.Tuning) -> None:
         if len(self._changes) == MAX_TUNINGS:
-            raise self._refused(f"{MAX_TUNINGS} changes of the tuning are the most: split the experiment", self._path)
+            raise self._build_error(
+                f"{MAX_TUNINGS} changes of the tuning are the most: split the experiment", self._path
+            )
         named: dict[str, Value] = {}
-        for name, setting in _TUNED.items():
-            wanted = getattr(part, name)
-            if isinstance(wanted, bool) or setting.kind == "choice":
-                named |= {} if wanted is None else {name: wanted}
-            elif wanted is not None and setting.minimum is not None and setting.maximum is not None:
-                # A limit of 0 V is how texts from before ``motion`` existed choose the paper's law.
+        for name, setting in _TUNING_SETTINGS.items():
+            value = getattr(part, name)
+            if isinstance(value, bool) or setting.kind == "choice":
+                named |= {} if value is None else {name: value}
+            elif value is not None and setting.minimum is not None and setting.maximum is not None:
+                # In documents older than ``motion``, a limit of 0 V selects the paper's law.
                 minimum = 0.0 if name == "u_plan" and part.motion is None else setting.minimum
-                number = self._number(name, wanted, minimum, setting.maximum, setting.unit)
+                number = self._read_number(name, value, minimum, setting.maximum, setting.unit)
                 named[name] = int(number) if setting.kind == "integer" else number
         before = self._changes[-1] if self._changes else {}
         self._changes.append({**before, **complete_motion(named)})
-        self._change_places.append(self._path)
-        self._unused_change = True
+        self._change_paths.append(self._path)
+        self._has_unused_change = True
 
-    @_lay.register
-    def _wall(self, part: schema.Wall) -> None:
+    @_compile_part.register
+    def _compile_wall(self, part: schema.Wall) -> None:
         side = 1.0 if part.side == "above" else -1.0
-        q_wall = self._number("q_wall", part.q_wall, -Q_REF_MAX, Q_REF_MAX, "rad")
+        q_wall = self._read_number("q_wall", part.q_wall, -Q_REF_MAX, Q_REF_MAX, "rad")
         if side * (self._q - q_wall) >= 0.0:
             why = f"the joint is asked to be at {self._q:.4g} rad, not before a wall at {q_wall:.4g} rad"
-            raise self._refused(f"{why}: bring it away from there first", (*self._path, "q_wall"))
-        k_wall = self._number("k_wall", part.k_wall, K_LEAST, _K_WALL_MAX, "N/m")
-        self._stand(Obstacle(side, q_wall, k_wall, self._number("c_wall", part.c_wall, 0.0, _C_WALL_MAX, "s/m")))
+            raise self._build_error(f"{why}: bring it away from there first", (*self._path, "q_wall"))
+        k_wall = self._read_number("k_wall", part.k_wall, K_LEAST, _K_WALL_MAX, "N/m")
+        self._add_wall_change(
+            Obstacle(side, q_wall, k_wall, self._read_number("c_wall", part.c_wall, 0.0, _C_WALL_MAX, "s/m"))
+        )
 
-    @_lay.register
-    def _no_wall(self, part: schema.NoWall) -> None:
-        self._stand(None)
+    @_compile_part.register
+    def _compile_no_wall(self, part: schema.NoWall) -> None:
+        self._add_wall_change(None)
 
-    def _stand(self, wall: Obstacle | None) -> None:
+    def _add_wall_change(self, wall: Obstacle | None) -> None:
         if len(self._walls) == MAX_WALLS:
-            raise self._refused(f"{MAX_WALLS} changes of the wall are the most: split the experiment", self._path)
+            raise self._build_error(f"{MAX_WALLS} changes of the wall are the most: split the experiment", self._path)
         self._walls.append(wall)
-        self._wall_places.append(self._path)
+        self._wall_paths.append(self._path)
 
-    @_lay.register
-    def _learn(self, part: schema.Learn) -> None:
+    @_compile_part.register
+    def _compile_learn(self, part: schema.Learn) -> None:
         words = "time at rest that is learned from"
-        self._stay(round(self._number("duration_s", part.duration_s, LEARNING_S, LONGEST_PART_S, "s", words), 3))
-        self._touched(self._touches.learn(self._S))
+        self._add_hold(
+            round(self._read_number("duration_s", part.duration_s, CALIBRATION_MIN_S, PART_MAX_S, "s", words), 3)
+        )
+        self._raise_problem(self._detections.add_calibration(self._S))
 
-    @_lay.register
-    def _until_contact(self, part: schema.UntilContact) -> None:
+    @_compile_part.register
+    def _compile_until_contact(self, part: schema.UntilContact) -> None:
         path = self._path
-        contact_N = self._number("contact_N", part.contact_N, 0.0, CONTACT_MAX_N, "N", "force of a contact")
+        contact_N = self._read_number("contact_N", part.contact_N, 0.0, CONTACT_MAX_N, "N", "force of a contact")
         if contact_N == 0.0:
-            self._play(part.parts, (*path, "parts"))
+            self._compile_parts(part.parts, (*path, "parts"))
             return
-        self._number("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "force of a contact (0 for none)")
-        self._touched(self._touches.open(contact_N, self._S))
-        self._play(part.parts, (*path, "parts"))
-        self._touched(self._touches.close())
+        self._read_number("contact_N", contact_N, CONTACT_MIN_N, CONTACT_MAX_N, "N", "force of a contact (0 for none)")
+        self._raise_problem(self._detections.begin_contact_end(contact_N, self._S))
+        self._compile_parts(part.parts, (*path, "parts"))
+        self._raise_problem(self._detections.finish_contact_end())
 
-    def _touched(self, problem: str) -> None:
+    def _raise_problem(self, problem: str) -> None:
         if problem:
-            raise self._refused(problem, self._path)
+            raise self._build_error(problem, self._path)
 
-    @_lay.register
-    def _choose(self, part: schema.Choose) -> None:
+    @_compile_part.register
+    def _compile_choose(self, part: schema.Choose) -> None:
         chosen, path = self._names.get(part.by), self._path
-        declared = next((one for one in self._experiment.settings if one.name == part.by), None)
+        declared = next((item for item in self._experiment.settings if item.name == part.by), None)
         if declared is None or declared.kind != "choice":
-            raise self._refused(f"{part.by!r} is no setting with choices", (*path, "by"))
+            raise self._build_error(f"{part.by!r} is no setting with choices", (*path, "by"))
         if set(part.of) != set(declared.choices):
-            raise self._refused(f"it needs parts for each of {', '.join(declared.choices)}", (*path, "of"))
-        self._play(part.of[str(chosen)], (*path, "of", str(chosen)))
+            raise self._build_error(f"it needs parts for each of {', '.join(declared.choices)}", (*path, "of"))
+        self._compile_parts(part.of[str(chosen)], (*path, "of", str(chosen)))
 
-    @_lay.register
-    def _repeat(self, part: schema.Repeat) -> None:
+    @_compile_part.register
+    def _compile_repeat(self, part: schema.Repeat) -> None:
         path, outer = self._path, self._names.get(part.index)
-        times = self._whole("times", part.times, 1, MAX_SEGMENTS)
-        if part.index in (*CONSTANTS, *FUNCTIONS) or any(part.index == one.name for one in self._experiment.settings):
-            raise self._refused(f"{part.index!r} is taken: give the index another name", (*path, "index"))
-        for turn in range(times):
-            self._names[part.index] = turn
-            self._play(part.parts, (*path, "parts"))
+        times = self._read_integer("times", part.times, 1, MAX_SEGMENTS)
+        if part.index in (*CONSTANTS, *FUNCTIONS) or any(part.index == item.name for item in self._experiment.settings):
+            raise self._build_error(f"{part.index!r} is taken: give the index another name", (*path, "index"))
+        for iteration in range(times):
+            self._names[part.index] = iteration
+            self._compile_parts(part.parts, (*path, "parts"))
         if outer is None:
             del self._names[part.index]
         else:
             self._names[part.index] = outer
 
-    def _press(self, pieces: Any) -> None:
-        for piece in pieces:
-            self._F = float(piece.F_push)
-            self._add(Segment(round(piece.duration_s, 3), self._q, self._S, self._F, piece.shape), pushed=True)
+    def _add_push(self, segments: Iterator[PushSegment] | Sequence[PushSegment]) -> None:
+        for segment in segments:
+            self._F = float(segment.F_push)
+            self._add(Segment(round(segment.duration_s, 3), self._q, self._S, self._F, segment.shape), pushed=True)
 
-    def _pushed(self, F_push: float | str) -> float:
-        """Return the push [N] beside a motion; what is measured from rest takes none."""
-        F = self._number("F_push", F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
-        measured = [measure for measure in _FROM_REST if measure in self._experiment.measures]
+    def _read_push(self, F_push: float | str) -> float:
+        """Return the push [N] during a motion; 0 is required if a measure needs pushes from rest."""
+        F = self._read_number("F_push", F_push, -F_PUSH_MAX, F_PUSH_MAX, "N")
+        measured = [measure for measure in _MEASURES_FROM_REST if measure in self._experiment.measures]
         if F and measured:
             why = f"{measured[0]} measures pushes from rest: take a part `do: push`"
-            raise self._refused(why, (*self._path, "F_push"))
+            raise self._build_error(why, (*self._path, "F_push"))
         return F
 
-    def _require_placed(self) -> None:
-        """Refuse to oscillate around references that nothing before has said."""
-        if not self._placed:
-            raise self._refused("nothing says around which references it goes: begin with a step", self._path)
+    def _require_references(self) -> None:
+        """Raise ExperimentError for an oscillation before any references are set."""
+        if not self._has_references:
+            raise self._build_error("nothing says around which references it goes: begin with a step", self._path)
 
-    def _stay(self, duration_s: float, F_push: float = 0.0) -> None:
+    def _add_hold(self, duration_s: float, F_push: float = 0.0) -> None:
         self._add(Segment(duration_s, self._q, self._S, F_push))
 
     def _add(self, segment: Segment, *, pushed: bool = False) -> None:
-        self._placed = self._placed or segment.shape not in OSCILLATING
+        self._has_references = self._has_references or segment.shape not in OSCILLATING
         if not pushed:
             self._F = segment.F_push
         if len(self._segments) == MAX_SEGMENTS:
-            raise self._refused(
+            raise self._build_error(
                 f"its parts are more than {MAX_SEGMENTS}, all repetitions counted: repeat less, or split it", self._path
             )
-        if self._unused_change:
+        if self._has_unused_change:
             segment = replace(segment, tuning=len(self._changes))
-            self._unused_change = False
-        if self._walls_up != len(self._walls):
-            self._walls_up = len(self._walls)
-            segment = replace(segment, wall=self._walls_up)
-        if touch := self._touches.of_next():
+            self._has_unused_change = False
+        if self._assigned_walls != len(self._walls):
+            self._assigned_walls = len(self._walls)
+            segment = replace(segment, wall=self._assigned_walls)
+        if touch := self._detections.take_next_number():
             segment = replace(segment, touch=touch)
         self._duration_s += segment.duration_s
         with error_context(self._path, self._lines):
@@ -688,10 +690,10 @@ class _Layout(Numbers):
                 "duration_s",
                 self._duration_s,
                 minimum=None,
-                maximum=LONGEST_S,
+                maximum=DURATION_MAX_S,
                 unit="s",
                 remedy="leave some out",
                 words=words,
             )
         self._segments.append(segment)
-        self._places.append(self._path)
+        self._paths.append(self._path)

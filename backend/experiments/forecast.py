@@ -57,7 +57,7 @@ class ProgramInterval:
     end: int
 
 
-def titled(law: Law, set_point: float) -> str:
+def format_set_point(law: Law, set_point: float) -> str:
     """Name a set point as it is read: "20 N", "−3.5 V"."""
     return f"{set_point:g} {'V' if law is Law.MOTOR_STEPS else 'N'}".replace("-", "−")
 
@@ -97,8 +97,8 @@ def read_start(row: NDArray[np.float64] | None) -> Start:
     if row is None:
         return Start(Mode.OFF, 0.0, (0.0, 0.0), (0.0, 0.0))
     theta = float(row[INDEX["theta_A"]]), float(row[INDEX["theta_B"]])
-    asked = float(row[INDEX["theta_A_ref"]]), float(row[INDEX["theta_B_ref"]])
-    references = asked if math.isfinite(sum(asked)) else theta
+    commanded = float(row[INDEX["theta_A_ref"]]), float(row[INDEX["theta_B_ref"]])
+    references = commanded if math.isfinite(sum(commanded)) else theta
     return Start(MODES[int(row[INDEX["mode"]])], float(row[INDEX["q"]]), theta, references)
 
 
@@ -116,7 +116,7 @@ class ReferenceTrajectory:
         self._springs = {side: parameters.make_identified_spring(side) for side in SIDES}
         self._pieces: list[Array] = []
         self._trimmed: list[tuple[int, bool]] = []
-        self.stretches: list[ProgramInterval] = []
+        self.intervals: list[ProgramInterval] = []
         self._began = 0
 
     @property
@@ -132,26 +132,30 @@ class ReferenceTrajectory:
     def references(self) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return θ_A,ref and θ_B,ref [rad] of every tick, and where the force loop trims."""
         both = np.concatenate(self._pieces)
-        return both[:, 0], both[:, 1], np.repeat([held for _, held in self._trimmed], [n for n, _ in self._trimmed])
+        return (
+            both[:, 0],
+            both[:, 1],
+            np.repeat([is_trimmed for _, is_trimmed in self._trimmed], [n for n, _ in self._trimmed]),
+        )
 
-    def to_where_it_can_start(self, law: Law) -> None:
+    def move_to_start(self, law: Law) -> None:
         """Wind up or travel to pretension, where the program cannot start from the present mode."""
         if self._mode in (Mode.OFF, Mode.STOPPING, Mode.TRIPPED):
-            self._wind_up()
+            self._apply_pretension()
             return
-        on_the_way = self._mode is Mode.PRETENSION and self.at != self.wound(PRETENSION_N)
-        if on_the_way or not may_start_from(law, self._mode):
-            self.home()
+        is_moving = self._mode is Mode.PRETENSION and self.at != self.compute_angles(PRETENSION_N)
+        if is_moving or not may_start_from(law, self._mode):
+            self.return_to_pretension()
 
-    def home(self) -> None:
+    def return_to_pretension(self) -> None:
         """Travel to pretension and stand there as long as it takes to be granted."""
-        self._walk(self.wound(PRETENSION_N))
+        self._travel(self.compute_angles(PRETENSION_N))
         self._hold(motion_primitives.STANDSTILL_S)
         self._mode = Mode.PRETENSION
 
-    def play(self, program: Program) -> None:
+    def follow_program(self, program: Program) -> None:
         """Go through a program of identification, from the way to its start to its end."""
-        self.stretches, self._began = [], self.ticks
+        self.intervals, self._began = [], self.ticks
         if program.law is Law.FORCE_HOLD:
             self._force_hold(program)
         elif program.law is Law.MOTOR_STEPS:
@@ -161,7 +165,7 @@ class ReferenceTrajectory:
         else:
             raise ValueError(f"{program.law} follows references of the joint, not of the motors")
 
-    def wound(self, F: float) -> JointAngles:
+    def compute_angles(self, F: float) -> JointAngles:
         """Angles [rad] that hold F [N] in both tendons at q = 0."""
         r_m = self._parameters.geometry.r_m
         return spring_elongation(self._springs["A"], F) / r_m, spring_elongation(self._springs["B"], F) / r_m
@@ -170,68 +174,68 @@ class ReferenceTrajectory:
         if program.excitation is None:
             raise ValueError("a force-hold program needs an excitation")
         at = 1, 1, program.tension_N
-        self._walk((sum(self.wound(program.tension_N)), 0.0))
-        self._done(*at, Stage.TRAVELLING)
+        self._travel((sum(self.compute_angles(program.tension_N)), 0.0))
+        self._end_interval(*at, Stage.TRAVELLING)
         theta_A, theta_B = self.at
         self._hold(program.settle_s, trimmed=True)
-        self._done(*at, Stage.SETTLING)
+        self._end_interval(*at, Stage.SETTLING)
         excitation = program.excitation
         levels = [1.0 if level == "+" else -1.0 for level in excitation.levels * excitation.periods]
         offsets = excitation.amplitude_rad * np.repeat(levels, max(round(excitation.chip_s / T_s), 1))
         self._add(theta_A + offsets, np.full(offsets.size, theta_B), trimmed=True)
-        self._done(*at, Stage.EXCITING)
+        self._end_interval(*at, Stage.EXCITING)
         self.at = theta_A, theta_B
 
     def _motor_steps(self, program: Program) -> None:
         settled_s = program.settle_s - T_s  # the tick of arrival counts
-        self._walk(self.wound(PRETENSION_N))
+        self._travel(self.compute_angles(PRETENSION_N))
         self._hold(settled_s)
         for number, step in enumerate(program.steps, start=1):
             at = number, len(program.steps), step.u
-            self._walk((step.theta_start, step.theta_start))
-            self._done(*at, Stage.TRAVELLING)
+            self._travel((step.theta_start, step.theta_start))
+            self._end_interval(*at, Stage.TRAVELLING)
             self._hold(settled_s)
             self._hold(ZERO_VOLTS_S)
-            self._done(*at, Stage.SETTLING)
-            braked = self._drive(step)
-            self._done(*at, Stage.EXCITING)
+            self._end_interval(*at, Stage.SETTLING)
+            braked = self._apply_step(step)
+            self._end_interval(*at, Stage.EXCITING)
             self._add(*braked)
-            self._done(*at, Stage.BRAKING)
+            self._end_interval(*at, Stage.BRAKING)
 
     def _tension_sweep(self, program: Program) -> None:
         of = 1 + len(program.legs)
-        self._walk(self.wound(program.tension_N))
-        self._done(1, of, program.tension_N, Stage.TRAVELLING)
+        self._travel(self.compute_angles(program.tension_N))
+        self._end_interval(1, of, program.tension_N, Stage.TRAVELLING)
         self._hold(program.settle_s - T_s)  # the tick of arrival counts
-        self._done(1, of, program.tension_N, Stage.SETTLING)
+        self._end_interval(1, of, program.tension_N, Stage.SETTLING)
         for number, leg in enumerate(program.legs, start=2):
             share = np.linspace(0.0, 1.0, max(round(leg.duration_s / T_s), 1) + 1)[1:]
-            (from_A, from_B), (to_A, to_B) = self.at, self.wound(leg.tension_N)
+            (from_A, from_B), (to_A, to_B) = self.at, self.compute_angles(leg.tension_N)
             self._add(from_A + share * (to_A - from_A), from_B + share * (to_B - from_B))
-            self._done(number, of, leg.tension_N, Stage.WINDING)
+            self._end_interval(number, of, leg.tension_N, Stage.WINDING)
 
-    def _done(self, number: int, of: int, set_point: float, stage: Stage) -> None:
-        """Put what the program was played by since the last stretch to a set point's stage."""
-        begin = self.stretches[-1].end if self.stretches else 0
-        self.stretches.append(
+    def _end_interval(self, number: int, of: int, set_point: float, stage: Stage) -> None:
+        """Put what the program was played by since the last interval to a set point's stage."""
+        begin = self.intervals[-1].end if self.intervals else 0
+        self.intervals.append(
             ProgramInterval(
                 number=number, of=of, set_point=set_point, stage=stage, begin=begin, end=self.ticks - self._began
             )
         )
 
-    def _walk(self, goal: JointAngles) -> None:
-        (from_A, from_B), (to_A, to_B) = self.at, goal
+    def _travel(self, target: JointAngles) -> None:
+        (from_A, from_B), (to_A, to_B) = self.at, target
         distance = max(abs(to_A - from_A), abs(to_B - from_B))
         ticks = max(math.ceil(distance / (TRAVEL_SPEED * T_s)), 1)
         share = np.minimum(np.arange(1, ticks + 1) * (TRAVEL_SPEED * T_s) / max(distance, 1e-12), 1.0)
         self._add(from_A + share * (to_A - from_A), from_B + share * (to_B - from_B))
-        self.at = goal
+        self.at = target
 
     def _hold(self, seconds: float, *, trimmed: bool = False) -> None:
         ticks = round(seconds / T_s)
         self._add(np.full(ticks, self.at[0]), np.full(ticks, self.at[1]), trimmed=trimmed)
 
-    def _wind_up(self) -> None:
+    def _apply_pretension(self) -> None:
         """Pretension from slack, as ``pretension.step`` winds: the zero is found anew, the joint is left at rest."""
         r_m = self._parameters.geometry.r_m
         behind = 1.0 - math.exp(-T_s / _WINDING_LAG_S)
@@ -244,13 +248,13 @@ class ReferenceTrajectory:
                 for side, angle in zip(SIDES, theta, strict=True)
             ]
             state = motion_primitives.step_pretension(state, PRETENSION_N, *F)
-            asked = state.theta_A_ref, state.theta_B_ref
-            theta = [angle + behind * (to - angle) for angle, to in zip(theta, asked, strict=True)]
-            ticks.append(asked)
+            commanded = state.theta_A_ref, state.theta_B_ref
+            theta = [angle + behind * (to - angle) for angle, to in zip(theta, commanded, strict=True)]
+            ticks.append(commanded)
         self._add(*np.array(ticks).T)
-        self.home()
+        self.return_to_pretension()
 
-    def _drive(self, step: VoltageStep) -> tuple[Array, Array]:
+    def _apply_step(self, step: VoltageStep) -> tuple[Array, Array]:
         """Step both motors as they are known (equation 17, with dry friction); return the way of braking them."""
         motors = [_FreeMotor(self._parameters, side, angle) for side, angle in zip(SIDES, self.at, strict=True)]
         turned: list[JointAngles] = []
@@ -304,10 +308,10 @@ class _FreeMotor:
 # from one place.
 
 
-POINTS = 400
+TIMETABLE_POINTS = 400
 """So many over the whole, besides the corners of what is asked for."""
 
-CORNERS = 4000
+CORNERS_MAX = 4000
 """Most corners that are drawn; with more the line is a solid band at any width."""
 
 
@@ -322,62 +326,62 @@ class Timetable:
     """
 
     law: Law
-    stretches: tuple[ProgramInterval, ...]
+    intervals: tuple[ProgramInterval, ...]
     t: Array
     signals: dict[str, Array]
 
     @property
     def duration_s(self) -> float:
         """Length from the first tick to the last one [s]."""
-        return self.stretches[-1].end * T_s
+        return self.intervals[-1].end * T_s
 
-    def title(self, stretch: ProgramInterval) -> str:
-        """Name the set point of a stretch."""
-        return titled(self.law, stretch.set_point)
+    def title(self, interval: ProgramInterval) -> str:
+        """Name the set point of a interval."""
+        return format_set_point(self.law, interval.set_point)
 
 
 def forecast_identification(
     plan: IdentificationPlan, parameters: PlantParameters, references: JointAngles | None = None
 ) -> Timetable:
     """Go through an identification that begins with motor references [rad]; without any, in pretension."""
-    way = ReferenceTrajectory(parameters, Start(Mode.PRETENSION, 0.0, (0.0, 0.0), (0.0, 0.0)))
-    way.at = way.wound(PRETENSION_N) if references is None else references
+    trajectory = ReferenceTrajectory(parameters, Start(Mode.PRETENSION, 0.0, (0.0, 0.0), (0.0, 0.0)))
+    trajectory.at = trajectory.compute_angles(PRETENSION_N) if references is None else references
     program = plan.program()
-    way.play(program)
-    return of_way(way, program, parameters)
+    trajectory.follow_program(program)
+    return build_timetable(trajectory, program, parameters)
 
 
-def of_way(way: ReferenceTrajectory, program: Program, parameters: PlantParameters) -> Timetable:
+def build_timetable(trajectory: ReferenceTrajectory, program: Program, parameters: PlantParameters) -> Timetable:
     """Return the timetable of the program that a way was played by last."""
-    every = _every_tick(way, program)
-    kept = _kept(every)
-    signals = {name: values[kept] for name, values in every.items()}
+    every = _collect_signals(trajectory, program)
+    ticks = _select_ticks(every)
+    signals = {name: values[ticks] for name, values in every.items()}
     if program.law is Law.TENSION_SWEEP:
         spring, r_m = parameters.make_identified_spring("A"), parameters.geometry.r_m
         signals["F_A"] = np.array(
             [tendon_tension(spring, r_m * angle) for angle in signals["theta_A_ref"]], dtype=np.float64
         )
-    return Timetable(program.law, tuple(way.stretches), (kept + 1) * np.float64(T_s), signals)
+    return Timetable(program.law, tuple(trajectory.intervals), (ticks + 1) * np.float64(T_s), signals)
 
 
-def _every_tick(way: ReferenceTrajectory, program: Program) -> dict[str, Array]:
+def _collect_signals(trajectory: ReferenceTrajectory, program: Program) -> dict[str, Array]:
     """Return what is asked for in every tick of a program."""
-    theta_A, theta_B, _ = way.references()
-    last = way.stretches[-1].end
+    theta_A, theta_B, _ = trajectory.references()
+    last = trajectory.intervals[-1].end
     theta_A, theta_B = theta_A[-last:].copy(), theta_B[-last:].copy()
     if program.law is not Law.MOTOR_STEPS:
         return {"theta_A_ref": theta_A, "theta_B_ref": theta_B}
     u = np.zeros(last)
-    for stretch in way.stretches:
-        if stretch.stage is Stage.EXCITING:
-            u[stretch.begin : stretch.end] = stretch.set_point
-            theta_A[stretch.begin - round(ZERO_VOLTS_S / T_s) : stretch.end] = np.nan
-        elif stretch.stage is Stage.BRAKING:
-            theta_A[stretch.begin : stretch.end] = np.nan
+    for interval in trajectory.intervals:
+        if interval.stage is Stage.EXCITING:
+            u[interval.begin : interval.end] = interval.set_point
+            theta_A[interval.begin - round(ZERO_VOLTS_S / T_s) : interval.end] = np.nan
+        elif interval.stage is Stage.BRAKING:
+            theta_A[interval.begin : interval.end] = np.nan
     return {"u_A": u, "theta_A_ref": theta_A}
 
 
-def _kept(signals: dict[str, Array]) -> NDArray[np.int64]:
+def _select_ticks(signals: dict[str, Array]) -> NDArray[np.int64]:
     """Return the ticks to draw: an even grid, and each that begins or ends a straight piece of what is asked for."""
     ticks = next(iter(signals.values())).size
     corner = np.zeros(ticks, dtype=bool)
@@ -387,11 +391,11 @@ def _kept(signals: dict[str, Array]) -> NDArray[np.int64]:
         gone = np.isnan(values)
         bent |= (gone[2:] != gone[1:-1]) | (gone[:-2] != gone[1:-1])
         corner[1:-1] |= bent
-    if np.count_nonzero(corner) > CORNERS:
+    if np.count_nonzero(corner) > CORNERS_MAX:
         corner[:] = False
-        corner[:: max(1, ticks // CORNERS)] = True
+        corner[:: max(1, ticks // CORNERS_MAX)] = True
         corner[-1] = True
-    corner[:: max(1, ticks // POINTS)] = True
+    corner[:: max(1, ticks // TIMETABLE_POINTS)] = True
     return np.flatnonzero(corner)
 
 
@@ -408,10 +412,10 @@ def _kept(signals: dict[str, Array]) -> NDArray[np.int64]:
 STEP_TICKS = 10
 """Joint and tendons are computed every so many ticks: the motors' lags are ten times longer."""
 
-ASIDE_RAD = 0.02
+MARGIN_RAD = 0.02
 """What the joint may swing beside its rest [rad]: dry friction, unlike motors, a swing that the start interrupts."""
 
-ASIDE_N = 0.5
+MARGIN_N = 0.5
 """What the load cells may read beside the tension at rest [N]: noise, and the motors' dry friction."""
 
 PATH_POINTS = 240
@@ -451,7 +455,7 @@ class Forecast:
         remedy = "take a lower tension or a smaller amplitude"
         # A start beyond the range is no reason to stay there: only what the run itself does is refused.
         reach = max(self.q_high, -self.q_low, key=abs)
-        if reach > bounds.q_trip and reach > abs(self.q_start) + ASIDE_RAD:
+        if reach > bounds.q_trip and reach > abs(self.q_start) + MARGIN_RAD:
             raise OutOfRangeError(
                 quantity="joint position on the way",
                 value=reach,
@@ -485,19 +489,19 @@ def forecast_identifications(
     plans: Sequence[IdentificationPlan], parameters: PlantParameters, start: Start, lam_motor: float
 ) -> Forecast:
     """Follow ``plans`` in turn from ``start``, with motor loops of ``lam_motor`` [s]."""
-    way = ReferenceTrajectory(parameters, start)
-    begins, ends = [], []
+    trajectory = ReferenceTrajectory(parameters, start)
+    start_times_s, end_times_s = [], []
     for plan in plans:
         program = plan.program()
-        way.to_where_it_can_start(program.law)
-        begins.append(way.duration_s)
-        way.play(program)
-        ends.append(way.duration_s)
-        way.home()
-    asked_A, asked_B, trimmed = way.references()
+        trajectory.move_to_start(program.law)
+        start_times_s.append(trajectory.duration_s)
+        trajectory.follow_program(program)
+        end_times_s.append(trajectory.duration_s)
+        trajectory.return_to_pretension()
+    asked_A, asked_B, trimmed = trajectory.references()
     theta_A, theta_B = (
-        _through_four_lags(asked, at, lam_motor)[::STEP_TICKS]
-        for asked, at in zip((asked_A, asked_B), start.theta, strict=True)
+        _filter_four_lags(commanded, at, lam_motor)[::STEP_TICKS]
+        for commanded, at in zip((asked_A, asked_B), start.theta, strict=True)
     )
     d, g = build_decoupler(parameters), parameters.geometry
     q = np.array([equilibrium(d, A, B) for A, B in zip(theta_A, theta_B, strict=True)])
@@ -505,25 +509,25 @@ def forecast_identifications(
     F_A = np.array([tendon_tension(spring_A, x) for x in g.r_m * theta_A - g.r_j * q])
     F_B = np.array([tendon_tension(spring_B, x) for x in g.r_m * theta_B + g.r_j * q])
     taut = np.minimum(F_A, F_B) > 0.0
-    held = slice(round(begins[0] / T_s) // STEP_TICKS, None)
+    taut_ticks = slice(round(start_times_s[0] / T_s) // STEP_TICKS, None)
     let_slack = any(plan.program().law is Law.MOTOR_STEPS for plan in plans)
     q_expected = [start.q, *q[taut]]
-    q_low, q_high = min(q_expected) - ASIDE_RAD, max(q_expected) + ASIDE_RAD
+    q_low, q_high = min(q_expected) - MARGIN_RAD, max(q_expected) + MARGIN_RAD
     for at in np.flatnonzero(trimmed[::STEP_TICKS]):
         q_low = min(q_low, equilibrium(d, theta_A[at] - pid.TRIM_MAX, theta_B[at]))
         q_high = max(q_high, equilibrium(d, theta_A[at] + pid.TRIM_MAX, theta_B[at]))
-    shown = np.flatnonzero(taut)
-    shown = shown[:: max(shown.size // PATH_POINTS, 1)]
+    shown_ticks = np.flatnonzero(taut)
+    shown_ticks = shown_ticks[:: max(shown_ticks.size // PATH_POINTS, 1)]
     return Forecast(
-        duration_s=way.duration_s,
-        ends_s=tuple(ends),
+        duration_s=trajectory.duration_s,
+        ends_s=tuple(end_times_s),
         q_start=start.q,
         q_low=q_low,
         q_high=q_high,
-        F_low=0.0 if let_slack else float(min(F_A[held].min(), F_B[held].min())) - ASIDE_N,
-        F_high=float(max(F_A.max(), F_B.max())) + ASIDE_N,
-        q_path=q[shown],
-        S_path=np.array([stiffness(d, theta_A[i], theta_B[i]) for i in shown]),
+        F_low=0.0 if let_slack else float(min(F_A[taut_ticks].min(), F_B[taut_ticks].min())) - MARGIN_N,
+        F_high=float(max(F_A.max(), F_B.max())) + MARGIN_N,
+        q_path=q[shown_ticks],
+        S_path=np.array([stiffness(d, theta_A[i], theta_B[i]) for i in shown_ticks]),
         let_slack=let_slack,
     )
 
@@ -548,22 +552,22 @@ class Expected:
 def forecast_duration(plan: Plan, parameters: PlantParameters, start: Start) -> Expected:
     """Tell how long a run takes from its order to its end, the way to where it can start included."""
     program = plan.program()
-    way = ReferenceTrajectory(parameters, start)
-    way.to_where_it_can_start(program.law)
-    before_s = way.duration_s
+    trajectory = ReferenceTrajectory(parameters, start)
+    trajectory.move_to_start(program.law)
+    before_s = trajectory.duration_s
     if program.law not in IDENTIFYING:
         return Expected(before_s, program.duration_s)
-    way.play(program)
-    told = of_way(way, program, parameters)
-    return Expected(before_s, told.duration_s, told)
+    trajectory.follow_program(program)
+    timetable = build_timetable(trajectory, program, parameters)
+    return Expected(before_s, timetable.duration_s, timetable)
 
 
-def _through_four_lags(asked: Array, at: float, lam: float) -> Array:
+def _filter_four_lags(commanded: Array, at: float, lam: float) -> Array:
     """Response of a motor at rest in ``at`` [rad] to its reference: 1/(λ s + 1)^4."""
     from scipy.signal import lfilter
 
     pole = math.exp(-T_s / lam)
-    moved = asked - at
+    moved = commanded - at
     for _ in range(4):
         moved = lfilter([0.0, 1.0 - pole], [1.0, -pole], moved)
     return at + moved

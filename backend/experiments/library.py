@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from backend.errors import InvalidValueError, OutOfRangeError
 from backend.experiments import parser
-from backend.experiments.compiler import LONGEST_PART_S
-from backend.experiments.parser import ExperimentError, Lines, read
-from backend.experiments.parser import settings_of as settings_of_parser
+from backend.experiments.compiler import PART_MAX_S
+from backend.experiments.parser import ExperimentError, Lines, build_settings, parse_experiment
 from backend.experiments.plans import (
     KIND,
     ActuatorIdentificationPlan,
@@ -22,7 +21,7 @@ from backend.experiments.plans import (
     MotorIdentificationPlan,
     Plan,
     SpringIdentificationPlan,
-    composed,
+    build_experiment_plan,
 )
 from backend.experiments.schema import Experiment
 from backend.models import (
@@ -43,7 +42,7 @@ from plant import T_s
 # The experiments that come with Sinew: files of data, with nothing that an own one cannot do.
 
 
-NAMES = (
+READY_NAMES = (
     "tracking",
     "compliance",
     "robustness",
@@ -61,14 +60,14 @@ NAMES = (
 
 
 @cache
-def ready_made(name: str) -> tuple[Experiment, Lines]:
+def load_ready_experiment(name: str) -> tuple[Experiment, Lines]:
     """Return one with the lines of its file. Raises KeyError."""
-    return read(text_of(name))
+    return parse_experiment(load_ready_text(name))
 
 
-def text_of(name: str) -> str:
+def load_ready_text(name: str) -> str:
     """Return the text of one, to begin an own one with. Raises KeyError."""
-    if name not in NAMES:
+    if name not in READY_NAMES:
         raise KeyError(name)
     return files(__package__).joinpath("ready", f"{name}.yaml").read_text(encoding="utf-8")
 
@@ -81,18 +80,18 @@ def text_of(name: str) -> str:
 
 Column = NDArray[np.float64]
 
-WITHIN_Q_RAD = 1e-3
-WITHIN_S = 0.02
-WITHIN_F_N = 0.05
+TOLERANCE_Q_RAD = 1e-3
+TOLERANCE_S = 0.02
+TOLERANCE_F_N = 0.05
 """How far a straight way may be off the recorded columns at any tick [rad, N·m/rad, N]."""
 
-_SAME = 2e-3
+_SAME_FRACTION = 2e-3
 """Of a bound: numbers that are off by less are the same, but for how they were written."""
 _DECIMALS = 6
 """Of what is written, in SI: finer than a bound, and short."""
-LEAST = 10
+PART_MIN_TICKS = 10
 """Ticks of the shortest part that an experiment may have."""
-_MOST = round(LONGEST_PART_S / T_s)
+_TICKS_MAX = round(PART_MAX_S / T_s)
 
 
 class ReferenceChange(NamedTuple):
@@ -140,147 +139,155 @@ def follow_columns(
     can be short, the parts are off by more than the bounds: how far is told. Raises ExperimentError for more parts than
     an experiment can have.
     """
-    return _Follower(q, S, np.zeros(len(q)) if F_push is None else F_push, changes).followed()
+    return _RecordedPartBuilder(q, S, np.zeros(len(q)) if F_push is None else F_push, changes).build_parts()
 
 
-class _Follower:
-    """Goes through the columns part by part: ``_at`` is the tick, ``_reached`` where the parts so far have led."""
+class _RecordedPartBuilder:
+    """Goes through the columns part by part: ``_tick`` is the tick, ``_references`` where the parts so far have led."""
 
     def __init__(self, q: Column, S: Column, F: Column, changes: Sequence[ReferenceChange]) -> None:
         self._q, self._S, self._F = q, S, F
         self._changes = list(changes)
-        self._edges = np.flatnonzero(np.diff(F != 0.0)) + 1
-        self._at = 0
-        self._reached = (np.nan, np.nan)
+        self._push_edges = np.flatnonzero(np.diff(F != 0.0)) + 1
+        self._tick = 0
+        self._references = (np.nan, np.nan)
         self._force = 0.0
         self._parts: list[dict[str, Any]] = []
-        self._off = (0.0, 0.0, 0.0)
-        self._late = 0
+        self._deviations = (0.0, 0.0, 0.0)
+        self._delay_ticks = 0
         self._unpushed: list[tuple[int, int]] = []
 
-    def followed(self) -> RecordedParts:
-        while self._at < len(self._q):
-            self._change()
-            bound = self._bound()
-            if not (self._F[self._at] != 0.0 and self._push(bound)):
-                self._move(bound)
+    def build_parts(self) -> RecordedParts:
+        while self._tick < len(self._q):
+            self._add_changes()
+            bound = self._find_latest_end()
+            if not (self._F[self._tick] != 0.0 and self._add_push(bound)):
+                self._add_motion(bound)
             if len(self._parts) > MAX_SEGMENTS:
                 raise ExperimentError(
                     f"its references take more than {MAX_SEGMENTS} holds and ramps, as many as an experiment can have: "
                     "compose it of parts"
                 )
-        return RecordedParts(self._parts, *self._off, self._late, self._unpushed)
+        return RecordedParts(self._parts, *self._deviations, self._delay_ticks, self._unpushed)
 
-    def _change(self) -> None:
+    def _add_changes(self) -> None:
         """Add what is due, of several changes of one kind the last one; a tuning takes over what others changed."""
-        due = [change for change in self._changes if change.tick <= self._at]
+        due = [change for change in self._changes if change.tick <= self._tick]
         self._changes = self._changes[len(due) :]
         tuning: dict[str, Any] = {}
         wall: dict[str, Any] | None = None
         for change in due:
-            self._late = max(self._late, self._at - change.tick)
+            self._delay_ticks = max(self._delay_ticks, self._tick - change.tick)
             if change.part["do"] == "tuning":
                 tuning |= change.part
             else:
                 wall = change.part
         self._parts += [part for part in (tuning, wall) if part]
 
-    def _bound(self) -> int:
+    def _find_latest_end(self) -> int:
         """Return the tick at which the next part has to end: of a change, or where a push begins or ends."""
         later = [change.tick for change in self._changes[:1]]
-        edges = self._edges[self._edges > self._at]
-        return min(len(self._q), *later, *(int(edge) for edge in edges[:1]), self._at + _MOST)
+        edges = self._push_edges[self._push_edges > self._tick]
+        return min(len(self._q), *later, *(int(edge) for edge in edges[:1]), self._tick + _TICKS_MAX)
 
-    def _push(self, bound: int) -> bool:
+    def _add_push(self, bound: int) -> bool:
         """Add a push up to where the references move; whether they rest long enough for one."""
-        at, (q, S) = self._at, self._reached
+        at, (q, S) = self._tick, self._references
         rest = slice(at, bound)
-        moves = np.abs(self._q[rest] - q) > _SAME * WITHIN_Q_RAD
-        moves |= np.abs(self._S[rest] - S) > _SAME * WITHIN_S
+        moves = np.abs(self._q[rest] - q) > _SAME_FRACTION * TOLERANCE_Q_RAD
+        moves |= np.abs(self._S[rest] - S) > _SAME_FRACTION * TOLERANCE_S
         if not np.isfinite(q) or moves[0]:
             return False
         bound = at + int(np.argmax(moves)) if moves.any() else bound
-        if bound - at < LEAST and moves.any():
+        if bound - at < PART_MIN_TICKS and moves.any():
             return False
         F = self._F[:bound]
-        end, shape = _held([(F, WITHIN_F_N)], at), "step"
-        if end - at < LEAST and end < bound:
-            for within in (_SAME, 1.0):
-                ramp = _ramped([(F, self._force, WITHIN_F_N)], at, within)
-                if ramp - at >= LEAST:
+        end, shape = _find_hold_end([(F, TOLERANCE_F_N)], at), "step"
+        if end - at < PART_MIN_TICKS and end < bound:
+            for within in (_SAME_FRACTION, 1.0):
+                ramp = _find_ramp_end([(F, self._force, TOLERANCE_F_N)], at, within)
+                if ramp - at >= PART_MIN_TICKS:
                     end, shape = ramp, "ramp"
                     break
-        end = max(end, at + LEAST)
+        end = max(end, at + PART_MIN_TICKS)
         last = min(end, len(self._F)) - 1
         force = round(float(self._F[at if shape == "step" else last]), _DECIMALS)
         share = np.arange(1, end - at + 1) / (end - at) if shape == "ramp" else np.ones(end - at)
-        off = _off(column=self._F, at=at, share=share, before=self._force, after=force, most=self._off[2])
-        self._off = *self._off[:2], off
+        off = _compute_deviation(
+            column=self._F, at=at, share=share, before=self._force, after=force, most=self._deviations[2]
+        )
+        self._deviations = *self._deviations[:2], off
         part = {"do": "push", "F_push": force, "duration_s": round((end - at) * T_s, 3)}
         self._parts.append(part if shape == "step" else {**part, "shape": shape})
-        self._at, self._force = end, force
+        self._tick, self._force = end, force
         return True
 
-    def _move(self, bound: int) -> None:
+    def _add_motion(self, bound: int) -> None:
         """Add a hold, a step or a ramp of the references; no push is felt during it."""
-        at, pushed = self._at, bool(self._F[self._at] != 0.0)
+        at, pushed = self._tick, bool(self._F[self._tick] != 0.0)
         q, S = self._q[:bound], self._S[:bound]
-        columns = [(q, WITHIN_Q_RAD), (S, WITHIN_S)]
+        columns = [(q, TOLERANCE_Q_RAD), (S, TOLERANCE_S)]
         # during a push a jump is as short as a part can be, so that the push goes on
-        held = end = min(_held(columns, at), at + LEAST if pushed else bound)
+        held = end = min(_find_hold_end(columns, at), at + PART_MIN_TICKS if pushed else bound)
         ramp = False
-        for within in (_SAME, 1.0):  # what was a ramp is one again; what was none is followed by several
-            if end - at < LEAST and at > 0:
-                ways = [(column, start, bound) for (column, bound), start in zip(columns, self._reached, strict=True)]
-                end = _ramped(ways, at, within)
-                ramp = end - at >= LEAST
-        end = max(end if ramp else held, at + LEAST)
+        for within in (_SAME_FRACTION, 1.0):  # what was a ramp is one again; what was none is followed by several
+            if end - at < PART_MIN_TICKS and at > 0:
+                ways = [
+                    (column, start, bound) for (column, bound), start in zip(columns, self._references, strict=True)
+                ]
+                end = _find_ramp_end(ways, at, within)
+                ramp = end - at >= PART_MIN_TICKS
+        end = max(end if ramp else held, at + PART_MIN_TICKS)
         last = min(end, len(self._q)) - 1
         arrived = round(float(self._q[last]), _DECIMALS), round(float(self._S[last]), _DECIMALS)
-        self._parts.append(_part("ramp" if ramp else "step", end - at, self._reached, arrived))
+        self._parts.append(_build_part("ramp" if ramp else "step", end - at, self._references, arrived))
         share = np.arange(1, end - at + 1) / (end - at) if ramp else np.ones(end - at)
-        off_q = _off(column=self._q, at=at, share=share, before=self._reached[0], after=arrived[0], most=self._off[0])
-        off_S = _off(column=self._S, at=at, share=share, before=self._reached[1], after=arrived[1], most=self._off[1])
-        self._off = off_q, off_S, self._off[2]
+        off_q = _compute_deviation(
+            column=self._q, at=at, share=share, before=self._references[0], after=arrived[0], most=self._deviations[0]
+        )
+        off_S = _compute_deviation(
+            column=self._S, at=at, share=share, before=self._references[1], after=arrived[1], most=self._deviations[1]
+        )
+        self._deviations = off_q, off_S, self._deviations[2]
         if pushed:
-            self._unpushed = _joined(self._unpushed, at, min(end, int(self._edge(at))))
-        elif (begun := self._edge(at)) < end:
-            self._late = max(self._late, end - begun)
-        self._at, self._reached, self._force = end, arrived, 0.0
+            self._unpushed = _append_interval(self._unpushed, at, min(end, int(self._find_next_edge(at))))
+        elif (begun := self._find_next_edge(at)) < end:
+            self._delay_ticks = max(self._delay_ticks, end - begun)
+        self._tick, self._references, self._force = end, arrived, 0.0
 
-    def _edge(self, at: int) -> int:
+    def _find_next_edge(self, at: int) -> int:
         """Return the tick at which a push begins or ends next."""
-        edges = self._edges[self._edges > at]
+        edges = self._push_edges[self._push_edges > at]
         return int(edges[0]) if len(edges) else len(self._F)
 
 
-def _joined(stretches: list[tuple[int, int]], begin: int, end: int) -> list[tuple[int, int]]:
+def _append_interval(stretches: list[tuple[int, int]], begin: int, end: int) -> list[tuple[int, int]]:
     if stretches and stretches[-1][1] == begin:
         return [*stretches[:-1], (stretches[-1][0], end)]
     return [*stretches, (begin, end)]
 
 
-def _part(do: str, ticks: int, before: Sequence[float], after: Sequence[float]) -> dict[str, Any]:
+def _build_part(do: str, ticks: int, before: Sequence[float], after: Sequence[float]) -> dict[str, Any]:
     named = {name: new for name, old, new in zip(("q_ref", "S_ref"), before, after, strict=True) if new != old}
     return {"do": do if named else "hold", **named, "duration_s": round(ticks * T_s, 3)}
 
 
-def _off(column: Column, at: int, share: Column, before: float, after: float, most: float) -> float:
+def _compute_deviation(column: Column, at: int, share: Column, before: float, after: float, most: float) -> float:
     """Return how far a part is off at most, or ``most`` where that is more."""
     recorded = column[at : at + len(share)]
     way = after - (1.0 - share[: len(recorded)]) * (0.0 if np.isnan(before) else after - before)
     return max(most, float(np.max(np.abs(way - recorded))))
 
 
-def _held(columns: Sequence[tuple[Column, float]], at: int) -> int:
+def _find_hold_end(columns: Sequence[tuple[Column, float]], at: int) -> int:
     """Return the end of the ticks from ``at`` on in which each column stays where it is, by its bound."""
     off = np.zeros(len(columns[0][0]) - at, bool)
     for column, within in columns:
-        off |= np.abs(column[at:] - column[at]) > _SAME * within
+        off |= np.abs(column[at:] - column[at]) > _SAME_FRACTION * within
     return at + int(np.argmax(off)) if off.any() else at + len(off)
 
 
-def _ramped(ways: Sequence[tuple[Column, float, float]], at: int, share: float) -> int:
+def _find_ramp_end(ways: Sequence[tuple[Column, float, float]], at: int, share: float) -> int:
     """Return the end of the longest straight way from where the tick before ``at`` left each column.
 
     A way is a column, where it starts and its bound. The slopes that pass every tick within ``share`` of its bound form
@@ -291,14 +298,14 @@ def _ramped(ways: Sequence[tuple[Column, float, float]], at: int, share: float) 
     while True:
         ticks = np.arange(1, min(span, length - at) + 1)
         inside = np.ones(len(ticks), bool)
-        open_still = True
+        can_continue = True
         for column, start, within in ways:
             slopes = (column[at : at + len(ticks)] - start) / ticks
             low = np.maximum.accumulate(slopes - share * within / ticks)
             high = np.minimum.accumulate(slopes + share * within / ticks)
             inside &= (slopes >= low) & (slopes <= high)
-            open_still = open_still and bool(low[-1] <= high[-1])
-        if not open_still or at + len(ticks) == length:
+            can_continue = can_continue and bool(low[-1] <= high[-1])
+        if not can_continue or at + len(ticks) == length:
             ends = np.flatnonzero(inside)
             return at + int(ends[-1]) + 1 if len(ends) else at
         span *= 2
@@ -315,17 +322,17 @@ KINDS: dict[str, type[Any]] = {
 }
 """Plans that are written in Python, by the kind of their runs."""
 
-OF_THE_PAPER = ("tracking", "compliance", "robustness")
+PAPER_EXPERIMENTS = ("tracking", "compliance", "robustness")
 """Ready-made experiments whose runs are of a kind of their own, as they were before experiments were data."""
 
 
 def build_ready_plan(name: str, **values: Any) -> ExperimentPlan:
     """Return the plan of a ready-made experiment. Raises KeyError, SettingError, OutOfRangeError, ExperimentError."""
-    experiment, lines = ready_made(name)
-    return composed(experiment, values, name if name in OF_THE_PAPER else KIND, lines)
+    experiment, lines = load_ready_experiment(name)
+    return build_experiment_plan(experiment, values, name if name in PAPER_EXPERIMENTS else KIND, lines)
 
 
-def settings_of(plan: Plan) -> tuple[Setting, ...]:
+def list_settings(plan: Plan) -> tuple[Setting, ...]:
     """Return the settings that a plan declares."""
     return plan.settings if isinstance(plan, ExperimentPlan) else describe_settings(type(plan))
 
@@ -335,12 +342,12 @@ def list_setting_values(plan: Plan) -> dict[str, Value]:
     return dict(plan.values) if isinstance(plan, ExperimentPlan) else asdict(plan)
 
 
-def plan_values(plan: Plan) -> dict[str, Value]:
+def list_stored_values(plan: Plan) -> dict[str, Value]:
     """Return what a run keeps of its plan."""
-    return plan.stored() if isinstance(plan, ExperimentPlan) else asdict(plan)
+    return plan.to_stored_values() if isinstance(plan, ExperimentPlan) else asdict(plan)
 
 
-def declare_choice(plan: Plan) -> tuple[DeclaredValue, ...]:
+def describe_plan_values(plan: Plan) -> tuple[DeclaredValue, ...]:
     """Return what was chosen with symbol, unit and meaning."""
     if not isinstance(plan, ExperimentPlan):
         return describe_values(plan)
@@ -359,11 +366,13 @@ def parse_stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
         plan: Plan = build_plan(KINDS[kind], kept)
         return plan
     if "experiment" not in kept:
-        if kind not in OF_THE_PAPER:
+        if kind not in PAPER_EXPERIMENTS:
             raise ExperimentError("what it played is kept in no form that is known")
         return build_ready_plan(kind, **kept)
     experiment = parser.parse_canonical(str(kept["experiment"]))
-    return composed(experiment, {name: value for name, value in kept.items() if name != "experiment"}, kind)
+    return build_experiment_plan(
+        experiment, {name: value for name, value in kept.items() if name != "experiment"}, kind
+    )
 
 
 # Catalogue -----------------------------------------------------------------------------------------
@@ -383,42 +392,45 @@ class ExperimentDefinition:
     title: str
     description: str
     settings: tuple[Setting, ...]
-    make: Callable[[Mapping[str, Any]], Plan]
+    make_plan: Callable[[Mapping[str, Any]], Plan]
     run_kind: str
-    written: Experiment | None = None
-    instead: str = ""
+    experiment: Experiment | None = None
+    replacement: str = ""
 
     @cached_property
-    def usual(self) -> Plan:
+    def default_plan(self) -> Plan:
         """The plan with all settings at their defaults."""
-        return self.make({})
+        return self.make_plan({})
 
 
-def build_library_entry(
+def build_experiment_definition(
     experiment: Experiment, lines: Lines | None = None, *, name: str = "", run_kind: str = KIND
 ) -> ExperimentDefinition:
-    """Return the entry of an experiment that is data. Raises ExperimentError for one that cannot be played."""
-    where = {} if lines is None else lines
-    entry = ExperimentDefinition(
+    """Return the definition of an experiment that is data. Raises ExperimentError for one that cannot be played."""
+    source_lines = {} if lines is None else lines
+    definition = ExperimentDefinition(
         name=name or experiment.name,
         title=experiment.title,
         description=experiment.description,
-        settings=settings_of_parser(experiment, where),
-        make=lambda values: composed(experiment, values, run_kind, where),
+        settings=build_settings(experiment, source_lines),
+        make_plan=lambda values: build_experiment_plan(experiment, values, run_kind, source_lines),
         run_kind=run_kind,
-        written=experiment,
+        experiment=experiment,
     )
-    _ = entry.usual
-    return entry
+    _ = definition.default_plan
+    return definition
 
 
 @cache
 def experiments_by_name() -> Mapping[str, ExperimentDefinition]:
     """Return the experiments that come with Sinew, by name, and what is taken in their place."""
     ready = {
-        name: build_library_entry(*ready_made(name), run_kind=name if name in OF_THE_PAPER else KIND) for name in NAMES
+        name: build_experiment_definition(
+            *load_ready_experiment(name), run_kind=name if name in PAPER_EXPERIMENTS else KIND
+        )
+        for name in READY_NAMES
     }
-    return {**ready, upgrades.SEQUENCE: _sequence_entry()}
+    return {**ready, upgrades.SEQUENCE: _build_sequence_definition()}
 
 
 _SEGMENTS = Setting(
@@ -438,31 +450,32 @@ _SEGMENTS = Setting(
 )
 
 
-def _sequence_entry() -> ExperimentDefinition:
+def _build_sequence_definition() -> ExperimentDefinition:
     """Return what takes a list of segments, as own experiments were once written, and makes an experiment of it."""
 
-    def make(values: Mapping[str, Any]) -> ExperimentPlan:
+    def make_plan(values: Mapping[str, Any]) -> ExperimentPlan:
         segments = _SEGMENTS.parse(values.get(_SEGMENTS.name, _SEGMENTS.default))
         document = upgrades.convert_sequence(segments)
         if document is None:
             raise SettingError(_SEGMENTS.name, str(segments)[:40], f"it needs a {_SEGMENTS.meaning}")
         try:
-            return composed(parser.of_document(document, {}), {}, upgrades.SEQUENCE)
+            return build_experiment_plan(parser.build_experiment(document, {}), {}, upgrades.SEQUENCE)
         except ExperimentError as error:
-            raise _of_segment(error) from None
+            raise _translate_segment_error(error) from None
 
     return ExperimentDefinition(
         name=upgrades.SEQUENCE,
         title="Own sequence",
         description="Steps, ramps and sines of both references, one after the other, as a JSON list of segments.",
         settings=(_SEGMENTS,),
-        make=make,
+        make_plan=make_plan,
         run_kind=upgrades.SEQUENCE,
-        instead="write an experiment: its parts step, ramp and sine take the same numbers (docs/how-to/experiments.md)",
+        replacement="write an experiment: its parts step, ramp and sine take the same numbers "
+        "(docs/how-to/experiments.md)",
     )
 
 
-def _of_segment(error: ExperimentError) -> InvalidValueError:
+def _translate_segment_error(error: ExperimentError) -> InvalidValueError:
     """Return the error that names a segment in place of the part that it became."""
     match error.path, error.why:
         case ("phases", 0, "parts", int(place), *rest), OutOfRangeError() as why:

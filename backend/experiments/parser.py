@@ -1,4 +1,4 @@
-"""Reads experiments from YAML or JSON, and the expressions in them. Nothing of a text is executed."""
+"""Parses experiments from YAML or JSON, and the expressions in them, without executing any code."""
 
 import ast
 import json
@@ -24,30 +24,29 @@ from plant import ErrorCode, SinewError
 
 # Expressions ---------------------------------------------------------------------------------------
 #
-# Small expressions of settings, "2 * hold_s": numbers, names, arithmetic, comparison, choice. Pure;
-# nothing is run.
+# Expressions of settings such as "2 * hold_s": numbers, names, arithmetic, comparisons, conditions.
 #
-# Every number is a float, and length, depth and rounding are bounded: the cost of an expression is
-# known before any of it is evaluated. With Python's own whole numbers ``round(1, -1000000000)``
-# computes a power of ten with a billion digits.
+# All numbers are floats, and length, nesting and rounding are bounded, so that the cost of an
+# expression is bounded. With Python's integers, ``round(1, -1000000000)`` would compute a power of
+# ten with a billion digits.
 
 
 Names = Mapping[str, bool | int | float | str]
 CONSTANTS = {"pi": math.pi}
 MAX_LENGTH = 500
-"""Longest expression [characters]."""
+"""Maximum length of an expression [characters]."""
 
 MAX_NODES = 200
-"""Most numbers, names and operations of an expression."""
+"""Maximum number of numbers, names and operations in an expression."""
 
 MAX_DEPTH = 30
-"""Deepest nesting of an expression."""
+"""Maximum nesting of an expression."""
 
 MAX_DIGITS = 15
-"""Most digits that a number is rounded to, before or after its point: a float has no more."""
+"""Maximum number of digits for rounding, before or after the decimal point; a float has no more."""
 
 
-def _rounded(number: float, digits: float = 0.0) -> float:
+def _round(number: float, digits: float = 0.0) -> float:
     if not abs(digits) <= MAX_DIGITS or digits != int(digits):
         raise ValueError(f"round takes a whole number of digits from -{MAX_DIGITS} to {MAX_DIGITS}")
     return round(float(number), int(digits))
@@ -58,7 +57,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "max": max,
     "abs": abs,
     "sqrt": math.sqrt,
-    "round": _rounded,
+    "round": _round,
 }
 _EXPRESSION_BINARY: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -80,40 +79,40 @@ _EXPRESSION_COMPARE: dict[type, Callable[[Any, Any], bool]] = {
 
 
 class ExpressionError(SinewError, ValueError):
-    """An expression that cannot be read, or has no value."""
+    """An expression is invalid or has no value."""
 
     category = ErrorCode.BAD_VALUE
 
 
 def evaluate_number(expression: float | str, names: Names) -> float:
-    """Return the number that an expression stands for. Raises ExpressionError."""
-    value = _value_of(expression, names)
+    """Return the value of a numeric expression. Raises ExpressionError."""
+    value = _evaluate_text(expression, names)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ExpressionError(f"{expression!r} is {value!r}, which is not a finite number")
     return float(value)
 
 
-def truth_of(expression: str, names: Names) -> bool:
-    """Return whether a comparison holds. Raises ExpressionError."""
-    value = _value_of(expression, names)
+def evaluate_condition(expression: str, names: Names) -> bool:
+    """Return the value of a condition. Raises ExpressionError."""
+    value = _evaluate_text(expression, names)
     if not isinstance(value, bool):
         raise ExpressionError(f"{expression!r} is {value!r}, which is not a comparison")
     return value
 
 
 def require_known(expression: float | str, names: Names) -> None:
-    """Raise ExpressionError for a name or a form that is not known, whatever the values."""
+    """Raise ExpressionError for an unknown name or an unsupported construct, independent of values."""
     if isinstance(expression, str):
-        _look(parsed_expression(expression).body, names)
+        _require_supported(parse_expression(expression).body, names)
 
 
-def names_in(expression: str) -> set[str]:
-    """Return the names that an expression speaks of. Raises ExpressionError."""
-    return {node.id for node in ast.walk(parsed_expression(expression)) if isinstance(node, ast.Name)}
+def find_names(expression: str) -> set[str]:
+    """Return the names in an expression. Raises ExpressionError."""
+    return {node.id for node in ast.walk(parse_expression(expression)) if isinstance(node, ast.Name)}
 
 
-class Compared(NamedTuple):
-    """A name that is compared with a bound, both as numbers; ``below``: it has to stay below it."""
+class Comparison(NamedTuple):
+    """A name compared with a bound, with both values; ``below``: the value must stay below the bound."""
 
     name: str
     value: float
@@ -121,36 +120,36 @@ class Compared(NamedTuple):
     below: bool
 
 
-def bound_of(expression: str, names: Names) -> Compared | None:
-    """Return what a comparison such as "S_low < S_high" says of its first name; None where it is less plain."""
-    match parsed_expression(expression).body:
+def extract_comparison(expression: str, names: Names) -> Comparison | None:
+    """Return the comparison of a name with a bound, as in "S_low < S_high"; None for other expressions."""
+    match parse_expression(expression).body:
         case ast.Compare(
             left=ast.Name(id=name), ops=[ast.Lt() | ast.LtE() | ast.Gt() | ast.GtE() as sign], comparators=[right]
         ):
             value, bound = names.get(name), evaluate_number(ast.unparse(right), names)
             if isinstance(value, int | float):
-                return Compared(name, float(value), bound, isinstance(sign, ast.Lt | ast.LtE))
+                return Comparison(name, float(value), bound, isinstance(sign, ast.Lt | ast.LtE))
         case _:
             pass
     return None
 
 
-def _value_of(expression: float | str, names: Names) -> Any:
+def _evaluate_text(expression: float | str, names: Names) -> Any:
     if not isinstance(expression, str):
         try:
-            return _plain(expression)
+            return _to_float(expression)
         except OverflowError:
             raise ExpressionError("a number has more than 308 digits") from None
-    tree = parsed_expression(expression)
-    _look(tree.body, names)
+    tree = parse_expression(expression)
+    _require_supported(tree.body, names)
     try:
         return _evaluate(tree.body, names)
     except (ArithmeticError, ValueError, TypeError) as error:
         raise ExpressionError(f"{expression!r} has no value: {error}") from None
 
 
-def parsed_expression(expression: str) -> ast.Expression:
-    """Return an expression as a tree of bounded size. Raises ExpressionError."""
+def parse_expression(expression: str) -> ast.Expression:
+    """Return the syntax tree of an expression, with bounded size. Raises ExpressionError."""
     if len(expression) > MAX_LENGTH:
         raise ExpressionError(
             f"{expression[:40]!r}… has {len(expression)} characters, at most {MAX_LENGTH} are accepted: shorten it"
@@ -176,7 +175,7 @@ def _require_small(tree: ast.Expression) -> None:
         level = [child for node in level for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
 
 
-def _look(node: ast.AST, names: Names) -> None:
+def _require_supported(node: ast.AST, names: Names) -> None:
     match node:
         case ast.Name(id=name) if name not in names and name not in CONSTANTS:
             known = ", ".join((*names, *CONSTANTS))
@@ -185,7 +184,7 @@ def _look(node: ast.AST, names: Names) -> None:
             raise ExpressionError(f"{value!r} is not taken in an expression")
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             for argument in arguments:
-                _look(argument, names)
+                _require_supported(argument, names)
             return
         case ast.Name() | ast.Constant():
             return
@@ -193,7 +192,7 @@ def _look(node: ast.AST, names: Names) -> None:
             pass
         case ast.UnaryOp(op=operation) if type(operation) in _UNARY:
             pass
-        case ast.Compare(ops=operations) if all(type(one) in _EXPRESSION_COMPARE for one in operations):
+        case ast.Compare(ops=operations) if all(type(item) in _EXPRESSION_COMPARE for item in operations):
             pass
         case ast.IfExp() | ast.BoolOp():
             pass
@@ -202,20 +201,20 @@ def _look(node: ast.AST, names: Names) -> None:
             raise ExpressionError(f"{ast.unparse(node)[:60]!r} is not taken: + - * / % **, comparisons, {known}")
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.expr):
-            _look(child, names)
+            _require_supported(child, names)
 
 
-def _plain(value: Any) -> Any:
-    """Return a number as a float, anything else as it is. Raises OverflowError."""
+def _to_float(value: Any) -> Any:
+    """Return an integer as a float, other values unchanged. Raises OverflowError."""
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
 def _evaluate(node: ast.AST, names: Names) -> Any:
     match node:
         case ast.Constant(value=value):
-            return _plain(value)
+            return _to_float(value)
         case ast.Name(id=name):
-            return _plain(names[name] if name in names else CONSTANTS[name])
+            return _to_float(names[name] if name in names else CONSTANTS[name])
         case ast.BinOp(left=left, op=operation, right=right):
             return _EXPRESSION_BINARY[type(operation)](float(_evaluate(left, names)), float(_evaluate(right, names)))
         case ast.UnaryOp(op=operation, operand=operand):
@@ -223,13 +222,13 @@ def _evaluate(node: ast.AST, names: Names) -> Any:
         case ast.IfExp(test=test, body=body, orelse=otherwise):
             return _evaluate(body if _evaluate(test, names) else otherwise, names)
         case ast.BoolOp(op=operation, values=values):
-            held = [bool(_evaluate(value, names)) for value in values]
-            return all(held) if isinstance(operation, ast.And) else any(held)
+            results = [bool(_evaluate(value, names)) for value in values]
+            return all(results) if isinstance(operation, ast.And) else any(results)
         case ast.Compare(left=left, ops=operations, comparators=others):
-            values = [_evaluate(one, names) for one in (left, *others)]
+            values = [_evaluate(item, names) for item in (left, *others)]
             return all(
-                _EXPRESSION_COMPARE[type(one)](low, high)
-                for one, low, high in zip(operations, values, values[1:], strict=False)
+                _EXPRESSION_COMPARE[type(item)](low, high)
+                for item, low, high in zip(operations, values, values[1:], strict=False)
             )
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return FUNCTIONS[name](*(_evaluate(argument, names) for argument in arguments))
@@ -237,39 +236,37 @@ def _evaluate(node: ast.AST, names: Names) -> Any:
             raise ExpressionError("it cannot be evaluated")
 
 
-# Refused -------------------------------------------------------------------------------------------
-#
-# How an experiment that cannot be is refused: in which line, which part of it, why.
+# Errors --------------------------------------------------------------------------------------------
 
 
 Lines = Mapping[Path, int]
-"""Line of each part of a text, from 1, by its place in what the text says."""
+"""Line of each part of a text, from 1, by its path in the document."""
 
 
 class ExperimentError(InvalidValueError):
-    """An experiment that is not taken. ``line`` is None where nobody wrote it as a text."""
+    """An experiment is invalid. ``line`` is None without a text."""
 
     code = "bad_experiment"
 
     def __init__(self, why: str | InvalidValueError, path: Path = (), line: int | None = None) -> None:
         self.why = why
         self.line = line
-        super().__init__(str(path[-1]) if path else "experiment", words=in_words(path), path=path)
+        super().__init__(str(path[-1]) if path else "experiment", words=format_path(path), path=path)
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Code, and the refused part with its place and line."""
+        """Error code, message and path, with the line."""
         return {**super().fields, "line": self.line}
 
     def format_message(self, angles: AngleUnit) -> str:
-        """Say it to somebody who reads angles in this unit."""
+        """Return the message with angles in this unit."""
         why = self.why if isinstance(self.why, str) else self.why.format_message(angles)
         place = f"line {self.line}" if self.line else ""
         return ": ".join(part for part in (place, self.words if self.path else "", why) if part)
 
 
-def in_words(path: Path) -> str:
-    """Write a place as a person counts: "phases 2, parts 1, q_ref"."""
+def format_path(path: Path) -> str:
+    """Return a path as text, counted from 1: "phases 2, parts 1, q_ref"."""
     words: list[str] = []
     for part in path:
         if isinstance(part, int) and words:
@@ -280,7 +277,7 @@ def in_words(path: Path) -> str:
 
 
 def find_line(path: Path, lines: Lines) -> int | None:
-    """Return the line of a place, or of the nearest that it lies in."""
+    """Return the line of a path, or of its nearest parent that has one."""
     for length in range(len(path), -1, -1):
         if path[:length] in lines:
             return lines[path[:length]]
@@ -289,7 +286,7 @@ def find_line(path: Path, lines: Lines) -> int | None:
 
 @contextmanager
 def error_context(path: Path, lines: Lines) -> Iterator[None]:
-    """Say of whatever is refused inside where it stands."""
+    """Add path and line to errors raised in the block."""
     try:
         yield
     except ExperimentError:
@@ -300,35 +297,34 @@ def error_context(path: Path, lines: Lines) -> Iterator[None]:
 
 # Settings ------------------------------------------------------------------------------------------
 #
-# The settings that an experiment declares, as the page, the command line and the interface know
-# settings. Pure.
+# Settings that an experiment declares.
 
 
-OF_THE_PLANT = ("u_max", "F_max", "r_j", "r_m", "ideal")
-"""What the bounds of criteria may speak of beside settings and tuning."""
+PLANT_NAMES = ("u_max", "F_max", "r_j", "r_m", "ideal")
+"""Names of the plant in the bounds of criteria, in addition to settings and tuning."""
 
-_SETTING_TAKEN = {*TUNING_NAMES, *OF_THE_PLANT, "seed", "experiment", "name", *CONSTANTS, *FUNCTIONS}
+_SETTING_TAKEN = {*TUNING_NAMES, *PLANT_NAMES, "seed", "experiment", "name", *CONSTANTS, *FUNCTIONS}
 
 
-def settings_of(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:
-    """Return the settings of an experiment. Raises ExperimentError for one that cannot be."""
-    made: list[Setting] = []
-    for place, declared in enumerate(experiment.settings):
-        path: Path = ("settings", place)
-        if declared.name in _SETTING_TAKEN or any(declared.name == other.name for other in made):
+def build_settings(experiment: Experiment, lines: Lines) -> tuple[Setting, ...]:
+    """Return the settings that an experiment declares. Raises ExperimentError for an invalid declaration."""
+    settings: list[Setting] = []
+    for index, declared in enumerate(experiment.settings):
+        path: Path = ("settings", index)
+        if declared.name in _SETTING_TAKEN or any(declared.name == other.name for other in settings):
             why = f"{declared.name!r} is taken: by the tuning, the seed or another setting"
             raise ExperimentError(why, (*path, "name"), find_line((*path, "name"), lines))
         try:
-            setting = _setting(declared)
+            setting = _build_setting(declared)
             setting.parse(setting.default)
         except (ExpressionError, SettingError, OutOfRangeError, ValueError) as error:
             raise ExperimentError(str(error), path, find_line(path, lines)) from None
-        made.append(setting)
-    return tuple(made)
+        settings.append(setting)
+    return tuple(settings)
 
 
-def parsed_setting(settings: tuple[Setting, ...], values: Mapping[str, object]) -> dict[str, Value]:
-    """Return all settings by name, those that are not named at their defaults. Raises SettingError, OutOfRangeError."""
+def parse_values(settings: tuple[Setting, ...], values: Mapping[str, object]) -> dict[str, Value]:
+    """Return the values of all settings by name, with defaults. Raises SettingError, OutOfRangeError."""
     known = {setting.name: setting for setting in settings}
     for name, value in values.items():
         if name not in known:
@@ -344,45 +340,45 @@ def require_rules(
     given: Collection[str],
     lines: Lines,
 ) -> None:
-    """Raise for a rule of the settings that does not hold.
+    """Raise an error for the first rule that does not hold.
 
-    With values that somebody has ``given`` it is OutOfRangeError of the setting that the rule compares with a bound,
-    where it is so plain; else ExperimentError naming the rule.
+    If a ``given`` setting violates a simple comparison with a bound, it is OutOfRangeError of that setting; otherwise
+    ExperimentError with the rule.
     """
-    for place, rule in enumerate(experiment.rules):
-        path: Path = ("rules", place, "that")
+    for index, rule in enumerate(experiment.rules):
+        path: Path = ("rules", index, "that")
         try:
-            held, names = truth_of(rule.that, values), names_in(rule.that)
+            is_true, names = evaluate_condition(rule.that, values), find_names(rule.that)
         except ExpressionError as error:
             raise ExperimentError(str(error), path, find_line(path, lines)) from None
-        if held:
+        if is_true:
             continue
         if names & set(given):
-            _blame(rule, settings, values)
+            _raise_for_setting(rule, settings, values)
         told = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names)
         raise ExperimentError(f"{rule.that} does not hold ({told}): {rule.remedy}", path, find_line(path, lines))
 
 
-def _blame(rule: Rule, settings: tuple[Setting, ...], values: Mapping[str, Value]) -> None:
-    """Raise OutOfRangeError of the setting that a rule compares with a bound, where it is so plain."""
-    compared = bound_of(rule.that, values)
-    blamed = next((setting for setting in settings if compared and setting.name == compared.name), None)
-    if compared is None or blamed is None:
+def _raise_for_setting(rule: Rule, settings: tuple[Setting, ...], values: Mapping[str, Value]) -> None:
+    """Raise OutOfRangeError of the setting that a rule compares with a bound, if it is a simple comparison."""
+    compared = extract_comparison(rule.that, values)
+    setting = next((setting for setting in settings if compared and setting.name == compared.name), None)
+    if compared is None or setting is None:
         return
     least, most = (None, compared.bound) if compared.below else (compared.bound, None)
     raise OutOfRangeError(
-        quantity=blamed.name,
+        quantity=setting.name,
         value=compared.value,
         minimum=least,
         maximum=most,
-        unit=blamed.unit,
+        unit=setting.unit,
         remedy=rule.remedy,
-        words=blamed.meaning,
-        path=(blamed.name,),
+        words=setting.meaning,
+        path=(setting.name,),
     )
 
 
-def _setting(declared: Declared) -> Setting:
+def _build_setting(declared: Declared) -> Setting:
     if declared.kind == "choice" and declared.default not in declared.choices:
         raise ExpressionError(f"the default {declared.default!r} is none of its choices")
     if declared.kind in ("number", "integer") and (declared.minimum is None or declared.maximum is None):
@@ -406,20 +402,19 @@ def _setting(declared: Declared) -> Setting:
 
 # Text ----------------------------------------------------------------------------------------------
 #
-# An experiment as YAML or JSON: read with the line of each part, and written; a study is read so,
-# too. Pure.
+# Documents of experiments and studies as YAML or JSON, parsed with the line of each part.
 #
-# Only what JSON has too is taken: mappings with texts as keys, lists, texts, numbers, true, false,
-# null. No anchors or aliases, which could make a small text endless, and no tags.
+# Only the data types of JSON are accepted. Anchors and aliases are rejected, because they can expand
+# a small text without limit, and so are tags.
 
 
 MAX_CHARACTERS = 100_000
-_DEEPEST = 40
+_MAX_NESTING = 40
 _T = TypeVar("_T")
 
 
 class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML comes without types
-    """Composes nodes; numbers and words as YAML 1.2 and JSON have them: "no" is a text, 1e3 a number."""
+    """Composes nodes, with scalars as in YAML 1.2 and JSON: "no" is a text, 1e3 a number."""
 
     yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012  # as its parent declares it
 
@@ -443,47 +438,47 @@ _Loader.add_implicit_resolver(
 _PLAIN = "tag:yaml.org,2002:"
 
 
-def read(text: str, *, stored: bool = False) -> tuple[Experiment, Lines]:
-    """Return the experiment that a text says, and the line of each of its parts; ``stored`` as for ``document_of``.
+def parse_experiment(text: str, *, stored: bool = False) -> tuple[Experiment, Lines]:
+    """Return the experiment of a text and the line of each part; ``stored`` as in ``parse_document``.
 
     Raises ExperimentError.
     """
-    document, lines = document_of(text, stored=stored)
-    return of_document(document, lines, stored=stored), lines
+    document, lines = parse_document(text, stored=stored)
+    return build_experiment(document, lines, stored=stored), lines
 
 
-def document_of(text: str, *, stored: bool = False) -> tuple[Any, Lines]:
-    """Return what a text says as plain data, and the line of each of its parts. Raises ExperimentError.
+def parse_document(text: str, *, stored: bool = False) -> tuple[Any, Lines]:
+    """Return the document of a text as plain data and the line of each part. Raises ExperimentError.
 
-    A ``stored`` text is read as it was accepted: characters that are refused now are escapes in what is returned.
+    In a ``stored`` text, characters that are no longer accepted are replaced by escapes instead of being rejected.
     """
     if len(text) > MAX_CHARACTERS:
         raise ExperimentError(f"it has {len(text)} characters, at most {MAX_CHARACTERS} are taken: shorten it")
     lines: dict[Path, int] = {}
     try:
         node = _Loader(text).get_single_node()
-        document = None if node is None else _value(node, (), lines, 0, stored=stored)
+        document = None if node is None else _convert_node(node, (), lines, 0, stored=stored)
         return escape_refused_characters(document) if stored else document, lines
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         raise ExperimentError(f"it is neither YAML nor JSON: {error.problem}", (), mark and mark.line + 1) from None
     except ExperimentError:
         raise
-    except (yaml.YAMLError, RecursionError, ValueError, OverflowError) as error:  # an escape beyond all characters
+    except (yaml.YAMLError, RecursionError, ValueError, OverflowError) as error:  # such as an escape beyond Unicode
         raise ExperimentError(f"it is neither YAML nor JSON: {error}") from None
 
 
-def of_document(document: Any, lines: Lines, *, stored: bool = False) -> Experiment:
-    """Return the experiment that a document is; ``stored`` as for ``document_of``. Raises ExperimentError."""
+def build_experiment(document: Any, lines: Lines, *, stored: bool = False) -> Experiment:
+    """Return the experiment of a document; ``stored`` as in ``parse_document``. Raises ExperimentError."""
     if not isinstance(document, Mapping):
         raise ExperimentError("an experiment is a mapping with format, name, title and phases", (), 1)
-    return in_form(EXPERIMENT, FORMAT, document, lines, stored=stored)
+    return validate_document(EXPERIMENT, FORMAT, document, lines, stored=stored)
 
 
-def in_form(
+def validate_document(
     form: TypeAdapter[_T], known: int, document: Mapping[str, Any], lines: Lines, *, stored: bool = False
 ) -> _T:
-    """Return what a document of the ``known`` format says. Raises ExperimentError naming the place."""
+    """Validate a document of format ``known`` and return its object. Raises ExperimentError with the path."""
     if document.get("format") != known:
         why = f"{document.get('format')!r} is not known: this Sinew reads format {known}"
         raise ExperimentError(why, ("format",), find_line(("format",), lines))
@@ -491,50 +486,53 @@ def in_form(
         return form.validate_json(json.dumps(document), context=STORED_CONTEXT if stored else None)
     except ValidationError as error:
         found = error.errors(include_url=False)
-        # a word that is not known is what made another one missing
-        first = next((one for one in found if one["type"] == _UNKNOWN), found[0])
-        path = _place(document, first["loc"])
-        raise ExperimentError(_told(first), path, find_line(path, lines)) from None
+        # a misspelt key is unknown and makes another key missing: report the unknown one
+        first = next((item for item in found if item["type"] == _UNKNOWN_KEY), found[0])
+        path = _find_path(document, first["loc"])
+        raise ExperimentError(_format_problem(first), path, find_line(path, lines)) from None
 
 
 def parse_canonical(line: str) -> Experiment:
-    """Return the experiment that ``canonical`` has written and a run has kept. Raises ExperimentError."""
+    """Return the experiment of a stored text of ``to_canonical_text``. Raises ExperimentError."""
     try:
-        return of_document(escape_refused_characters(json.loads(line)), {}, stored=True)
+        return build_experiment(escape_refused_characters(json.loads(line)), {}, stored=True)
     except (ValueError, RecursionError) as error:
         if isinstance(error, ExperimentError):
             raise
         raise ExperimentError(f"it is not JSON: {error}") from None
 
 
-def canonical(experiment: Experiment) -> str:
-    """Return an experiment as one line of JSON: equal experiments, equal texts."""
+def to_canonical_text(experiment: Experiment) -> str:
+    """Return an experiment as one line of JSON; equal experiments have equal texts."""
     return EXPERIMENT.dump_json(experiment, exclude_defaults=True).decode()
 
 
-def _value(node: Any, path: Path, lines: dict[Path, int], depth: int, *, stored: bool) -> Any:
+def _convert_node(node: Any, path: Path, lines: dict[Path, int], depth: int, *, stored: bool) -> Any:
     line = node.start_mark.line + 1
     lines.setdefault(path, line)
-    if depth > _DEEPEST:
-        raise ExperimentError(f"it is nested deeper than {_DEEPEST} times", path[:3], line)
+    if depth > _MAX_NESTING:
+        raise ExperimentError(f"it is nested deeper than {_MAX_NESTING} times", path[:3], line)
     if isinstance(node, yaml.MappingNode) and node.tag == f"{_PLAIN}map":
         mapping: dict[str, Any] = {}
         for key_node, value_node in node.value:
-            key = _value(key_node, path, {}, depth + 1, stored=stored)
+            key = _convert_node(key_node, path, {}, depth + 1, stored=stored)
             if not isinstance(key, str):
                 raise ExperimentError(f"the key {key!r} is not a text", path, key_node.start_mark.line + 1)
             if key in mapping:
                 raise ExperimentError("it is said twice", (*path, key), key_node.start_mark.line + 1)
             lines[*path, key] = key_node.start_mark.line + 1
-            mapping[key] = _value(value_node, (*path, key), lines, depth + 1, stored=stored)
+            mapping[key] = _convert_node(value_node, (*path, key), lines, depth + 1, stored=stored)
         return mapping
     if isinstance(node, yaml.SequenceNode) and node.tag == f"{_PLAIN}seq":
-        return [_value(item, (*path, place), lines, depth + 1, stored=stored) for place, item in enumerate(node.value)]
+        return [
+            _convert_node(item, (*path, index), lines, depth + 1, stored=stored)
+            for index, item in enumerate(node.value)
+        ]
     if not isinstance(node, yaml.ScalarNode):
         raise ExperimentError(f"the tag {node.tag} is not taken", path, line)
     match node.tag.removeprefix(_PLAIN):
         case "str":
-            words = _with_pairs_joined(node.value)
+            words = _join_surrogates(node.value)
             try:
                 if not stored:
                     check_plain_text(words)
@@ -555,7 +553,7 @@ def _value(node: Any, path: Path, lines: dict[Path, int], depth: int, *, stored:
             raise ExperimentError(f"{node.value[:40]!r} with the tag {node.tag} is not taken", path, line)
 
 
-def _with_pairs_joined(words: str) -> str:
+def _join_surrogates(words: str) -> str:
     r"""Return a text with each pair of halves, as JSON escapes "\ud83d\ude00", as the character that it is."""
     if words.isascii():
         return words
@@ -565,12 +563,12 @@ def _with_pairs_joined(words: str) -> str:
         return words
 
 
-def _place(document: Any, loc: tuple[int | str, ...]) -> Path:
-    """Return where a refused value stands: pydantic also names the form that it took a part for."""
+def _find_path(document: Any, loc: tuple[int | str, ...]) -> Path:
+    """Return the path of an error in the document; pydantic's location also contains names of union members."""
     path: list[int | str] = []
     here = document
     for position, part in enumerate(loc):
-        if _leads_on(here, part):
+        if _has_child(here, part):
             here = here[part]
         elif position < len(loc) - 1 or not isinstance(part, str) or not isinstance(here, Mapping):
             continue
@@ -578,23 +576,23 @@ def _place(document: Any, loc: tuple[int | str, ...]) -> Path:
     return tuple(path)
 
 
-def _leads_on(here: Any, part: int | str) -> bool:
+def _has_child(here: Any, part: int | str) -> bool:
     if isinstance(here, Mapping):
         return part in here and part != here.get("do")
     return isinstance(here, list | tuple) and isinstance(part, int) and part < len(here)
 
 
-_UNKNOWN = "unexpected_keyword_argument"
-_WORDS = {
+_UNKNOWN_KEY = "unexpected_keyword_argument"
+_MESSAGES = {
     "missing": "it is missing",
-    _UNKNOWN: "it is not known here",
+    _UNKNOWN_KEY: "it is not known here",
     "too_short": "it is empty: it needs one at least",
     "extra_forbidden": "it is not known here",
     "string_pattern_mismatch": "a name has letters, digits and _, begins with a letter and is 40 characters at most",
 }
 
 
-def _told(first: Any) -> str:
+def _format_problem(first: Any) -> str:
     if first["type"] == "union_tag_invalid":
         return f"{first['ctx']['tag']!r} is no motion; there are {first['ctx']['expected_tags'].replace(chr(39), '')}"
     if first["type"] == "union_tag_not_found":
@@ -602,19 +600,18 @@ def _told(first: Any) -> str:
     if first["type"] == "missing_argument" or first["type"] == "missing_keyword_only_argument":
         return "it is missing"
     said = str(first["msg"]).removeprefix("Value error, ").replace("Input should be", "it should be")
-    return _WORDS.get(first["type"]) or said
+    return _MESSAGES.get(first["type"]) or said
 
 
-# Formula -------------------------------------------------------------------------------------------
+# Formulas ------------------------------------------------------------------------------------------
 #
-# Formulas of derived signals: an expression of the experiment language over signals, as the steps
-# that compute it.
+# Formulas of derived signals: expressions over signals, converted to steps that compute them.
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,19}")
 _FORMULA_TAKEN = {*UNIT_BY_SIGNAL, *FUNCTIONS, *CONSTANTS, "and", "or", "not", "if", "else", "tick", "t"}
-KNOWN = tuple(name for name in UNIT_BY_SIGNAL if name.isidentifier())
-"""Signals that a formula may name; differences are written as such."""
+SIGNAL_NAMES = tuple(name for name in UNIT_BY_SIGNAL if name.isidentifier())
+"""Names of the signals in formulas; differences are written as such."""
 
 _FORMULA_BINARY = {ast.Add: "add", ast.Sub: "sub", ast.Mult: "mul", ast.Div: "div", ast.Mod: "mod", ast.Pow: "pow"}
 _FORMULA_COMPARE = {ast.Lt: "lt", ast.LtE: "le", ast.Gt: "gt", ast.GtE: "ge", ast.Eq: "eq", ast.NotEq: "ne"}
@@ -622,22 +619,22 @@ _ARGUMENTS = {"min": (2, 50), "max": (2, 50), "abs": (1, 1), "sqrt": (1, 1), "ro
 
 
 def parse_derived_signal(name: str, unit: str, expression: str) -> Derived:
-    """Return the derived signal of a formula. Raises ExpressionError."""
+    """Return the derived signal that a formula defines. Raises ExpressionError."""
     if not _NAME.fullmatch(name) or name in _FORMULA_TAKEN:
         raise ExpressionError(
             f"{name!r} cannot name a formula: take 1 to 20 letters, digits and _, a letter first, "
             "and no name of a signal or function"
         )
     steps: list[FormulaStep] = []
-    _lay(parsed_expression(expression).body, steps)
+    _append_steps(parse_expression(expression).body, steps)
     found = Derived(name, unit, tuple(steps))
     if not found.signals:
-        raise ExpressionError(f"{expression!r} speaks of no signal; a formula is made of {', '.join(KNOWN)}")
+        raise ExpressionError(f"{expression!r} speaks of no signal; a formula is made of {', '.join(SIGNAL_NAMES)}")
     return found
 
 
-def _lay(node: ast.AST, steps: list[FormulaStep]) -> None:
-    """Append the steps of a part of an expression."""
+def _append_steps(node: ast.AST, steps: list[FormulaStep]) -> None:
+    """Append the steps of an expression, in postfix order."""
     match node:
         case ast.Constant(value=bool() | int() | float() as value):
             try:
@@ -645,25 +642,25 @@ def _lay(node: ast.AST, steps: list[FormulaStep]) -> None:
             except OverflowError:
                 raise ExpressionError("a number has more than 308 digits") from None
         case ast.Name(id=name):
-            _lay_name(name, steps)
+            _append_name(name, steps)
         case ast.BinOp(left=left, op=operation, right=right) if type(operation) in _FORMULA_BINARY:
-            _apply(_FORMULA_BINARY[type(operation)], [left, right], steps)
+            _append_operation(_FORMULA_BINARY[type(operation)], [left, right], steps)
         case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-            _lay(operand, steps)
+            _append_steps(operand, steps)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            _apply("neg", [operand], steps)
+            _append_operation("neg", [operand], steps)
         case ast.UnaryOp(op=ast.Not(), operand=operand):
-            _apply("not", [operand], steps)
+            _append_operation("not", [operand], steps)
         case ast.IfExp(test=test, body=body, orelse=otherwise):
-            _apply("if", [test, body, otherwise], steps)
+            _append_operation("if", [test, body, otherwise], steps)
         case ast.BoolOp(op=operation, values=values):
-            _apply("and" if isinstance(operation, ast.And) else "or", values, steps)
+            _append_operation("and" if isinstance(operation, ast.And) else "or", values, steps)
         case ast.Compare(left=left, ops=operations, comparators=others) if all(
             type(o) in _FORMULA_COMPARE for o in operations
         ):
             pairs = list(zip([left, *others], operations, others, strict=False))
-            for one, sign, other in pairs:
-                _apply(_FORMULA_COMPARE[type(sign)], [one, other], steps)
+            for item, sign, other in pairs:
+                _append_operation(_FORMULA_COMPARE[type(sign)], [item, other], steps)
             if len(pairs) > 1:
                 steps.append(FormulaStep("and", len(pairs)))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
@@ -671,7 +668,7 @@ def _lay(node: ast.AST, steps: list[FormulaStep]) -> None:
             if not least <= len(arguments) <= most:
                 told = f"{least}" if least == most else f"{least} to {most}"
                 raise ExpressionError(f"{name} takes {told} values, here are {len(arguments)}")
-            _apply(name, arguments, steps)
+            _append_operation(name, arguments, steps)
         case _:
             known = ", ".join(FUNCTIONS)
             raise ExpressionError(
@@ -679,13 +676,13 @@ def _lay(node: ast.AST, steps: list[FormulaStep]) -> None:
             )
 
 
-def _apply(operation: str, operands: list[ast.expr], steps: list[FormulaStep]) -> None:
+def _append_operation(operation: str, operands: list[ast.expr], steps: list[FormulaStep]) -> None:
     for operand in operands:
-        _lay(operand, steps)
+        _append_steps(operand, steps)
     steps.append(FormulaStep(operation, len(operands)))  # type: ignore[arg-type]  # the tables hold operations only
 
 
-def _lay_name(name: str, steps: list[FormulaStep]) -> None:
+def _append_name(name: str, steps: list[FormulaStep]) -> None:
     if name in CONSTANTS:
         steps.append(FormulaStep("number", value=CONSTANTS[name]))
     elif name in COMBINED_SIGNAL_BY_NAME:
@@ -697,7 +694,7 @@ def _lay_name(name: str, steps: list[FormulaStep]) -> None:
                 steps.append(FormulaStep("neg", 1))
             if number:
                 steps.append(FormulaStep("add", 2))
-    elif name in KNOWN:
+    elif name in SIGNAL_NAMES:
         steps.append(FormulaStep("signal", name=name))
     else:
-        raise ExpressionError(f"there is no signal {name!r}: the nearest is {find_nearest_name(name, KNOWN)}")
+        raise ExpressionError(f"there is no signal {name!r}: the nearest is {find_nearest_name(name, SIGNAL_NAMES)}")

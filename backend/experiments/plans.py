@@ -1,4 +1,4 @@
-"""Plans of experiments: settings in, a ``Program`` for the loop out. Pure."""
+"""Plans of experiments and identifications: settings from which the program of the control loop follows."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -12,8 +12,8 @@ from backend.banks import TuningSettings
 from backend.control import STEP_BRAKING_S, ZERO_VOLTS_S, Setpoint, setpoint_player
 from backend.errors import OutOfRangeError, check_range
 from backend.experiments import parser
-from backend.experiments.compiler import CompiledExperiment, laid
-from backend.experiments.parser import ExperimentError, Lines, find_line, parsed_setting, require_rules, settings_of
+from backend.experiments.compiler import CompiledExperiment, compile_experiment
+from backend.experiments.parser import ExperimentError, Lines, build_settings, find_line, parse_values, require_rules
 from backend.experiments.schema import Experiment
 from backend.identification import Method
 from backend.models import (
@@ -38,19 +38,17 @@ from backend.realtime import (
 )
 from plant import T_s
 
-# Composed plan -------------------------------------------------------------------------------------
-#
-# The plan of an experiment that is data: the experiment, and the values of its settings. Pure.
+# Experiment plan -----------------------------------------------------------------------------------
 
 
 LAWS = tuple(law for law in Law if law not in IDENTIFYING)
 KIND = "experiment"
-"""Kind of the runs of all experiments but the paper's, whose runs have the kinds that they always had."""
+"""Kind of the runs of an experiment, except those of PAPER_EXPERIMENTS."""
 
 
 @dataclass(frozen=True)
 class ExperimentPlan:
-    """``values`` are all settings by name. ``kind`` is the kind of its runs; ``lines`` tell where it was written."""
+    """An experiment with values of all settings; ``kind`` is that of its runs, ``lines`` its lines in a text."""
 
     experiment: Experiment
     values: Mapping[str, Value]
@@ -58,21 +56,23 @@ class ExperimentPlan:
     lines: Lines = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
-    def laid(self) -> CompiledExperiment:
-        """What is played, and where it was written. Raises ExperimentError."""
-        return laid(self.experiment, self.values, self.lines)
+    def compiled(self) -> CompiledExperiment:
+        """Compiled experiment. Raises ExperimentError."""
+        return compile_experiment(self.experiment, self.values, self.lines)
 
     def program(self) -> Program:
-        """Return what the loop plays; the gains of its changes of the tuning are left to who knows the models."""
-        return Program(self.law, self.laid.segments, walls=self.laid.walls, touches=self.laid.touches)
+        """Return the program, without the gains of tuning changes, which depend on the models of the banks."""
+        return Program(
+            self.law, self.compiled.segments, walls=self.compiled.walls, touches=self.compiled.contact_detections
+        )
 
     def phases(self) -> tuple[Phase, ...]:
-        """Return the named stretches."""
-        return self.laid.phases
+        """Return the named phases."""
+        return self.compiled.phases
 
     @property
     def law(self) -> Law:
-        """The control law. Raises ExperimentError."""
+        """Control law. Raises ExperimentError."""
         named = self.values.get(self.experiment.law, self.experiment.law)
         if named not in LAWS:
             why = f"{named!r} is no control law; there are {', '.join(LAWS)}"
@@ -81,49 +81,46 @@ class ExperimentPlan:
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """The declared settings."""
-        return settings_of(self.experiment, self.lines)
+        """Settings that the experiment declares."""
+        return build_settings(self.experiment, self.lines)
 
-    def stored(self) -> dict[str, Value]:
-        """Return what a run keeps of it: the experiment as it was, and its settings by name."""
-        return {"experiment": parser.canonical(self.experiment), **self.values}
+    def to_stored_values(self) -> dict[str, Value]:
+        """Return the values to store with a run: the canonical text of the experiment, and the settings by name."""
+        return {"experiment": parser.to_canonical_text(self.experiment), **self.values}
 
 
-def composed(
+def build_experiment_plan(
     experiment: Experiment, given: Mapping[str, object], kind: str = KIND, lines: Lines | None = None
 ) -> ExperimentPlan:
-    """Return the plan with these settings, the others at their defaults; it can be played, but for the plant.
+    """Return the plan with the given settings, others at their defaults, after checking that it compiles.
 
     Raises ExperimentError, SettingError, OutOfRangeError.
     """
-    where = {} if lines is None else lines
-    settings = settings_of(experiment, where)
-    values = parsed_setting(settings, given)
-    plan = ExperimentPlan(experiment, values, kind, where)
-    require_rules(experiment, settings, values, given, where)
+    source_lines = {} if lines is None else lines
+    settings = build_settings(experiment, source_lines)
+    values = parse_values(settings, given)
+    plan = ExperimentPlan(experiment, values, kind, source_lines)
+    require_rules(experiment, settings, values, given, source_lines)
     plan.program()
     return plan
 
 
 # Identification plans ------------------------------------------------------------------------------
 #
-# Plans that identify motors and springs (method sections 2 and 3): settings in, a ``Program`` for
-# the loop out. Pure.
-#
-# The actuator's is in ``backend.experiments.plans``. Angles in rad, voltages in V, tensions in N,
-# times in s.
+# Identification of motors and springs (method sections 2 and 3). Angles in rad, voltages in V,
+# tensions in N, times in s.
 
 
 UPPER_END = -1.5
-"""Where a step down starts [rad]: the tendons go slack above 0, and a step up needs the rest of the way to brake."""
+"""Angle [rad] at which a downward step starts; tendons are slack above 0, and an upward step needs space to brake."""
 
 
 @dataclass(frozen=True)
 class MotorIdentificationPlan:
     """Unloaded voltage steps of both motors at once (method section 2).
 
-    Both tendons are let slack, so that the motors run free. Each voltage is stepped up and then down again: the way
-    back is data too, and the motors stay within the turn that the joint's range allows.
+    Both tendons are slack, so the motors run freely. Each upward step is followed by a downward one, which is used as
+    data and keeps the motors within the range that the joint allows.
     """
 
     kind: ClassVar[str] = "motor_identification"
@@ -164,11 +161,11 @@ class MotorIdentificationPlan:
             )
 
     def voltages(self) -> tuple[float, ...]:
-        """Return the voltages [V] stepped to, both ways."""
+        """Return the voltages [V] of the steps, applied in both directions."""
         return tuple(round(float(u), 3) for u in np.linspace(self.u_low, self.u_high, self.levels))
 
     def program(self) -> Program:
-        """Return the steps, up and down in turn."""
+        """Return the program: alternating upward and downward steps."""
         lower_end = UPPER_END - self.travel_rad
         steps = (
             VoltageStep(start, u, self.step_s, self.travel_rad)
@@ -178,7 +175,7 @@ class MotorIdentificationPlan:
         return Program(Law.MOTOR_STEPS, settle_s=self.settle_s, steps=tuple(steps))
 
     def phases(self) -> tuple[Phase, ...]:
-        """Return one phase per step, as long as it can get."""
+        """Return one phase per step, with its maximum duration."""
         around_each = self.settle_s + ZERO_VOLTS_S + STEP_BRAKING_S
         return tuple(
             Phase(
@@ -193,10 +190,10 @@ class MotorIdentificationPlan:
 
 @dataclass(frozen=True)
 class SpringIdentificationPlan:
-    """Slow sweep of both tensions up and down, the joint held near 0 by antagonism (method section 3).
+    """Slow sweep of both tensions up and down, with the joint held near 0 by antagonism (method section 3).
 
-    Going both ways shows what is not the spring: the load cells' delay and friction between spring and load cell part
-    the two ways, and the mean of both is free of it.
+    Delay of the load cells and friction between spring and load cell separate the rising and the falling curve; their
+    mean is free of both.
     """
 
     kind: ClassVar[str] = "spring_identification"
@@ -226,12 +223,12 @@ class SpringIdentificationPlan:
     )
 
     def program(self) -> Program:
-        """Return the sweep."""
+        """Return the program of the sweep."""
         up_and_down = (TensionLeg(self.F_high, self.sweep_s), TensionLeg(self.F_low, self.sweep_s))
         return Program(Law.TENSION_SWEEP, tension_N=self.F_low, settle_s=self.settle_s, legs=up_and_down * self.cycles)
 
     def phases(self) -> tuple[Phase, ...]:
-        """Return settling and every way up and down."""
+        """Return the phases: settling, then each rising and falling sweep."""
         ways = [Phase("settle", "Lowest tension held", 0.0, self.settle_s)]
         for way in range(2 * self.cycles):
             start = self.settle_s + way * self.sweep_s
@@ -240,94 +237,7 @@ class SpringIdentificationPlan:
         return tuple(ways)
 
 
-# Loop settings -------------------------------------------------------------------------------------
-#
-# What the loop is set to while an experiment runs: the tuning, and the seed of the simulator.
-
-
-_T = TypeVar("_T")
-
-
-@dataclass(frozen=True)
-class LoopSettings(TuningSettings):
-    """The tuning of an experiment and the seed of the simulator's noise."""
-
-    seed: int = integer_setting(0, 0, 2**31 - 1, "seed", "seed of the simulator's noise")
-
-    @property
-    def tuning(self) -> TuningSettings:
-        """The tuning alone."""
-        return TuningSettings(**self.to_document())
-
-
-def split_values(
-    settings: Sequence[Setting], make: Callable[[Mapping[str, object]], _T], values: Mapping[str, object]
-) -> tuple[_T, LoopSettings]:
-    """Build a plan that has ``settings``, and loop settings, from one set of named values.
-
-    Raises SettingError, OutOfRangeError.
-    """
-    of_loop = {item.name for item in fields(LoopSettings)}
-    of_plan = {setting.name for setting in settings}
-    for name, value in values.items():
-        if name not in of_loop | of_plan:
-            legal = (*sorted(of_plan), *sorted(of_loop))
-            raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
-    return (
-        make({name: value for name, value in values.items() if name in of_plan}),
-        build_plan(LoopSettings, {name: value for name, value in values.items() if name in of_loop}),
-    )
-
-
-# Profile -------------------------------------------------------------------------------------------
-#
-# The references and the push of a program over its whole length, as the loop will play them; for
-# pictures. Pure.
-
-
-Array = NDArray[np.float64]
-
-POINTS = 400
-"""So many over the whole, besides begin and end of each segment."""
-
-
-class Profile(NamedTuple):
-    """Times since the program began (n,) [s], q_ref (n,) [rad], S_ref (n,) [N·m/rad], F_push (n,) [N].
-
-    n is 0 without segments.
-    """
-
-    t: Array
-    q_ref: Array
-    S_ref: Array
-    F_push: Array
-
-
-def build_profile(program: Program, q_ref: float, S_ref: float) -> Profile:
-    """Return what a program asks for that begins at these references. Each segment is there from its first tick on."""
-    whole = sum(round(segment.duration_s / T_s) for segment in program.segments)
-    every = max(1, round(whole / POINTS))
-    start, begun = Setpoint(q_ref, S_ref, 0.0), 0
-    points = []
-    for segment, row in zip(program.segments, make_segment_player(program.segments, start).segments, strict=True):
-        ticks = round(segment.duration_s / T_s)
-        chip = max(1, round(segment.period_s / T_s)) if segment.shape is Shape.PRBS else ticks + 1
-        register, advanced = setpoint_player.INITIAL_REGISTER, 0
-        for tick in sorted({1, *range(every, ticks, every), ticks}):
-            while advanced < (tick - 1) // chip:
-                register, advanced = setpoint_player.next_register(register, segment.count), advanced + 1
-            target = setpoint_player.compute_setpoint(row, start, tick * T_s, register)
-            points.append(((begun + tick) * T_s, target.q_ref, target.S_ref, target.F_push))
-        start, begun = setpoint_player.compute_final_setpoint(row, start), begun + ticks
-    return Profile(*np.array(points, dtype=np.float64).reshape(-1, 4).T)
-
-
-# Plan ----------------------------------------------------------------------------------------------
-#
-# Plans of experiments: settings in, a ``Program`` for the loop out. Pure: the same plan gives the
-# same program.
-#
-# Angles in rad, stiffness in N·m/rad, tensions and pushes in N, times in s.
+# Actuator identification plan ----------------------------------------------------------------------
 
 
 MAX_EXCITATION_S = 600.0
@@ -337,7 +247,7 @@ MAX_EXCITATION_S = 600.0
 class ActuatorIdentificationPlan:
     """Closed-loop identification of G_q and G_S at one tendon tension (method section 4, figures 4 and 5).
 
-    theta_B_ref is 0, a slow force loop holds the tension, and a maximum-length sequence moves theta_A_ref.
+    theta_B_ref is 0, a slow force loop holds the tension, and a maximum-length sequence excites theta_A_ref.
     """
 
     kind: ClassVar[str] = "actuator_identification"
@@ -376,11 +286,11 @@ class ActuatorIdentificationPlan:
     )
 
     def program(self) -> Program:
-        """Return the force hold with its excitation."""
+        """Return the program: a held tension with the excitation."""
         return Program(Law.FORCE_HOLD, tension_N=self.tension_N, settle_s=self.settle_s, excitation=self.excitation())
 
     def excitation(self) -> Excitation:
-        """Return the sequence with its timing. Raises OutOfRangeError when it would last too long."""
+        """Return the excitation. Raises OutOfRangeError if it is too long."""
         from scipy.signal import max_len_seq
 
         register, _ = max_len_seq(self.bits)
@@ -398,7 +308,7 @@ class ActuatorIdentificationPlan:
         return excitation
 
     def phases(self) -> tuple[Phase, ...]:
-        """Return settling and excitation."""
+        """Return the phases: settling and excitation."""
         end = self.program().duration_s
         return (
             Phase("settle", "Tension held, no excitation", 0.0, self.settle_s),
@@ -407,7 +317,88 @@ class ActuatorIdentificationPlan:
 
 
 IdentificationPlan = ActuatorIdentificationPlan | MotorIdentificationPlan | SpringIdentificationPlan
-"""Plans whose runs give models."""
+"""Plans whose runs yield models."""
 
 Plan = ExperimentPlan | IdentificationPlan
-"""Every plan has a ``kind``, the ``program()`` that the loop plays and its named ``phases()``."""
+"""Each plan has a ``kind``, a ``program()`` for the control loop, and named ``phases()``."""
+
+
+# Loop settings -------------------------------------------------------------------------------------
+#
+# Settings of the loop during an experiment: the tuning, and the seed of the simulator.
+
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class LoopSettings(TuningSettings):
+    """The tuning of an experiment and the seed of the simulator's noise."""
+
+    seed: int = integer_setting(0, 0, 2**31 - 1, "seed", "seed of the simulator's noise")
+
+    @property
+    def tuning(self) -> TuningSettings:
+        """The tuning without the seed."""
+        return TuningSettings(**self.to_document())
+
+
+def split_values(
+    settings: Sequence[Setting], make: Callable[[Mapping[str, object]], _T], values: Mapping[str, object]
+) -> tuple[_T, LoopSettings]:
+    """Build a plan with ``settings``, and loop settings, from one mapping of values.
+
+    Raises SettingError, OutOfRangeError.
+    """
+    of_loop = {item.name for item in fields(LoopSettings)}
+    of_plan = {setting.name for setting in settings}
+    for name, value in values.items():
+        if name not in of_loop | of_plan:
+            legal = (*sorted(of_plan), *sorted(of_loop))
+            raise SettingError(name, value, f"unknown setting; known are {', '.join(legal)}", legal=legal)
+    return (
+        make({name: value for name, value in values.items() if name in of_plan}),
+        build_plan(LoopSettings, {name: value for name, value in values.items() if name in of_loop}),
+    )
+
+
+# Profile -------------------------------------------------------------------------------------------
+#
+# References and push of a program over time, as the loop executes it, for plots.
+
+
+Array = NDArray[np.float64]
+
+PROFILE_POINTS = 400
+"""Number of points of a profile, in addition to start and end of each segment."""
+
+
+class Profile(NamedTuple):
+    """Times since the start of the program [s], q_ref [rad], S_ref [N·m/rad] and F_push [N], each (n,).
+
+    n is 0 for a program without segments.
+    """
+
+    t: Array
+    q_ref: Array
+    S_ref: Array
+    F_push: Array
+
+
+def build_profile(program: Program, q_ref: float, S_ref: float) -> Profile:
+    """Return the profile of a program that starts at these references, including the first tick of each segment."""
+    whole = sum(round(segment.duration_s / T_s) for segment in program.segments)
+    every = max(1, round(whole / PROFILE_POINTS))
+    start, begun = Setpoint(q_ref, S_ref, 0.0), 0
+    points = []
+    for segment, row in zip(program.segments, make_segment_player(program.segments, start).segments, strict=True):
+        ticks = round(segment.duration_s / T_s)
+        chip = max(1, round(segment.period_s / T_s)) if segment.shape is Shape.PRBS else ticks + 1
+        register, advanced = setpoint_player.INITIAL_REGISTER, 0
+        for tick in sorted({1, *range(every, ticks, every), ticks}):
+            while advanced < (tick - 1) // chip:
+                register, advanced = setpoint_player.next_register(register, segment.count), advanced + 1
+            target = setpoint_player.compute_setpoint(row, start, tick * T_s, register)
+            points.append(((begun + tick) * T_s, target.q_ref, target.S_ref, target.F_push))
+        start, begun = setpoint_player.compute_final_setpoint(row, start), begun + ticks
+    return Profile(*np.array(points, dtype=np.float64).reshape(-1, 4).T)

@@ -1,4 +1,4 @@
-"""Prediction of what an identification shows of the rig and does to it, before it starts. Pure."""
+"""Predictions for an identification before it starts: motion, voltage, and problems."""
 
 import math
 from dataclasses import dataclass
@@ -11,21 +11,19 @@ from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentific
 from backend.identification import MIN_COUNTS, turn_from_rest
 from plant import SIDES, PlantParameters, T_s, spring_elongation, tendon_tension
 
-# Prediction ----------------------------------------------------------------------------------------
+# Actuator identification ---------------------------------------------------------------------------
 #
-# What the excitation of an actuator identification shows of the rig, told before it starts (method
-# section 4). Pure.
-#
-# How far the joint goes on the whole way is ``forecast_identifications``.
+# The response to the excitation (method section 4). ``forecast_identifications`` predicts the range
+# of the joint during the whole run.
 
 
 _COUNTS_WHERE_EXACT = 4000
-"""Joint counts per turn of the paper's encoder, for parameter sets with ideal sensors."""
+"""Joint counts per turn of the paper's encoder, used for parameter sets with ideal sensors."""
 
 
 @dataclass(frozen=True)
 class PredictedMotion:
-    """Joint motion by the excitation, peak to peak in counts, largest voltage, least tension; any ``problem``."""
+    """Predicted motion of the joint [counts, peak to peak], largest voltage, least tension, and any problem."""
 
     q_counts: float
     u_peak_V: float
@@ -33,23 +31,23 @@ class PredictedMotion:
     problem: str
 
     @property
-    def good(self) -> bool:
-        """Whether the run is worth starting: motion enough, nothing slack, nothing saturated."""
+    def is_feasible(self) -> bool:
+        """Whether the excitation suffices without slack tendons and without saturation."""
         return not self.problem
 
     @property
     def message(self) -> str:
-        """The problem, or what to expect."""
+        """The problem, or the expected motion."""
         return self.problem or f"the excitation alone moves it by {self.q_counts:.0f} encoder counts, peak to peak"
 
 
 def predict_excitation(
     plan: ActuatorIdentificationPlan, parameters: PlantParameters, lam_motor: float
 ) -> PredictedMotion:
-    """Send the excitation through the inner loop's four lags of ``lam_motor`` [s] and take the joint at equilibrium.
+    """Simulate the excitation through the four lags of the motor loop, with the joint at equilibrium.
 
-    With theta_B = 0 the joint rests where both tendons pull alike: for like springs q = r_m theta_A / (2 r_j) (equation
-    15). The voltage is what moves the motor (equation 17) against tendon and friction.
+    With theta_B = 0 the joint rests where both tensions are equal: for equal springs q = r_m theta_A / (2 r_j)
+    (equation 15). The voltage accelerates the motor (equation 17) against tension and friction. ``lam_motor`` in s.
     """
     g, m, known, d = (
         parameters.geometry,
@@ -59,7 +57,7 @@ def predict_excitation(
     )
     spring_A, spring_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
     wound = (spring_elongation(spring_A, plan.tension_N) + spring_elongation(spring_B, plan.tension_N)) / g.r_m
-    moved, speed, acceleration = _through_four_lags(_excitation(plan), lam_motor)
+    moved, speed, acceleration = _filter_four_lags(_sample_excitation(plan), lam_motor)
     theta_A = wound + moved
     q = np.array([equilibrium(d, angle, 0.0) for angle in theta_A[::10]])
     F = np.array([tendon_tension(spring_A, x) for x in g.r_m * theta_A[::10] - g.r_j * q])
@@ -68,19 +66,19 @@ def predict_excitation(
     counts_per_turn = parameters.sensors.joint_counts or _COUNTS_WHERE_EXACT
     q_counts = float(np.ptp(q)) * counts_per_turn / (2.0 * math.pi)
     u_peak, F_min = float(np.abs(u).max()), float(F.min())
-    return PredictedMotion(q_counts, u_peak, F_min, _problem(q_counts, u_peak, F_min, m.u_max))
+    return PredictedMotion(q_counts, u_peak, F_min, _find_problem(q_counts, u_peak, F_min, m.u_max))
 
 
-def _excitation(plan: ActuatorIdentificationPlan) -> NDArray[np.float64]:
+def _sample_excitation(plan: ActuatorIdentificationPlan) -> NDArray[np.float64]:
     excitation = plan.excitation()
     levels = np.array([1.0 if level == "+" else -1.0 for level in excitation.levels * excitation.periods])
     return excitation.amplitude_rad * np.repeat(levels, max(round(excitation.chip_s / T_s), 1))
 
 
-def _through_four_lags(
+def _filter_four_lags(
     u: NDArray[np.float64], lam: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Response of 1/(λ s + 1)^4 with its first two derivatives, from the differences between the lags."""
+    """Return the response of 1/(λ s + 1)^4 and its first two derivatives."""
     from scipy.signal import lfilter
 
     pole = math.exp(-T_s / lam)
@@ -90,7 +88,7 @@ def _through_four_lags(
     return lags[4], (lags[3] - lags[4]) / lam, (lags[2] - 2.0 * lags[3] + lags[4]) / lam**2
 
 
-def _problem(q_counts: float, u_peak: float, F_min: float, u_max: float) -> str:
+def _find_problem(q_counts: float, u_peak: float, F_min: float, u_max: float) -> str:
     if F_min <= 0.0:
         return "a tendon would go slack: use a smaller amplitude or a higher tension"
     if u_peak > u_max:
@@ -103,20 +101,18 @@ def _problem(q_counts: float, u_peak: float, F_min: float, u_max: float) -> str:
     return ""
 
 
-# Unloaded prediction -------------------------------------------------------------------------------
-#
-# What an identification of motors or springs will do to the rig, told before it starts. Pure.
+# Motor and spring identification -------------------------------------------------------------------
 
 
 LAGS_NEEDED = 3.0
-"""A step shorter than this many T_m has not shown its steady speed."""
+"""Least duration of a voltage step, in units of T_m; a shorter one does not reach its steady speed."""
 
 _TRIP_MARGIN_N = 2.0
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """One expected number with its label and unit."""
+    """An expected value with label and unit."""
 
     name: str
     label: str
@@ -126,15 +122,15 @@ class Expectation:
 
 @dataclass(frozen=True)
 class PredictedRun:
-    """Expected numbers, and whether the run is worth starting; ``message`` says why."""
+    """Expected values, and whether the run is feasible, with the reason in ``message``."""
 
     figures: tuple[Expectation, ...]
-    good: bool
+    is_feasible: bool
     message: str
 
 
 def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) -> PredictedRun:
-    """Step the motors known so far (equation 17): speed, turn, and how long each step lasts."""
+    """Predict speed, angle and duration of the voltage steps with the current motor model (equation 17)."""
     known = [parameters.select_identified(side) for side in SIDES]
     K_m, T_m = max(item.K_m for item in known), max(item.T_m for item in known)
     lengths = [_step_length(plan, K_m * u, T_m) for u in plan.voltages()]
@@ -161,7 +157,7 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
 
 
 def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) -> PredictedRun:
-    """Wind the springs known so far: elongation, stiffness on the way, and what the load cells' delay will show."""
+    """Predict elongation, stiffness and rate of tension with the current spring model."""
     springs = [parameters.make_identified_spring(side) for side in SIDES]
     low = [spring_elongation(spring, plan.F_low) for spring in springs]
     high = [spring_elongation(spring, plan.F_high) for spring in springs]
@@ -183,10 +179,14 @@ def predict_spring(plan: SpringIdentificationPlan, parameters: PlantParameters) 
 
 
 def _step_length(plan: MotorIdentificationPlan, speed: float, T_m: float) -> float:
-    """Time [s] in which a motor of steady ``speed`` [rad/s] turns by the plan's travel, at most ``step_s``."""
+    """Return the time [s] until a motor of steady ``speed`` [rad/s] has turned by the travel, at most ``step_s``."""
     from scipy.optimize import brentq
 
-    def left(t: float) -> float:
+    def compute_remaining_turn(t: float) -> float:
         return float(turn_from_rest(t, speed, T_m)) - plan.travel_rad
 
-    return plan.step_s if left(plan.step_s) <= 0.0 else float(brentq(left, 0.0, plan.step_s))
+    return (
+        plan.step_s
+        if compute_remaining_turn(plan.step_s) <= 0.0
+        else float(brentq(compute_remaining_turn, 0.0, plan.step_s))
+    )

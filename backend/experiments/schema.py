@@ -1,7 +1,7 @@
-"""An experiment as data: what a person writes, keeps, sends and runs. Pure.
+"""The document of an experiment, as people write it and as it is stored and sent.
 
-Angles in rad, stiffness in N·m/rad, forces in N, times in s. Wherever a number stands an expression may stand as well,
-a text such as "2 * hold_s", of the experiment's settings, pi, and the index of the repetitions around it.
+Angles in rad, stiffness in N·m/rad, forces in N, times in s. Each number may also be an expression, a text such as "2 *
+hold_s", of the experiment's settings, pi, and the indices of enclosing repetitions.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from pydantic.dataclasses import dataclass as validated
 from backend.plain_text import ONE_LINE
 
 FORMAT = 1
-"""Version of this form; another one is refused."""
+"""Version of this document format; others are rejected."""
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")]
 Words = Annotated[str, Field(max_length=1000)]
@@ -26,7 +26,7 @@ _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Measure(StrEnum):
-    """What is measured of a run, each with figures of its own."""
+    """A measure: a group of metrics computed for a run."""
 
     STEPS = "steps"
     COMPLIANCE = "compliance"
@@ -41,7 +41,7 @@ class Measure(StrEnum):
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Hold:
-    """Stay at the references as they are."""
+    """Hold the references."""
 
     do: Literal["hold"]
     duration_s: Number
@@ -49,7 +49,7 @@ class Hold:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Step:
-    """Jump to the references that are named, and stay there; the joint is pushed with ``F_push`` meanwhile."""
+    """Step to the given references and hold them; the joint is pushed with ``F_push`` meanwhile."""
 
     do: Literal["step"]
     duration_s: Number
@@ -60,7 +60,7 @@ class Step:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Ramp:
-    """Move evenly to the references that are named, and arrive at the end; so does the push, at ``F_push``."""
+    """Ramp linearly to the given references, and the push to ``F_push``."""
 
     do: Literal["ramp"]
     duration_s: Number
@@ -71,7 +71,7 @@ class Ramp:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Pulse:
-    """Jump to the references that are named for ``duration_s``, and back for ``rest_s``."""
+    """Step to the given references for ``duration_s`` and back for ``rest_s``."""
 
     do: Literal["pulse"]
     duration_s: Number
@@ -82,9 +82,9 @@ class Pulse:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Sine:
-    """Oscillate around the references as they are, by an amplitude or up to ``q_ref`` and ``S_ref`` at the crest.
+    """Oscillate around the current references, with an amplitude or with ``q_ref`` and ``S_ref`` at the crest.
 
-    So does the push, around the one before, up to ``F_push`` at the crest.
+    The push oscillates around the previous one, with ``F_push`` at the crest.
     """
 
     do: Literal["sine"]
@@ -99,7 +99,7 @@ class Sine:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Sweep:
-    """Oscillate from one frequency to another, by the same factor in equal times."""
+    """Oscillate with a frequency that changes exponentially from one value to another."""
 
     do: Literal["sweep"]
     duration_s: Number
@@ -111,7 +111,7 @@ class Sweep:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Prbs:
-    """Jump between two levels by a maximum-length sequence of a register of ``bits``, ``periods`` times."""
+    """Switch between two levels by a maximum-length sequence of a shift register with ``bits``, ``periods`` times."""
 
     do: Literal["prbs"]
     chip_s: Number
@@ -123,7 +123,7 @@ class Prbs:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Multisine:
-    """Add the first ``lines`` harmonics of ``period_s``, all alike, ``periods`` times; the sum keeps the amplitude."""
+    """Sum of the first ``lines`` harmonics of ``period_s`` with equal amplitudes; the amplitude is that of the sum."""
 
     do: Literal["multisine"]
     period_s: Number
@@ -135,7 +135,7 @@ class Multisine:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Push:
-    """Push the joint, where the plant can be pushed by command (the simulator)."""
+    """Push the joint, on plants that support it (the simulator)."""
 
     do: Literal["push"]
     F_push: Number
@@ -145,7 +145,7 @@ class Push:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Hand:
-    """Push like a person: smooth, of different strength, length and direction; the same seed gives the same pushes."""
+    """Push like a person: random strength, length and direction, determined by the seed."""
 
     do: Literal["hand"]
     F_push: Number
@@ -156,7 +156,7 @@ class Hand:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Load:
-    """Load the motors' shafts, where the plant can (the simulator)."""
+    """Load the motor shafts, on plants that support it (the simulator)."""
 
     do: Literal["load"]
     duration_s: Number
@@ -166,9 +166,9 @@ class Load:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Tuning:
-    """Change parts of the tuning, its bank or the motion, from the next part on; what is not named stays.
+    """Change settings of the tuning from the next motion on; settings that are not given stay.
 
-    ``u_plan`` without ``motion`` chooses ``time-optimal``, 0 chooses ``lambda``.
+    ``u_plan`` without ``motion`` selects ``time-optimal``; 0 selects ``lambda``.
     """
 
     do: Literal["tuning"]
@@ -185,9 +185,9 @@ class Tuning:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Wall:
-    """Put a wall in the joint's way from the next motion on, where the plant takes one (the simulator).
+    """Place a wall from the next motion on, on plants that support it (the simulator).
 
-    It stands ``above`` q_wall, or ``below`` it; ``k_wall`` [N/m] and ``c_wall`` [s/m] count at the joint pulley.
+    The wall is ``above`` or ``below`` q_wall; ``k_wall`` [N/m] and ``c_wall`` [s/m] apply at the joint pulley.
     """
 
     do: Literal["wall"]
@@ -199,14 +199,14 @@ class Wall:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class NoWall:
-    """Take the wall away from the next motion on."""
+    """Remove the wall from the next motion on."""
 
     do: Literal["no_wall"]
 
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Learn:
-    """Stay at rest: what the outside force reads there is taken off from then on, for this experiment alone."""
+    """Rest and calibrate the bias of the external force, for this experiment only."""
 
     do: Literal["learn"]
     duration_s: Number = 2.0
@@ -214,7 +214,7 @@ class Learn:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class UntilContact:
-    """Play parts until an outside force above ``contact_N`` (0: none) is felt; it gives way for their rest."""
+    """Execute parts until the external force exceeds ``contact_N`` (0: never), then comply for their remaining time."""
 
     do: Literal["until_contact"]
     contact_N: Number = 1.5
@@ -223,7 +223,7 @@ class UntilContact:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Choose:
-    """Play the parts under the value of the setting ``by``."""
+    """Execute the parts for the value of the setting ``by``."""
 
     do: Literal["choose"]
     by: Name
@@ -232,7 +232,7 @@ class Choose:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Repeat:
-    """Play parts so many times; ``index`` counts from 0 in their expressions."""
+    """Execute parts ``times`` times; ``index`` counts from 0 in their expressions."""
 
     do: Literal["repeat"]
     times: Number
@@ -246,7 +246,7 @@ Part = Annotated[Motion | Tuning | Wall | NoWall | Choose | Repeat | UntilContac
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Declared:
-    """A setting of an experiment. ``unit`` is SI, "1" for counts; a choice is one of ``choices``."""
+    """A setting of an experiment. ``unit`` is an SI unit, "1" for counts; ``choices`` are the values of a choice."""
 
     name: Name
     kind: Literal["number", "integer", "choice", "boolean"] = "number"
@@ -261,7 +261,7 @@ class Declared:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Section:
-    """A named stretch of an experiment; the report draws each, and figures may be of one."""
+    """A named phase of an experiment; reports plot each phase, and metrics may refer to one."""
 
     name: Name
     title: Line
@@ -270,7 +270,7 @@ class Section:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Rule:
-    """A comparison of settings that has to hold, "S_low < S_high", and what to do where it does not."""
+    """A condition on settings, such as "S_low < S_high", and the remedy if it does not hold."""
 
     that: Annotated[str, Field(max_length=200)]
     remedy: Line
@@ -278,11 +278,11 @@ class Rule:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Bound:
-    """A figure of the result that has to stay below or above a bound, for the run to pass.
+    """A criterion: a metric with a lower or upper bound.
 
-    The bound may also name figures of the plant and the tuning: u_max [V], F_max [N], r_j, r_m [m], lam_q, lam_S,
-    lam_motor [s], and ``ideal``, true of the parameter set of that name. ``name`` is what programs call it, that of the
-    figure where none is given.
+    The bound may also use the plant and tuning: u_max [V], F_max [N], r_j, r_m [m], lam_q, lam_S, lam_motor [s], and
+    ``ideal``, true for the parameter set of that name. ``name`` identifies the criterion in programs, by default the
+    name of the metric.
     """
 
     figure: Name
@@ -294,7 +294,7 @@ class Bound:
 
 @validated(frozen=True, kw_only=True, config=_STRICT)
 class Experiment:
-    """An experiment. ``law`` is the control law that it runs under, or the setting that chooses it."""
+    """An experiment; ``law`` is its control law, or the setting that selects it."""
 
     format: Literal[1]
     name: Name
@@ -312,5 +312,5 @@ EXPERIMENT: TypeAdapter[Experiment] = TypeAdapter(Experiment)
 
 
 def build_json_schema() -> dict[str, Any]:
-    """Return the JSON schema of an experiment, for editors and for whoever writes one by a program."""
+    """Return the JSON schema of an experiment, for editors and programs."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **EXPERIMENT.json_schema()}

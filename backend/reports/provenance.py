@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from backend.analysis import USED, find_control_law, select_used_settings
-from backend.experiments import OF_THE_PAPER, experiments_by_name, library, parser
+from backend.experiments import PAPER_EXPERIMENTS, experiments_by_name, library, parser
 from backend.identification import Grade
 from backend.models import (
     CHANNELS,
@@ -528,10 +528,10 @@ def _caption(source: RunData, files: bool) -> str:
 def _ready_made(experiment: str) -> str:
     """Return the name of the experiment that Sinew holds with the same text, "" where there is none."""
     name = str(json.loads(experiment).get("name", ""))
-    if name not in OF_THE_PAPER and name not in experiments_by_name():
+    if name not in PAPER_EXPERIMENTS and name not in experiments_by_name():
         return ""
     try:
-        return name if parser.canonical(library.ready_made(name)[0]) == experiment else ""
+        return name if parser.to_canonical_text(library.load_ready_experiment(name)[0]) == experiment else ""
     except (KeyError, OSError):
         return ""
 

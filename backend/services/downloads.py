@@ -78,7 +78,7 @@ def _check_experiment(kept: str) -> None:
     if len(kept) > _LONGEST_EXPERIMENT:
         raise ExperimentError(f"the experiment has {len(kept)} characters, at most {_LONGEST_EXPERIMENT} are accepted")
     try:
-        parser.of_document(json.loads(kept), {})
+        parser.build_experiment(json.loads(kept), {})
     except (ValueError, RecursionError) as error:
         if isinstance(error, ExperimentError):
             raise

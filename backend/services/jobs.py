@@ -155,11 +155,11 @@ def _assess(
         case MotorRequest():
             run = predict_motor(_motor_plan(request), parameters)
             return _Assessment(
-                _list_expectations(run), run.message, "" if run.good else run.message, u_peak_V=request.u_high
+                _list_expectations(run), run.message, "" if run.is_feasible else run.message, u_peak_V=request.u_high
             )
         case SpringRequest():
             run = predict_spring(_spring_plan(request), parameters)
-            return _Assessment(_list_expectations(run), run.message, "" if run.good else run.message)
+            return _Assessment(_list_expectations(run), run.message, "" if run.is_feasible else run.message)
         case ActuatorRequest():
             excited = [plan for plan in plans if isinstance(plan, ActuatorIdentificationPlan)]
             return _assess_actuator(excited, parameters, lam_motor)
@@ -203,7 +203,7 @@ def _assess_actuator(
 ) -> _Assessment:
     predicted = [predict_excitation(plan, parameters, lam_motor) for plan in plans]
     # A run that fails for voltage or slack names that; among good ones the least motion counts.
-    worst = min(predicted, key=lambda item: (item.good, item.q_counts))
+    worst = min(predicted, key=lambda item: (item.is_feasible, item.q_counts))
     u_peak, F_min = max(item.u_peak_V for item in predicted), min(item.F_min_N for item in predicted)
     counts = "By the excitation alone, peak to peak"
     return _Assessment(
@@ -365,7 +365,7 @@ def list_experiment_kinds(
             title=entry.title,
             description=entry.description,
             run_kind=entry.run_kind,
-            duration_s=entry.usual.program().duration_s,
+            duration_s=entry.default_plan.program().duration_s,
             settings=[*entry.settings, *of_the_loop],
             why_not=_explain_missing_ability(entry) if moved_by_motors_alone else "",
         )
@@ -389,7 +389,7 @@ def describe_identification_kinds() -> list[IdentificationKind]:
 def _explain_missing_ability(entry: ExperimentDefinition) -> str:
     """Return why nothing but its motors moving a plant is not enough for an experiment; empty where it is."""
     try:
-        program = entry.usual.program()
+        program = entry.default_plan.program()
         if program.walls:
             return NO_WALL
         for segment in program.segments:
@@ -445,7 +445,7 @@ class ScheduledRun:
                 end_s=one.end * T_s,
                 doing=one.stage,
             )
-            for one in told.stretches
+            for one in told.intervals
         )
 
 

@@ -15,7 +15,7 @@ from backend.experiments import (
     LoopSettings,
     Plan,
     PlayedPart,
-    build_library_entry,
+    build_experiment_definition,
     experiments_by_name,
     find_line,
     library,
@@ -122,7 +122,7 @@ class OwnExperiments:
         """Return every experiment that is offered, own ones in their newest version, after the ready-made."""
         with self._database.reading() as session:
             own = stored.newest(session)
-        ready_made = (entry for entry in experiments_by_name().values() if not entry.instead)
+        ready_made = (entry for entry in experiments_by_name().values() if not entry.replacement)
         return [*ready_made, *(entry for kept in own if (entry := _try_build_definition(kept)) is not None)]
 
     def list_own(self) -> list[OwnExperiment]:
@@ -148,12 +148,14 @@ class OwnExperiments:
         Raises SettingError, OutOfRangeError, ExperimentError.
         """
         entry = self.find_definition(name)
-        return entry.name, *split_values(entry.settings, entry.make, {**asdict(in_force), **complete_motion(settings)})
+        return entry.name, *split_values(
+            entry.settings, entry.make_plan, {**asdict(in_force), **complete_motion(settings)}
+        )
 
     def load_text(self, name: str) -> WrittenExperiment:
         """Return an experiment as its text: ready-made, "name" or "name@2". Raises UnknownRecordError."""
-        written = library.text_of(name) if name in library.NAMES else self._load_stored(name).text
-        return WrittenExperiment(text=written, document=parser.document_of(written, stored=True)[0])
+        written = library.load_ready_text(name) if name in library.READY_NAMES else self._load_stored(name).text
+        return WrittenExperiment(text=written, document=parser.parse_document(written, stored=True)[0])
 
     def build_from_run(self, run_id: int) -> RecordedExperiment:
         """Return the recorded references of a run as an experiment. Raises UnknownRecordError, ExperimentError."""
@@ -187,12 +189,12 @@ class OwnExperiments:
 
     def check(self, written: str, parameters: PlantParameters, tuning: TuningSettings) -> ExperimentCheck:
         """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
-        experiment, lines = parser.read(written)
+        experiment, lines = parser.parse_experiment(written)
         if fold_name(experiment.name) in map(fold_name, experiments_by_name()):
             why = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
             raise ExperimentError(why, ("name",), find_line(("name",), lines))
-        entry = build_library_entry(experiment, lines)
-        plan = entry.usual
+        entry = build_experiment_definition(experiment, lines)
+        plan = entry.default_plan
         assert isinstance(plan, ExperimentPlan)
         program = compile_program(make_bank_loader(self._database), parameters, plan, tuning)
         return ExperimentCheck(
@@ -202,8 +204,8 @@ class OwnExperiments:
             duration_s=program.duration_s,
             segments=len(program.segments),
             changes_of_tuning=len(program.tunings),
-            document=parser.document_of(written)[0],
-            parts=list_played_parts(plan.laid),
+            document=parser.parse_document(written)[0],
+            parts=list_played_parts(plan.compiled),
         )
 
     def _load_stored(self, name: str) -> StoredExperiment:
@@ -223,8 +225,8 @@ def build_own_experiment(kept: StoredExperiment, title: str | None = None) -> Ow
 
 
 def _build_definition(kept: StoredExperiment) -> ExperimentDefinition:
-    experiment, lines = parser.read(kept.text, stored=True)
-    return build_library_entry(experiment, lines, name=f"{kept.name}@{kept.version}")
+    experiment, lines = parser.parse_experiment(kept.text, stored=True)
+    return build_experiment_definition(experiment, lines, name=f"{kept.name}@{kept.version}")
 
 
 def _try_build_definition(kept: StoredExperiment) -> ExperimentDefinition | None:

@@ -20,7 +20,7 @@ from backend.event_bus import EventBus
 from backend.experiments import (
     FORMAT,
     LAWS,
-    LEAST,
+    PART_MIN_TICKS,
     Column,
     ExperimentPlan,
     IdentificationPlan,
@@ -201,7 +201,7 @@ def read_planned_run(database: Database, run_id: int) -> Planned:
             return EMPTY_PLAN
         parts = [
             PlannedPart(title=f"{told.title(one)}, {one.stage}", start_s=one.begin * T_s, end_s=one.end * T_s)
-            for one in told.stretches
+            for one in told.intervals
         ]
         return Planned(t=told.t.tolist(), lines=_build_lines(told.signals), parts=parts)
     program = plan.program()
@@ -380,7 +380,7 @@ class _RunConversion:
         for kept in self._run.set_to.walls or ():
             tick = int(np.searchsorted(self._t, kept.t - 0.5 * T_s))
             if tick < len(self._t):
-                due[max(tick, LEAST)] = kept  # the first part brings the joint to where it begins
+                due[max(tick, PART_MIN_TICKS)] = kept  # the first part brings the joint to where it begins
         found: list[ReferenceChange] = []
         stands = False
         for tick, kept in sorted(due.items()):
@@ -424,10 +424,10 @@ class _RunConversion:
             return
         if not isinstance(plan, ExperimentPlan):
             return
-        laid = plan.laid
+        laid = plan.compiled
         if any(segment.load_A or segment.load_B for segment in laid.segments):
             self.left_out.append("loads of the motors' shafts: they are not recorded")
-        if laid.touches:
+        if laid.contact_detections:
             self.left_out.append("what the run learned of the outside force, and giving way to a contact")
         others = {name for change in laid.changes for name in change if name not in _LAM}
         if others:

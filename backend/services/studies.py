@@ -78,7 +78,7 @@ class Studies:
         """Return what a text says, and whether it is a study that could be begun. Nothing is kept."""
         document: dict[str, Any] | None = None
         try:
-            said = parser.document_of(written)[0]
+            said = parser.parse_document(written)[0]
             document = said if isinstance(said, dict) else None
             own = OwnExperiments(self._database)
             new = create_study(

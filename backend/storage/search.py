@@ -141,16 +141,16 @@ def parse_query(text: str) -> Query:
     return _Parser(text).whole()
 
 
-def names_in(query: Query) -> Iterator[str]:
+def find_names(query: Query) -> Iterator[str]:
     """Yield the names that are compared."""
     match query:
         case Compare(name):
             yield name.text
         case All(parts) | AnyOf(parts):
             for part in parts:
-                yield from names_in(part)
+                yield from find_names(part)
         case Not(part):
-            yield from names_in(part)
+            yield from find_names(part)
         case Word():
             pass
 
@@ -549,7 +549,7 @@ def search(session: Session, query: Query, *, everywhere: bool, limit: int | Non
 
 def _fits(session: Session, query: Query, *, everywhere: bool) -> list[Condition]:
     conditions = [_condition(session, query)]
-    if not everywhere and "station" not in names_in(query):
+    if not everywhere and "station" not in find_names(query):
         conditions.append(RunIndexRow.station == session_station(session))
     return conditions
 

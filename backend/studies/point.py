@@ -16,7 +16,7 @@ from backend.experiments import (
     ExperimentDefinition,
     ExperimentPlan,
     LoopSettings,
-    build_library_entry,
+    build_experiment_definition,
     parser,
     split_values,
 )
@@ -173,7 +173,7 @@ def plan_point(base: StudyBase, point: Point) -> tuple[PlantParameters, Experime
     """
     entry = _load_definition(base.experiment, base.run_kind)
     plan, loop = split_values(
-        entry.settings, entry.make, {**complete_motion(base.settings), **complete_motion(point.settings)}
+        entry.settings, entry.make_plan, {**complete_motion(base.settings), **complete_motion(point.settings)}
     )
     assert isinstance(plan, ExperimentPlan)
     return replace_plant_numbers(base.parameters_name, base.parameters, point.plant), plan, loop
@@ -266,4 +266,4 @@ def _get_varied_values(point: Point) -> dict[str, Value]:
 
 @lru_cache(maxsize=8)
 def _load_definition(experiment: str, run_kind: str) -> ExperimentDefinition:
-    return build_library_entry(parser.parse_canonical(experiment), run_kind=run_kind)
+    return build_experiment_definition(parser.parse_canonical(experiment), run_kind=run_kind)

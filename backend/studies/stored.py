@@ -12,7 +12,7 @@ from backend.experiments import (
     ExperimentDefinition,
     ExperimentError,
     Lines,
-    build_library_entry,
+    build_experiment_definition,
     find_line,
     parser,
 )
@@ -41,21 +41,21 @@ def parse_study(text: str, *, stored: bool = False) -> tuple[Study, Lines]:
 
     A ``stored`` text is not checked against rules that were added after it was stored.
     """
-    document, lines = parser.document_of(text, stored=stored)
+    document, lines = parser.parse_document(text, stored=stored)
     if not isinstance(document, Mapping):
         raise ExperimentError("a study is a mapping with format, name, title and axes or spread", (), 1)
-    return parser.in_form(STUDY, FORMAT, document, lines, stored=stored), lines
+    return parser.validate_document(STUDY, FORMAT, document, lines, stored=stored), lines
 
 
 def create_study(text: str, context: StudyContext, who: str) -> NewStudy:
     """Return the study to store. Raises ExperimentError with line, value, bound and unit."""
     study, lines = parse_study(text)
     entry = _find_definition(study, lines, context)
-    if entry.written is None:
+    if entry.experiment is None:
         why = f"{entry.name} is no experiment that is data: write it as one"
         raise ExperimentError(why, ("experiment",), find_line(("experiment",), lines))
     base = StudyBase(
-        parser.canonical(entry.written),
+        parser.to_canonical_text(entry.experiment),
         entry.run_kind,
         context.parameters.name,
         context.parameters.to_document(),
@@ -83,7 +83,7 @@ def _find_definition(study: Study, lines: Lines, context: StudyContext) -> Exper
         return context.find_experiment(study.experiment)
     inner = {path[1:]: line for path, line in lines.items() if path[:1] == ("written",)}
     try:
-        return build_library_entry(study.written, inner, run_kind=KIND)
+        return build_experiment_definition(study.written, inner, run_kind=KIND)
     except ExperimentError as error:
         raise ExperimentError(error.why, ("written", *error.path), error.line) from None
 

@@ -12,8 +12,8 @@ import pytest
 from backend.banks.tuning_settings import compute_default_tuning
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_rig
-from backend.experiments.library import LEAST, WITHIN_Q_RAD, WITHIN_S, build_library_entry
-from backend.experiments.parser import read
+from backend.experiments.library import PART_MIN_TICKS, TOLERANCE_Q_RAD, TOLERANCE_S, build_experiment_definition
+from backend.experiments.parser import parse_experiment
 from backend.experiments.plans import LoopSettings
 from backend.realtime.modes import Mode
 from backend.recording.reader import read_samples
@@ -133,7 +133,7 @@ def test_pushes_walls_and_the_tuning_are_those_of_the_runs_own_events(database: 
 
 def test_what_is_made_is_played_as_it_was_recorded(database: Database) -> None:
     run, experiment, _ = made(database, busy)
-    plan = build_library_entry(*read(experiment.text)).usual
+    plan = build_experiment_definition(*parse_experiment(experiment.text)).default_plan
     settings = LoopSettings(**compute_default_tuning(load_parameters("ideal")).tuning.to_document())
     with open_headless_rig(database, load_parameters("ideal"), settings) as station:
         again = asyncio.run(run_experiment(station, RunRequest(plan, settings, WHO))).run
@@ -141,10 +141,10 @@ def test_what_is_made_is_played_as_it_was_recorded(database: Database) -> None:
     before, after = (from_first_push(database, number) for number in (run, again.id))
     length = min(len(before["q_ref"]), len(after["q_ref"])) - 50  # the end of either stops the joint
     assert length > 3000
-    bounds = {"q_ref": WITHIN_Q_RAD, "S_ref": WITHIN_S, "F_push": 1e-6, "lam_q": 1e-6, "lam_S": 1e-6}
+    bounds = {"q_ref": TOLERANCE_Q_RAD, "S_ref": TOLERANCE_S, "F_push": 1e-6, "lam_q": 1e-6, "lam_S": 1e-6}
     for name, within in bounds.items():
         off = np.abs(before[name][:length] - after[name][:length]) > within
-        assert np.count_nonzero(off) <= LEAST, name  # at most one part later, by less than a part can be short
+        assert np.count_nonzero(off) <= PART_MIN_TICKS, name  # at most one part later, by less than a part can be short
     # the wall presses as much: it stands where it stood
     assert after["F_wall"].min() == pytest.approx(before["F_wall"].min(), abs=0.5)
 
@@ -178,7 +178,7 @@ def test_what_cannot_be_repeated_is_told(database: Database) -> None:
     told = next(text for text in experiment.left_out if text.startswith("push of 5 N"))
     begins, ends = (float(number) for number in re.findall(r"(\S+) s\b", told))
     assert begins == pytest.approx(moved, abs=LATE_S)
-    assert ends - begins == pytest.approx(LEAST * T_s)
+    assert ends - begins == pytest.approx(PART_MIN_TICKS * T_s)
     notes = (mark.text for mark in marks if mark.kind == "note")
     (forgotten,) = (text for text in notes if "push" not in text and "wall" not in text)
     assert any(text.endswith(forgotten) for text in experiment.left_out)

@@ -15,7 +15,7 @@ from backend.services.jobs import ScheduledRun, make_progress_callback
     ("name", "kind", "title"), [("hold_at_rest", "experiment", "Hold at rest"), ("tracking", "tracking", "")]
 )
 def test_an_experiment_that_is_data_is_named_by_its_title(name: str, kind: str, title: str) -> None:
-    plan = find_experiment(name).usual
+    plan = find_experiment(name).default_plan
     live_state: Any = SimpleNamespace(task=None)
     order = ScheduledRun(plan, run=14, expected=Expected(before_s=2.0, program_s=30.0))
     make_progress_callback(live_state, order, cast(Any, SimpleNamespace(remaining_runs=0, is_requested=False)))(

@@ -37,7 +37,7 @@ def main(count: int, core: int) -> None:
 
 def _play(database: Database, parameters: PlantParameters) -> None:
     settings = LoopSettings()
-    order = RunRequest(find_experiment("tracking").usual, settings, "bench")
+    order = RunRequest(find_experiment("tracking").default_plan, settings, "bench")
     with open_headless_rig(database, parameters, settings) as station:
         outcome = asyncio.run(run_experiment(station, order))
     if outcome.run.end_state != EndState.COMPLETED or outcome.evaluation.result is None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from backend.experiments.library import build_ready_plan, plan_values
+from backend.experiments.library import build_ready_plan, list_stored_values
 from backend.experiments.parser import ExperimentError
 from backend.exports.base import SEAL, ImportRefusedError
 from backend.models.document import document_digest
@@ -112,7 +112,7 @@ def run_with(**settings: Any) -> Run:
     return replace(run, settings={**run.settings, **settings})
 
 
-OF_PLAN = plan_values(build_ready_plan("tracking"))
+OF_PLAN = list_stored_values(build_ready_plan("tracking"))
 
 
 @pytest.mark.parametrize(

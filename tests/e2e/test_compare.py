@@ -66,7 +66,7 @@ def play(database: Database, segments: list[dict[str, float]], lam_q: float) -> 
     """Run a sequence headless, as the command line does, but in this process: a new one takes longer than to play."""
     lab, kind = load_parameters("lab"), find_experiment("sequence")
     values = {**compute_default_tuning(lab).tuning.to_document(), "segments": json.dumps(segments), "lam_q": lam_q}
-    plan, settings = split_values(kind.settings, kind.make, values)
+    plan, settings = split_values(kind.settings, kind.make_plan, values)
     with open_headless_rig(database, lab, settings) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "A. Operator")))
     assert outcome.run.end_state == "completed"

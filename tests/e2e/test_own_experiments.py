@@ -10,8 +10,8 @@ from playwright.sync_api import Browser, Response, expect
 from backend.banks.tuning_settings import compute_default_tuning
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_rig
-from backend.experiments.library import build_library_entry, text_of
-from backend.experiments.parser import read
+from backend.experiments.library import build_experiment_definition, load_ready_text
+from backend.experiments.parser import parse_experiment
 from backend.experiments.plans import LoopSettings
 from backend.storage.database import open_database
 from plant.parameters import load_parameters
@@ -53,7 +53,7 @@ def test_it_is_written_refused_kept_tried_and_run(browser: Browser, service: Ser
     text, said = own.get_by_role("textbox"), own.get_by_role("status", name="Refusal")
     own.get_by_text("Text", exact=True).click()
     own.get_by_role("combobox", name="Begin with").select_option("step_battery")
-    expect(text).to_have_value(text_of("step_battery"))
+    expect(text).to_have_value(load_ready_text("step_battery"))
     own.get_by_role("button", name="Check", exact=True).click()
     expect(said).to_contain_text("'step_battery' is the name of a ready-made experiment")
 
@@ -97,7 +97,7 @@ def metrics_of(answer: Response) -> dict[str, float | None]:
 
 def by_command(folder: Path) -> dict[str, float | None]:
     """The same as from the command line, in another installation."""
-    plan = build_library_entry(*read(OWN)).usual
+    plan = build_experiment_definition(*parse_experiment(OWN)).default_plan
     database = open_database(folder)
     lab = load_parameters("lab")
     settings = LoopSettings(**compute_default_tuning(lab).tuning.to_document())

@@ -70,7 +70,7 @@ def test_runs_at_the_virtual_card_come_to_the_figures_of_the_simulator(operator:
 
 def planned(name: str, settings: Mapping[str, float | str]) -> Plan:
     return (
-        find_experiment(name).make(settings)
+        find_experiment(name).make_plan(settings)
         if name in experiments_by_name()
         else build_plan(IDENTIFICATIONS[name].plan, settings)
     )

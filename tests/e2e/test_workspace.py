@@ -15,7 +15,7 @@ from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
 
 DEGREES = 180.0 / math.pi
 AT_S = 2.5
-PIECE_S = 15.0
+SMOOTH_SEGMENT_S = 15.0
 
 READINGS = """names => Object.fromEntries(names.map(name => [name, Number(
     document.querySelector(`[data-role="value-${name}"]`).textContent.replace("\\u2212", "-"))]))"""
@@ -216,8 +216,8 @@ def is_printed_as_drawn(page: Page, drawing: ElementTree.Element) -> None:
 def every_sample(operator: Operator, run: int, length: float, *names: str) -> dict[str, list[float]]:
     """Columns of the whole recording, asked for in pieces that come as they are."""
     raw: dict[str, list[float]] = {name: [] for name in names}
-    for piece in range(math.ceil(length / PIECE_S)):
-        asked = {"from": piece * PIECE_S, "to": (piece + 1) * PIECE_S, "points": 20_000}
+    for piece in range(math.ceil(length / SMOOTH_SEGMENT_S)):
+        asked = {"from": piece * SMOOTH_SEGMENT_S, "to": (piece + 1) * SMOOTH_SEGMENT_S, "points": 20_000}
         found = recorded(operator, run, signals=",".join(names), **asked)
         assert found["raw"]
         for name in names:

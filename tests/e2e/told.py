@@ -5,8 +5,8 @@ from typing import Any
 
 from playwright.sync_api import Locator
 
-from backend.experiments.library import NAMES, ready_made
-from backend.experiments.parser import canonical
+from backend.experiments.library import READY_NAMES, load_ready_experiment
+from backend.experiments.parser import to_canonical_text
 from tests.e2e import forms
 from tests.e2e.forms import ROUNDED, TO_SI, Values, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS
@@ -98,9 +98,10 @@ def _used(settings: Values, title: str, *, is_identification: bool) -> Values:
 
 def _written(kind: str, title: str) -> str | None:
     """What a run keeps of the experiment that it plays: the whole text of it, where it is one."""
-    known = [ready_made(name)[0] for name in NAMES]
+    known = [load_ready_experiment(name)[0] for name in READY_NAMES]
     return next(
-        (canonical(one) for one in known if kind == one.name or (kind, title) == ("experiment", one.title)), None
+        (to_canonical_text(one) for one in known if kind == one.name or (kind, title) == ("experiment", one.title)),
+        None,
     )
 
 

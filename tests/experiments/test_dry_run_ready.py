@@ -11,8 +11,8 @@ from backend.execution.progress import RunPhase
 from backend.execution.runner import RunRequest
 from backend.execution.simulation import dry_run, read_progress, warm_up_dry_run
 from backend.experiments.library import build_ready_plan
-from backend.experiments.parser import ExperimentError, read
-from backend.experiments.plans import LoopSettings, composed
+from backend.experiments.parser import ExperimentError, parse_experiment
+from backend.experiments.plans import LoopSettings, build_experiment_plan
 from backend.models.run import ENTRY, EntryModel
 from backend.storage.banks import Bank, BankEntry
 from backend.storage.runs import EndState
@@ -47,8 +47,8 @@ def test_a_bank_on_the_way_is_the_one_of_that_number(tmp_path: Path) -> None:
         "      - {do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 1}\n      - {do: tuning, bank: 4}\n"
         "      - {do: hold, duration_s: 1}\n"
     )
-    experiment, lines = read(text)
-    plan = composed(experiment, {}, lines=lines)
+    experiment, lines = parse_experiment(text)
+    plan = build_experiment_plan(experiment, {}, lines=lines)
     made = designed_point(lab)
     model = ENTRY.write(EntryModel(K_q=made.K_q, T_q=made.T_q, K_S=made.K_S, T_S=made.T_S, tension_N=20.0))
     now = datetime.now(UTC)

@@ -49,10 +49,10 @@ def test_lambda_from_half_a_second_to_one_doubles_the_time_of_a_small_step(name:
 @pytest.mark.parametrize("name", ["ideal", "lab"])
 def test_the_lambda_sweep_has_times_in_the_ratio_of_its_lambdas(name: str) -> None:
     """Whatever motion is active: the experiment names its own."""
-    plan = find_experiment("lambda_sweep").make({})
+    plan = find_experiment("lambda_sweep").make_plan({})
     assert isinstance(plan, ExperimentPlan)
     played = play(name, plan, LoopSettings(motion=TIME_OPTIMAL))
-    lambdas = [float(change["lam_q"]) for change in plan.laid.changes]
+    lambdas = [float(change["lam_q"]) for change in plan.compiled.changes]
     assert lambdas == pytest.approx([0.9, (0.9 * 0.5) ** 0.5, 0.5])
     reach = [step.reach_s for step in steps_of(played)][-4 * len(lambdas) :]
     for first, lam in zip(range(0, len(reach), 4), lambdas, strict=True):
@@ -64,7 +64,7 @@ def test_the_lambda_sweep_has_times_in_the_ratio_of_its_lambdas(name: str) -> No
 
 
 def test_the_motions_are_compared_on_the_same_steps() -> None:
-    plan = find_experiment("motion_comparison").make({})
+    plan = find_experiment("motion_comparison").make_plan({})
     played = play("ideal", plan, LoopSettings())
     assert not [item.name for item in played.criteria if item.passed is not True]
     by_phase = {
@@ -81,7 +81,7 @@ def test_the_motions_are_compared_on_the_same_steps() -> None:
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_tracking_with_all_defaults_passes_in_both_motions(motion: str, name: str) -> None:
-    played = play(name, find_experiment("tracking").make({}), LoopSettings(motion=motion))
+    played = play(name, find_experiment("tracking").make_plan({}), LoopSettings(motion=motion))
     figures = {item.name: item.value for item in played.metrics.figures}
     assert [item.passed for item in played.criteria] == [True] * len(played.criteria)
     if motion == LAMBDA or name != "ideal":

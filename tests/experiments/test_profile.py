@@ -8,7 +8,7 @@ import pytest
 from backend.control import setpoint_player
 from backend.control.motion_types import Setpoint
 from backend.experiments.library import build_ready_plan
-from backend.experiments.plans import POINTS, ActuatorIdentificationPlan, build_profile
+from backend.experiments.plans import PROFILE_POINTS, ActuatorIdentificationPlan, build_profile
 from backend.realtime.motions import make_segment_player
 from backend.realtime.program import Law, Program, Segment, Shape
 from plant.interface import T_s
@@ -49,7 +49,7 @@ def test_it_is_what_the_loop_plays(program: Program) -> None:
     assert np.all(np.diff(ticks) > 0)
     assert (ticks[0], ticks[-1]) == (1, len(whole))
     assert np.array_equal(np.column_stack([found.q_ref, found.S_ref]), whole[ticks - 1])
-    assert len(ticks) <= POINTS + 3 * len(program.segments)
+    assert len(ticks) <= PROFILE_POINTS + 3 * len(program.segments)
 
 
 def test_a_ramp_and_a_sine_are_their_closed_forms() -> None:

@@ -14,13 +14,13 @@ from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_e
 from backend.execution.simulation import dry_run, open_headless_rig
 from backend.experiments import parser
 from backend.experiments.library import (
-    NAMES,
+    READY_NAMES,
     build_ready_plan,
     find_experiment,
+    list_stored_values,
+    load_ready_experiment,
+    load_ready_text,
     parse_stored_plan,
-    plan_values,
-    ready_made,
-    text_of,
 )
 from backend.experiments.plans import ExperimentPlan, LoopSettings
 from backend.experiments.schema import build_json_schema
@@ -42,7 +42,7 @@ def played(station: ExperimentRig, plan: ExperimentPlan) -> RunResult:
     return asyncio.run(run_experiment(station, RunRequest(plan, LoopSettings(), "A. Operator")))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", READY_NAMES)
 def test_it_completes_on_the_simulator_and_its_criteria_hold(station: ExperimentRig, name: str) -> None:
     outcome = played(station, build_ready_plan(name))
     assert outcome.run.end_state == "completed"
@@ -55,7 +55,7 @@ def test_it_completes_on_the_simulator_and_its_criteria_hold(station: Experiment
     assert (again.metrics, again.criteria) == (result.metrics, result.criteria)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", READY_NAMES)
 def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path, name: str) -> None:
     """What the page plays dry, and what ``sinew experiment`` plays, each in an installation of its own."""
     lab, order = load_parameters("lab"), RunRequest(build_ready_plan(name), LoopSettings(), "A. Operator")
@@ -69,23 +69,23 @@ def test_dry_run_and_command_line_give_the_same_to_the_last_digit(tmp_path: Path
     assert (dry.metrics, dry.criteria) == (commanded.metrics, commanded.criteria)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", READY_NAMES)
 def test_writing_and_reading_gives_it_back(name: str) -> None:
-    written, _ = ready_made(name)
-    assert parser.parse_canonical(parser.canonical(written)) == written
+    written, _ = load_ready_experiment(name)
+    assert parser.parse_canonical(parser.to_canonical_text(written)) == written
     plan = build_ready_plan(name)
-    assert parse_stored_plan(plan.kind, plan_values(plan)) == plan
+    assert parse_stored_plan(plan.kind, list_stored_values(plan)) == plan
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", READY_NAMES)
 def test_an_own_one_can_do_all_that_it_does(tmp_path: Path, name: str) -> None:
     database = open_database(tmp_path)
     own = OwnExperiments(database)
-    copied = text_of(name).replace(f"name: {name}\n", "name: mine\n", 1)
+    copied = load_ready_text(name).replace(f"name: {name}\n", "name: mine\n", 1)
     kept = own.check_and_store(copied, "A. Operator", load_parameters("lab"), TuningSettings())
     assert (kept.name, kept.version) == ("mine", 1)
     mine, theirs = own.find_definition("mine"), find_experiment(name)
-    assert mine.usual.program() == theirs.usual.program()
+    assert mine.default_plan.program() == theirs.default_plan.program()
     assert mine.settings == theirs.settings
     database.close()
 
@@ -93,7 +93,7 @@ def test_an_own_one_can_do_all_that_it_does(tmp_path: Path, name: str) -> None:
 def test_own_ones_are_kept_in_versions_and_nothing_is_overwritten(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     own, lab = OwnExperiments(database), load_parameters("lab")
-    first = text_of("step_battery").replace("name: step_battery\n", "name: mine\n", 1)
+    first = load_ready_text("step_battery").replace("name: step_battery\n", "name: mine\n", 1)
     second = first.replace("default: 5 * pi / 18", "default: 0.7")
     for written, version in ((first, 1), (second, 2), (second, 2), (first, 3)):
         assert own.check_and_store(written, "A. Operator", lab, TuningSettings()).version == version
@@ -146,4 +146,4 @@ def test_a_bank_comparison_differs_only_in_how_entries_are_used() -> None:
     half = len(segments) // 2
     switching, interpolating = segments[1 : half + 1], segments[half + 1 :]
     assert [replace(segment, tuning=0) for segment in interpolating] == list(switching)
-    assert [dict(change) for change in plan.laid.changes] == [{"interpolate": False}, {"interpolate": True}]
+    assert [dict(change) for change in plan.compiled.changes] == [{"interpolate": False}, {"interpolate": True}]

@@ -253,7 +253,7 @@ def test_a_stopped_program_leaves_no_load_behind(ideal: PlantParameters) -> None
 
 
 def test_it_is_offered_with_the_papers_load() -> None:
-    offered = experiments_by_name()["robustness"].usual
+    offered = experiments_by_name()["robustness"].default_plan
     assert isinstance(offered, ExperimentPlan)
     r_m = load_parameters("lab").geometry.r_m
     assert offered.values["load_Nm"] == pytest.approx(50.0 * r_m)

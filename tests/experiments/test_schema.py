@@ -6,21 +6,21 @@ import pytest
 import yaml
 from jsonschema_rs import Draft202012Validator
 
-from backend.experiments.library import NAMES, ready_made, text_of
-from backend.experiments.parser import ExperimentError, of_document
+from backend.experiments.library import READY_NAMES, load_ready_experiment, load_ready_text
+from backend.experiments.parser import ExperimentError, build_experiment
 from backend.experiments.schema import EXPERIMENT, build_json_schema
 
 VALIDATOR = Draft202012Validator(build_json_schema())
 
 
 def document(name: str = "compliance") -> dict[str, Any]:
-    written: dict[str, Any] = EXPERIMENT.dump_python(ready_made(name)[0], mode="json", exclude_defaults=True)
+    written: dict[str, Any] = EXPERIMENT.dump_python(load_ready_experiment(name)[0], mode="json", exclude_defaults=True)
     return written
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", READY_NAMES)
 def test_the_ready_made_ones_are_taken(name: str) -> None:
-    for taken in (document(name), yaml.safe_load(text_of(name))):
+    for taken in (document(name), yaml.safe_load(load_ready_text(name))):
         assert [error.message for error in VALIDATOR.iter_errors(taken)] == []
 
 
@@ -57,7 +57,7 @@ def test_what_is_no_experiment_is_refused_by_schema_and_reader_alike(change: dic
     wrong = document() | change
     assert not VALIDATOR.is_valid(wrong)
     with pytest.raises(ExperimentError):
-        of_document(wrong, {})
+        build_experiment(wrong, {})
 
 
 @pytest.mark.parametrize("lacking", ["format", "name", "title", "phases"])
@@ -65,4 +65,4 @@ def test_what_lacks_a_part_is_refused_by_schema_and_reader_alike(lacking: str) -
     wrong = {name: value for name, value in ({"format": 1} | document()).items() if name != lacking}
     assert not VALIDATOR.is_valid(wrong)
     with pytest.raises(ExperimentError):
-        of_document(wrong, {})
+        build_experiment(wrong, {})

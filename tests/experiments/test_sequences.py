@@ -59,7 +59,7 @@ def plan_of(*segments: object) -> ExperimentPlan:
 
 def written(segments: str) -> ExperimentPlan:
     entry = find_experiment("sequence")
-    plan, _ = split_values(entry.settings, entry.make, {"segments": segments})
+    plan, _ = split_values(entry.settings, entry.make_plan, {"segments": segments})
     assert isinstance(plan, ExperimentPlan)
     return plan
 
@@ -81,7 +81,7 @@ def test_it_plays_what_the_sequence_did(known: dict[str, Any]) -> None:
         0.0,
         plan.program().duration_s,
     )
-    assert parse_stored_plan("sequence", plan.stored()) == plan
+    assert parse_stored_plan("sequence", plan.to_stored_values()) == plan
 
 
 def test_one_that_begins_with_a_sine_or_swings_far_is_read_and_only_the_second_not_started() -> None:
@@ -96,9 +96,9 @@ def test_one_that_begins_with_a_sine_or_swings_far_is_read_and_only_the_second_n
 
 def test_the_one_that_was_offered_is_the_default() -> None:
     entry = find_experiment("sequence")
-    assert entry.usual.program().duration_s == 20.0
-    assert entry.usual == written(KNOWN["programs"][0]["segments"])
-    assert entry.instead
+    assert entry.default_plan.program().duration_s == 20.0
+    assert entry.default_plan == written(KNOWN["programs"][0]["segments"])
+    assert entry.replacement
 
 
 def test_what_is_no_list_of_segments_is_refused() -> None:

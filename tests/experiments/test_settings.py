@@ -106,7 +106,7 @@ def test_identification_program_is_the_default_experiment_of_the_method() -> Non
     [
         build_ready_plan("tracking", q_duration_s=1.23456, S_duration_s=0.98765),
         build_ready_plan("compliance", push_seed=4),
-        find_experiment("sequence").make({"segments": '[{"duration_s": 0.12345, "q_ref": 0, "S_ref": 10}]'}),
+        find_experiment("sequence").make_plan({"segments": '[{"duration_s": 0.12345, "q_ref": 0, "S_ref": 10}]'}),
     ],
 )
 def test_segments_last_whole_milliseconds_as_the_loop_plays_them(plan: Plan) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.experiments.forecast import CORNERS, POINTS, Stage, Timetable, forecast_identification
+from backend.experiments.forecast import CORNERS_MAX, TIMETABLE_POINTS, Stage, Timetable, forecast_identification
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
     IdentificationPlan,
@@ -60,9 +60,9 @@ def played(plan: IdentificationPlan, name: str = "lab") -> Played:
 
 def test_the_tension_that_is_held_and_its_excitation_are_those_of_the_samples() -> None:
     run = played(ACTUATOR)
-    travel, settle, excite = run.told.stretches
-    assert [one.stage for one in run.told.stretches] == [Stage.TRAVELLING, Stage.SETTLING, Stage.EXCITING]
-    assert [run.told.title(one) for one in run.told.stretches] == ["20 N"] * 3
+    travel, settle, excite = run.told.intervals
+    assert [one.stage for one in run.told.intervals] == [Stage.TRAVELLING, Stage.SETTLING, Stage.EXCITING]
+    assert [run.told.title(one) for one in run.told.intervals] == ["20 N"] * 3
     assert run.ticks - excite.end in (0, 1, 2)  # the loop takes a tick to see that it is over
     wound = run.columns["theta_B_ref"]
     assert wound[travel.end] == 0.0
@@ -85,18 +85,18 @@ def test_the_tension_that_is_held_and_its_excitation_are_those_of_the_samples() 
 def test_each_step_has_its_voltage_when_it_is_told_to_have_it(name: str) -> None:
     run = played(MOTOR, name)
     whole, tolerance = run.ticks, round(0.02 * run.ticks)
-    steps = [one for one in run.told.stretches if one.stage is Stage.EXCITING]
+    steps = [one for one in run.told.intervals if one.stage is Stage.EXCITING]
     assert [one.set_point for one in steps] == [3.0, -3.0, 4.5, -4.5, 6.0, -6.0]
     assert [(one.number, one.of) for one in steps] == [(number, 6) for number in range(1, 7)]
     assert run.told.title(steps[1]) == "−3 V"
-    assert run.told.stretches[-1].end == pytest.approx(whole, abs=tolerance)
+    assert run.told.intervals[-1].end == pytest.approx(whole, abs=tolerance)
     u, free = run.columns["u_A"], np.isnan(run.columns["theta_A_ref"])
     for step in steps:
         driven = np.flatnonzero((u == step.set_point) & (run.columns["u_B"] == step.set_point) & free)
         assert driven[0] == pytest.approx(step.begin, abs=tolerance)
         assert driven[-1] + 1 == pytest.approx(step.end, abs=tolerance)
         assert np.all(np.diff(driven) == 1)
-    begins = [one.begin for one in run.told.stretches if one.stage is Stage.TRAVELLING]
+    begins = [one.begin for one in run.told.intervals if one.stage is Stage.TRAVELLING]
     walks = [0, *(np.flatnonzero(np.diff(free.astype(int)) == -1) + 1)]
     assert begins == pytest.approx(walks[: len(begins)], abs=tolerance)
     # the way to the first step has nothing to guess: it is the samples' own, to the tick
@@ -109,17 +109,17 @@ def test_each_step_has_its_voltage_when_it_is_told_to_have_it(name: str) -> None
 
 def test_the_sweep_is_at_its_tensions_when_it_is_told_to_be() -> None:
     run = played(SPRING)
-    assert [one.set_point for one in run.told.stretches] == [4.0, 4.0, 40.0, 4.0, 40.0, 4.0]
-    assert [one.number for one in run.told.stretches] == [1, 1, 2, 3, 4, 5]
-    assert {one.of for one in run.told.stretches} == {5}
-    assert run.told.stretches[-1].end == pytest.approx(run.ticks, abs=2)
+    assert [one.set_point for one in run.told.intervals] == [4.0, 4.0, 40.0, 4.0, 40.0, 4.0]
+    assert [one.number for one in run.told.intervals] == [1, 1, 2, 3, 4, 5]
+    assert {one.of for one in run.told.intervals} == {5}
+    assert run.told.intervals[-1].end == pytest.approx(run.ticks, abs=2)
     # references are the samples' own, to a tick of the fastest walk
     assert run.told.signals["theta_A_ref"] == pytest.approx(run.at("theta_A_ref"), abs=0.0031)
-    for stretch in run.told.stretches[1:]:  # closed form: the tension at the end of each leg is its set point
+    for stretch in run.told.intervals[1:]:  # closed form: the tension at the end of each leg is its set point
         at = np.searchsorted(run.told.t, stretch.end * T_s - 1e-9)
         assert run.told.signals["F_A"][at] == pytest.approx(stretch.set_point, abs=1e-6)
     # what the load cells read is half a second of the motors' lag behind, and their noise beside
-    sweeping = run.told.t > (run.told.stretches[1].end + 500) * T_s
+    sweeping = run.told.t > (run.told.intervals[1].end + 500) * T_s
     assert np.max(np.abs(run.told.signals["F_A"] - run.at("F_A"))[sweeping]) < 8.0
     assert np.ptp(run.at("F_A")) == pytest.approx(36.0, abs=3.0)
 
@@ -127,9 +127,9 @@ def test_the_sweep_is_at_its_tensions_when_it_is_told_to_be() -> None:
 @pytest.mark.parametrize("plan", [ACTUATOR, MOTOR, SPRING], ids=["actuator", "motor", "spring"])
 def test_stretches_follow_each_other_without_gaps_and_are_drawn_from_end_to_end(plan: IdentificationPlan) -> None:
     told = forecast_identification(plan, load_parameters("lab"))
-    begins = [one.begin for one in told.stretches]
-    assert begins == [0, *(one.end for one in told.stretches[:-1])]
-    assert all(one.begin < one.end for one in told.stretches)
+    begins = [one.begin for one in told.intervals]
+    assert begins == [0, *(one.end for one in told.intervals[:-1])]
+    assert all(one.begin < one.end for one in told.intervals)
     assert told.t[0] == pytest.approx(T_s)
     assert told.t[-1] == pytest.approx(told.duration_s)
     assert np.all(np.diff(told.t) > 0.0)
@@ -138,4 +138,4 @@ def test_stretches_follow_each_other_without_gaps_and_are_drawn_from_end_to_end(
 
 def test_the_longest_excitation_is_drawn_by_so_many_points() -> None:
     plan = replace(ACTUATOR, bits=12, periods=10, chip_s=0.0146)
-    assert forecast_identification(plan, load_parameters("lab")).t.size <= CORNERS + 2 * POINTS + 2
+    assert forecast_identification(plan, load_parameters("lab")).t.size <= CORNERS_MAX + 2 * TIMETABLE_POINTS + 2

@@ -59,7 +59,7 @@ def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Pat
     assert LoopSettings(**after.to_document(), seed=4).tuning == after
     assert TuningSettings.from_values(asdict(LoopSettings(**after.to_document(), seed=4))) == after
     entry = find_experiment("tracking")
-    _, ordered = split_values(entry.settings, entry.make, {name: OTHER[name]})
+    _, ordered = split_values(entry.settings, entry.make_plan, {name: OTHER[name]})
     assert ordered.tuning == after
     parameters, database = load_parameters("ideal"), open_database(tmp_path)
     tuning_settings.store_tuning(database, after, parameters, "A. Operator")

@@ -67,7 +67,7 @@ def test_voltage_steps_give_back_the_simulated_motors(station: ExperimentRig, la
     assert figures["turn_rad"] < 15.7
     assert figures["load_N"] < 0.5
     predicted = predict_motor(MOTOR, lab)
-    assert predicted.good
+    assert predicted.is_feasible
     columns, _ = read_recorded_columns(station.database, outcome.run.id)
     loose = np.minimum(columns["F_A"], columns["F_B"]) < 0.1  # N: the springs begin there, but for noise
     assert np.count_nonzero(loose) > 10_000
@@ -100,7 +100,7 @@ def test_a_sweep_gives_back_the_simulated_springs(station: ExperimentRig, lab: P
     # The load cells' delay parts the ways by twice the tension's rate times the delay: 2 x 8.6 N/s x 12 ms on the mean.
     assert 0.1 < figures["hysteresis_N"] < 0.5
     assert figures["max_tension_N"] == pytest.approx(45.0, abs=2.0)
-    assert predict_spring(SPRING, lab).good
+    assert predict_spring(SPRING, lab).is_feasible
 
 
 def test_a_run_that_ends_early_keeps_its_data_and_gives_no_model(station: ExperimentRig) -> None:
@@ -153,10 +153,10 @@ def test_steps_that_saturate_or_carry_load_are_refused_one_by_one(lab: PlantPara
 
 def test_predictions_say_what_is_wrong_before_anything_moves(lab: PlantParameters) -> None:
     hasty = predict_motor(MotorIdentificationPlan(u_high=9.0, travel_rad=6.0), lab)
-    assert not hasty.good
+    assert not hasty.is_feasible
     assert "before its speed is steady" in hasty.message
     high = predict_spring(SpringIdentificationPlan(F_high=47.0), lab)
-    assert high.good
+    assert high.is_feasible
     with pytest.raises(OutOfRangeError, match="smallest voltage step: 6 V is more than 4 V"):
         build_plan(MotorIdentificationPlan, {"u_low": 6.0, "u_high": 4.0})
     with pytest.raises(OutOfRangeError, match=r"turns, .*: 49 N is outside 20 to 47 N"):

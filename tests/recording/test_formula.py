@@ -10,7 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.experiments.parser import KNOWN, ExpressionError, evaluate_number, parse_derived_signal, truth_of
+from backend.experiments.parser import (
+    SIGNAL_NAMES,
+    ExpressionError,
+    evaluate_condition,
+    evaluate_number,
+    parse_derived_signal,
+)
 from backend.sample import COMBINED_SIGNALS, STORED_NAMES
 
 CASES = json.loads((Path(__file__).parent / "formula_cases.json").read_text())
@@ -40,7 +46,7 @@ def test_the_steps_in_the_page_s_fixture_are_those_of_the_expressions() -> None:
     assert json.loads(fixture.read_text()) == made
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", SIGNAL_NAMES)
 def test_every_signal_may_be_named(name: str) -> None:
     derived = parse_derived_signal("made", "1", f"2 * {name}")
     columns = {one: np.full(2, 3.0) for one in STORED_NAMES}
@@ -76,7 +82,7 @@ def test_it_says_what_the_language_of_experiments_says(q: float, S: float, expre
         wanted = evaluate_number(expression, names)
     except ExpressionError as error:
         if "is not a finite number" in str(error) and ("True" in str(error) or "False" in str(error)):
-            wanted = float(truth_of(expression, names))
+            wanted = float(evaluate_condition(expression, names))
         else:
             assert math.isnan(value)
             return

@@ -8,7 +8,7 @@ import pytest
 
 from backend.analysis.evaluation import USED, find_control_law, select_used_settings
 from backend.banks.tuning_settings import TUNING_NAMES
-from backend.experiments.library import build_ready_plan, declare_choice, plan_values
+from backend.experiments.library import build_ready_plan, describe_plan_values, list_stored_values
 from backend.experiments.plans import LoopSettings
 from backend.models.settings import describe_values
 from backend.realtime.program import Law
@@ -33,9 +33,9 @@ def of_law(law: str) -> RunData:
     plan = build_ready_plan("tracking", controller=law, q_duration_s=4.0, S_duration_s=3.0)
     loop = LoopSettings(motion="time-optimal", u_plan=8.5, k_ext=0.3)
     settings = {
-        "plan": plan_values(plan),
+        "plan": list_stored_values(plan),
         "loop": vars(loop),
-        "declared": [vars(item) for item in (*declare_choice(plan), *describe_values(loop))],
+        "declared": [vars(item) for item in (*describe_plan_values(plan), *describe_values(loop))],
     }
     return replace(tracked, run=replace(tracked.run, settings=settings))
 
@@ -104,7 +104,9 @@ def test_an_identification_uses_the_motor_loops_alone(kind: str, law: Law, used:
 def test_the_compliance_experiment_runs_with_its_position_loop_open() -> None:
     plan = build_ready_plan("compliance")
     source = of_law("cascade")
-    compliant = replace(source.run, kind="compliance", settings={**source.run.settings, "plan": plan_values(plan)})
+    compliant = replace(
+        source.run, kind="compliance", settings={**source.run.settings, "plan": list_stored_values(plan)}
+    )
     assert find_control_law(compliant) is Law.COMPLIANCE
     assert "lam_q" not in {item.name for item in select_used_settings(compliant)}
 

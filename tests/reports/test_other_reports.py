@@ -7,7 +7,7 @@ import pytest
 
 from backend.analysis.disturbance_metrics import compliance_figures
 from backend.analysis.evaluation import figure_documents
-from backend.experiments.library import build_ready_plan, find_experiment, plan_values
+from backend.experiments.library import build_ready_plan, find_experiment, list_stored_values
 from backend.models.run import Metrics
 from backend.reports.build import build_report
 from backend.reports.model import Figure, Report, Table, to_html
@@ -92,8 +92,8 @@ def test_the_report_says_the_whole_tuning_or_what_is_not_known_of_it(settings: d
 def test_an_own_sequence_has_figures_but_no_criteria() -> None:
     tracked = source_of(samples(PLAN))
     assert tracked.result is not None
-    plan = find_experiment("sequence").make({"segments": '[{"duration_s": 1, "q_ref": 0.1, "S_ref": 10}]'})
-    settings = {**tracked.run.settings, "plan": plan_values(plan)}
+    plan = find_experiment("sequence").make_plan({"segments": '[{"duration_s": 1, "q_ref": 0.1, "S_ref": 10}]'})
+    settings = {**tracked.run.settings, "plan": list_stored_values(plan)}
     sequence = RunData(
         replace(tracked.run, kind="sequence", settings=settings),
         replace(tracked.result, criteria=()),

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from backend.analysis.evaluation import tracking_document
 from backend.analysis.step_metrics import tracking_metrics
-from backend.experiments.library import build_ready_plan, plan_values
+from backend.experiments.library import build_ready_plan, list_stored_values
 from backend.experiments.plans import ExperimentPlan
 from backend.reports.run_data import RunData
 from backend.sample import STORED_NAMES
@@ -50,7 +50,7 @@ def source_of(
     parameters = load_parameters("ideal")
     metrics = tracking_metrics(columns, PLAN.program(), PLAN.phases())
     settings = {
-        "plan": plan_values(PLAN),
+        "plan": list_stored_values(PLAN),
         "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "seed": 7},
         "declared": [
             {

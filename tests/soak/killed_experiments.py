@@ -26,7 +26,9 @@ def killed_experiments(console: Console) -> bool:
     folder = Path(tempfile.mkdtemp(prefix="sinew-killed-"))
     try:
         found = [
-            _after(victim, name, folder, console) for name in library.NAMES for victim in ("the loop", "the service")
+            _after(victim, name, folder, console)
+            for name in library.READY_NAMES
+            for victim in ("the loop", "the service")
         ]
     finally:
         shutil.rmtree(folder)

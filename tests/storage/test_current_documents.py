@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import text
 
-from backend.experiments.library import find_experiment, plan_values
+from backend.experiments.library import find_experiment, list_stored_values
 from backend.models.upgrades import NO_STORED_REASON, upgrade_quality
 from backend.storage import identifications, results, runs
 from backend.storage.database import Database
@@ -136,7 +136,7 @@ def test_a_sequence_is_an_experiment_and_goes_back_to_a_list_of_segments(databas
     assert [one["id"] for one, was in zip(once, before, strict=True) if one != was] == [1]
     with database.reading() as session:
         kept = runs.get(session, 1).set_to
-    assert kept.plan == plan_values(find_experiment("sequence").make({"segments": segments}))
+    assert kept.plan == list_stored_values(find_experiment("sequence").make_plan({"segments": segments}))
     assert [one.name for one in kept.declared or ()] == ["b"]
     assert found_by(database, "b") == {1: 0.5, 2: 0.5, 4: 0.5}
     database = migrated(database, tmp_path, "0016_current_documents")

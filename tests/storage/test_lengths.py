@@ -59,7 +59,7 @@ COMPOSED: dict[str, Iterable[str]] = {
     "bring_up.fingerprint": DIGEST,
     "chunk.sha256": DIGEST,
     "event.kind": EventKind,
-    "experiment.name": library.NAMES,
+    "experiment.name": library.READY_NAMES,
     "flight_record.fault": Fault,
     "formula.name": ["x" * 20],  # as the API bounds it
     "formula.unit": ["x" * 20],

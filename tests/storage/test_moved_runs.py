@@ -13,7 +13,7 @@ import pytest
 
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_rig
-from backend.experiments.library import NAMES, build_ready_plan, find_experiment, settings_of
+from backend.experiments.library import READY_NAMES, build_ready_plan, find_experiment, list_settings
 from backend.experiments.plans import LoopSettings, Plan
 from backend.recording.codec import compute_recording_digest
 from backend.recording.reader import read_samples
@@ -54,10 +54,10 @@ class Moved:
 def shortest(name: str) -> Plan:
     """Return an experiment whose times are the shortest and whose repetitions the fewest that it can have."""
     if name == "sequence":
-        return find_experiment("sequence").usual
+        return find_experiment("sequence").default_plan
     small: dict[str, float] = {
         setting.name: setting.minimum
-        for setting in settings_of(build_ready_plan(name))
+        for setting in list_settings(build_ready_plan(name))
         if setting.minimum is not None
         and ((setting.unit == "s" and not setting.name.startswith("lam_")) or setting.kind == "integer")
     }
@@ -86,7 +86,7 @@ def record(database: Database, name: str) -> int:
         return recorded(session, new, noise(3_300, seed=SEED), cuts=(700, 1_900))
 
 
-@pytest.fixture(scope="module", params=[*NAMES, "sequence", MANUAL, BROUGHT_UP])
+@pytest.fixture(scope="module", params=[*READY_NAMES, "sequence", MANUAL, BROUGHT_UP])
 def moved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Moved]:
     folder = tmp_path_factory.mktemp("made")
     database = open_database(folder)

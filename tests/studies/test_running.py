@@ -76,7 +76,7 @@ def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database
             motor=replace(lab.motor, c0=values["motor.c0"]),
             sensors=replace(lab.sensors, force_noise=values["sensors.force_noise"]),
         )
-        plan = find_experiment("tracking").make({"q_duration_s": 0.5, "S_duration_s": 0.5, "S_high": 12.0})
+        plan = find_experiment("tracking").make_plan({"q_duration_s": 0.5, "S_duration_s": 0.5, "S_high": 12.0})
         settings = LoopSettings(lam_q=values["lam_q"], seed=values["seed"])
         with open_headless_rig(database, parameters, settings) as station:
             outcome = asyncio.run(run_experiment(station, RunRequest(plan, settings, "Ana")))

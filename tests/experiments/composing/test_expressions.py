@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from backend.experiments.parser import ExpressionError, Names, evaluate_number, require_known, truth_of
+from backend.experiments.parser import ExpressionError, Names, evaluate_condition, evaluate_number, require_known
 
 KNOWN: Names = {"hold_s": 3.0, "count": 4, "profile": "hand", "on": True}
 
@@ -41,7 +41,7 @@ def test_an_expression_is_the_number_that_arithmetic_says(expression: float | st
     [("hold_s < count", True), ("hold_s < count < 4", False), ("profile == 'hand'", True), ("not on", False)],
 )
 def test_a_comparison_holds_or_does_not(expression: str, held: bool) -> None:
-    assert truth_of(expression, KNOWN) is held
+    assert evaluate_condition(expression, KNOWN) is held
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_a_comparison_holds_or_does_not(expression: str, held: bool) -> None:
     ],
 )
 def test_what_is_no_small_expression_is_not_taken_whatever_asks(expression: str) -> None:
-    for ask in (evaluate_number, truth_of, require_known):
+    for ask in (evaluate_number, evaluate_condition, require_known):
         with pytest.raises(ExpressionError):
             ask(expression, KNOWN)
 
@@ -127,7 +127,7 @@ def test_what_is_no_finite_number_is_none_without_an_expression_too(value: float
 
 def test_a_number_is_no_comparison() -> None:
     with pytest.raises(ExpressionError, match="which is not a comparison"):
-        truth_of("hold_s + 1", KNOWN)
+        evaluate_condition("hold_s + 1", KNOWN)
 
 
 def test_names_are_looked_for_without_values() -> None:
@@ -147,7 +147,11 @@ def test_any_text_is_a_number_or_refused(text: str) -> None:
 def test_settings_are_reckoned_with_as_python_does(a: float, b: float, sign: str) -> None:
     names = {"a": a, "b": b}
     expected = eval(f"a {sign} b", {}, names)
-    found = truth_of(f"a {sign} b", names) if isinstance(expected, bool) else evaluate_number(f"a {sign} b", names)
+    found = (
+        evaluate_condition(f"a {sign} b", names)
+        if isinstance(expected, bool)
+        else evaluate_number(f"a {sign} b", names)
+    )
     assert found == expected
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from backend.experiments.compiler import peak_of
+from backend.experiments.compiler import compute_multisine_peak
 from backend.realtime.program import ContactDetection, Law, Segment, Shape
 from tests.experiments.composing.written import WOBBLE, plan_of, with_parts
 
@@ -43,7 +43,7 @@ def test_excitations_go_around_the_references_and_leave_them_where_they_were() -
     assert sweep.q_ref == pytest.approx(0.3)
     assert (prbs.shape, prbs.S_ref, prbs.period_s, prbs.count) == (Shape.PRBS, 10.5, 0.2, 4)
     assert prbs.duration_s == pytest.approx(3 * 15 * 0.2)
-    assert (many.shape, many.duration_s, many.count, many.peak) == (Shape.MULTISINE, 16.0, 6, peak_of(6))
+    assert (many.shape, many.duration_s, many.count, many.peak) == (Shape.MULTISINE, 16.0, 6, compute_multisine_peak(6))
     assert held == Segment(1.0, 0.1, 10.0)
 
 
@@ -70,7 +70,7 @@ def test_a_change_of_the_tuning_goes_with_the_next_motion_and_adds_up() -> None:
         )
     )
     assert [segment.tuning for segment in plan.program().segments] == [0, 1, 0, 2]
-    assert plan.laid.changes == ({"lam_q": 0.8}, {"lam_q": 0.8, "lam_S": 0.9, "interpolate": True})
+    assert plan.compiled.changes == ({"lam_q": 0.8}, {"lam_q": 0.8, "lam_S": 0.9, "interpolate": True})
 
 
 def test_pushes_end_with_their_part() -> None:
@@ -100,7 +100,7 @@ def test_the_peak_of_a_multisine_is_no_less_than_that_of_its_sum() -> None:
     t = np.linspace(0.0, 1.0, 20_001)
     for lines in (1, 3, 17, 40):
         total = sum(np.cos(2 * np.pi * k * t - np.pi * k * (k - 1) / lines) for k in range(1, lines + 1))
-        assert np.abs(total).max() <= peak_of(lines) <= 1.03 * np.abs(total).max()
+        assert np.abs(total).max() <= compute_multisine_peak(lines) <= 1.03 * np.abs(total).max()
 
 
 def test_what_a_contact_ends_is_marked_where_it_begins_and_where_it_is_over() -> None:

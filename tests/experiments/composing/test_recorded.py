@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from backend.experiments.library import (
-    WITHIN_F_N,
-    WITHIN_Q_RAD,
-    WITHIN_S,
+    TOLERANCE_F_N,
+    TOLERANCE_Q_RAD,
+    TOLERANCE_S,
     ReferenceChange,
     find_commanded_range,
     follow_columns,
 )
-from backend.experiments.parser import ExperimentError, of_document
+from backend.experiments.parser import ExperimentError, build_experiment
 from backend.experiments.plans import ExperimentPlan
 from backend.realtime.program import Law, Program, Segment, Shape
 from plant.interface import T_s
@@ -37,7 +37,7 @@ def again(parts: list[dict[str, Any]]) -> np.ndarray:
         "title": "Again",
         "phases": [{"name": "recorded", "title": "Recorded", "parts": parts}],
     }
-    return played(ExperimentPlan(of_document(document, {}), {}).program(), 0.0, 10.0)
+    return played(ExperimentPlan(build_experiment(document, {}), {}).program(), 0.0, 10.0)
 
 
 @pytest.mark.parametrize("segments", [STEPS_AND_RAMPS, SINE], ids=["steps and ramps", "sine"])
@@ -49,8 +49,8 @@ def test_what_is_played_again_is_what_was_recorded(segments: tuple[Segment, ...]
     off_q, off_S = np.abs(replayed - recorded).max(axis=0)
     assert off_q == pytest.approx(found.off_q_rad, abs=1e-9)
     assert off_S == pytest.approx(found.off_S, abs=1e-9)
-    assert off_q <= WITHIN_Q_RAD
-    assert off_S <= WITHIN_S
+    assert off_q <= TOLERANCE_Q_RAD
+    assert off_S <= TOLERANCE_S
 
 
 def test_steps_holds_and_ramps_come_back_as_they_were_written() -> None:
@@ -124,7 +124,7 @@ def test_a_smooth_push_is_followed_within_its_bound() -> None:
     F[1000:2000] = 8.0 * np.sin(np.pi * np.arange(1000) / 1000.0) ** 2
     found = follow_columns(np.full(3000, 0.1), np.full(3000, 10.0), F)
     off = np.abs(pushed(found.parts)[:3000] - F).max()
-    assert off <= WITHIN_F_N
+    assert off <= TOLERANCE_F_N
     assert off == pytest.approx(found.off_F_N, abs=1e-9)
 
 
@@ -140,7 +140,7 @@ def test_a_push_is_left_out_while_the_references_move_and_that_is_told() -> None
     missing = np.flatnonzero(pushed(found.parts)[:4000] != F)
     assert missing.tolist() == [*range(1000, 2000), *range(3000, 3010)]
     replayed = again(found.parts)
-    assert np.abs(replayed[:4000, 0] - q_ref).max() <= WITHIN_Q_RAD
+    assert np.abs(replayed[:4000, 0] - q_ref).max() <= TOLERANCE_Q_RAD
 
 
 def test_changes_come_before_the_part_that_begins_at_their_tick() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from backend.errors import OutOfRangeError
-from backend.experiments.parser import ExperimentError, parsed_setting, require_rules, settings_of
+from backend.experiments.parser import ExperimentError, build_settings, parse_values, require_rules
 from backend.experiments.schema import Declared, Experiment, Hold, Rule, Section
 from backend.models.settings import Setting, SettingError
 
@@ -29,7 +29,7 @@ def declared(**changes: Any) -> Declared:
 
 
 def test_each_kind_is_declared_as_it_was_written() -> None:
-    assert settings_of(experiment(DEPTH, TURNS, HOW, SURE), {}) == (
+    assert build_settings(experiment(DEPTH, TURNS, HOW, SURE), {}) == (
         Setting("depth", "number", "a", "rad", "amplitude", math.pi / 4.0, 0.0, math.pi / 2.0),
         Setting("turns", "integer", "n", "1", "turns", 3, 1.0, 9.0),
         Setting("how", "choice", "how", "1", "way", "a", choices=("a", "b")),
@@ -38,8 +38,8 @@ def test_each_kind_is_declared_as_it_was_written() -> None:
 
 
 def test_values_that_are_not_named_are_the_defaults_and_words_are_read() -> None:
-    settings = settings_of(experiment(DEPTH, TURNS, HOW, SURE), {})
-    assert parsed_setting(settings, {"turns": "5", "sure": "no"}) == {
+    settings = build_settings(experiment(DEPTH, TURNS, HOW, SURE), {})
+    assert parse_values(settings, {"turns": "5", "sure": "no"}) == {
         "depth": math.pi / 4.0, "turns": 5, "how": "a", "sure": False,
     }  # fmt: skip
 
@@ -63,7 +63,7 @@ def test_a_wrong_value_is_refused_as_of_any_other_setting(
     values: dict[str, object], error: type[Exception], told: str
 ) -> None:
     with pytest.raises(error) as refused:
-        parsed_setting(settings_of(experiment(DEPTH, TURNS, HOW, SURE), {}), values)
+        parse_values(build_settings(experiment(DEPTH, TURNS, HOW, SURE), {}), values)
     assert told in str(refused.value)
 
 
@@ -93,7 +93,7 @@ def test_a_wrong_value_is_refused_as_of_any_other_setting(
 def test_a_declaration_that_cannot_be_is_refused_in_its_line(wrong: Declared, told: str) -> None:
     lines = {(): 1, ("settings",): 5, ("settings", 0): 6, ("settings", 1): 7, ("settings", 1, "name"): 8}
     with pytest.raises(ExperimentError) as refused:
-        settings_of(experiment(declared(name="first"), wrong), lines)
+        build_settings(experiment(declared(name="first"), wrong), lines)
     assert told in str(refused.value)
     assert refused.value.line == (8 if "taken" in told else 7)
     assert refused.value.path[:2] == ("settings", 1)
@@ -103,9 +103,9 @@ def test_rules_hold_or_say_which_values_break_them() -> None:
     low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
     asked = experiment(low, high, rules=(Rule(that="low < high", remedy="keep low below high"),))
     lines = {(): 1, ("rules", 0, "that"): 21}
-    require_rules(asked, settings_of(asked, {}), {"low": 0.2, "high": 0.8}, ("low",), lines)
+    require_rules(asked, build_settings(asked, {}), {"low": 0.2, "high": 0.8}, ("low",), lines)
     with pytest.raises(ExperimentError) as refused:
-        require_rules(asked, settings_of(asked, {}), {"low": 0.8, "high": 0.8}, (), lines)
+        require_rules(asked, build_settings(asked, {}), {"low": 0.8, "high": 0.8}, (), lines)
     assert str(refused.value) == (
         "line 21: rules 1, that: low < high does not hold (low is 0.8, high is 0.8): keep low below high"
     )
@@ -116,7 +116,7 @@ def test_whoever_gave_a_value_is_told_at_that_value(that: str, bounds: tuple[flo
     low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
     asked = experiment(low, high, rules=(Rule(that=that, remedy="mind the gap"),))
     with pytest.raises(OutOfRangeError, match="mind the gap") as refused:
-        require_rules(asked, settings_of(asked, {}), {"low": 0.9, "high": 0.8}, ("low",), {})
+        require_rules(asked, build_settings(asked, {}), {"low": 0.9, "high": 0.8}, ("low",), {})
     assert (refused.value.quantity, refused.value.minimum, refused.value.maximum) == ("low", *bounds)
 
 
@@ -124,5 +124,5 @@ def test_whoever_gave_a_value_is_told_at_that_value(that: str, bounds: tuple[flo
 def test_a_rule_that_is_no_comparison_is_refused_in_its_line(that: str) -> None:
     asked = experiment(declared(name="low"), rules=(Rule(that=that, remedy="none"),))
     with pytest.raises(ExperimentError) as refused:
-        require_rules(asked, settings_of(asked, {}), {"low": 0.2}, (), {("rules", 0, "that"): 3})
+        require_rules(asked, build_settings(asked, {}), {"low": 0.2}, (), {("rules", 0, "that"): 3})
     assert refused.value.line == 3

@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from backend.experiments import parser
-from backend.experiments.library import NAMES, text_of
+from backend.experiments.library import READY_NAMES, load_ready_text
 from backend.experiments.parser import (
     MAX_CHARACTERS,
     ExperimentError,
-    canonical,
+    build_experiment,
     find_line,
-    in_words,
-    of_document,
+    format_path,
     parse_canonical,
-    read,
+    parse_experiment,
+    to_canonical_text,
 )
 from backend.experiments.schema import EXPERIMENT, Experiment, Hold, Section, Step
 from backend.plain_text import escape_line
@@ -48,7 +48,7 @@ EXPECTED = of(Hold(do="hold", duration_s=2.0), Step(do="step", q_ref=0.1, durati
 
 
 def test_each_part_is_read_with_its_line() -> None:
-    experiment, lines = read(SMALL)
+    experiment, lines = parse_experiment(SMALL)
     assert experiment == EXPECTED
     assert lines["format",] == 2
     assert lines["phases", 0, "parts", 0] == 9
@@ -58,37 +58,37 @@ def test_each_part_is_read_with_its_line() -> None:
 
 
 def test_a_place_that_has_no_line_has_that_of_what_it_lies_in() -> None:
-    _, lines = read(SMALL)
+    _, lines = parse_experiment(SMALL)
     assert find_line(("phases", 0, "parts", 1, "S_ref"), lines) == 11
     assert find_line(("phases", 0, "parts", 7), lines) == 8
     assert find_line(("phases", 0), {}) is None
-    assert in_words(("phases", 0, "parts", 1, "q_ref")) == "phases 1, parts 2, q_ref"
-    assert in_words(()) == "experiment"
+    assert format_path(("phases", 0, "parts", 1, "q_ref")) == "phases 1, parts 2, q_ref"
+    assert format_path(()) == "experiment"
 
 
 def test_json_is_read_as_yaml_is() -> None:
     document = EXPERIMENT.dump_python(EXPECTED, mode="json")
     for text in (json.dumps(document), json.dumps(document, indent=2)):
-        assert read(text)[0] == EXPECTED
-    assert of_document(document, {}) == EXPECTED
+        assert parse_experiment(text)[0] == EXPECTED
+    assert build_experiment(document, {}) == EXPECTED
 
 
 @pytest.mark.parametrize("line_end", ["\n", "\r\n"])
 def test_line_ends_of_other_machines_count_alike(line_end: str) -> None:
-    _, lines = read(SMALL.replace("\n", line_end))
+    _, lines = parse_experiment(SMALL.replace("\n", line_end))
     assert lines["phases", 0, "parts", 1, "q_ref"] == 12
 
 
 @pytest.mark.parametrize("word", ["no", "yes", "on", "off", "1:30", "0x1f", "1_000", "2001-01-01", "12", "true", "~"])
 def test_words_that_look_like_something_else_stay_words(word: str) -> None:
     experiment = of(Hold(do="hold", duration_s=1.0), title=word)
-    assert parse_canonical(canonical(experiment)) == experiment
-    assert read(json.dumps(json.loads(canonical(experiment))))[0] == experiment
+    assert parse_canonical(to_canonical_text(experiment)) == experiment
+    assert parse_experiment(json.dumps(json.loads(to_canonical_text(experiment))))[0] == experiment
 
 
 @pytest.mark.parametrize("word", ["no", "on", "1:30", "0x1f", "1_000", "2001-01-01"])
 def test_a_plain_word_is_no_number_and_no_truth(word: str) -> None:
-    assert read(SMALL.replace("title: Small", f"title: {word}"))[0].title == word
+    assert parse_experiment(SMALL.replace("title: Small", f"title: {word}"))[0].title == word
 
 
 @given(
@@ -98,7 +98,7 @@ def test_a_plain_word_is_no_number_and_no_truth(word: str) -> None:
 )
 def test_a_title_is_the_same_in_the_text_that_a_run_keeps(title: str) -> None:
     experiment = of(Hold(do="hold", duration_s=1.0), title=title)
-    assert parse_canonical(canonical(experiment)) == experiment
+    assert parse_canonical(to_canonical_text(experiment)) == experiment
 
 
 @pytest.mark.parametrize("line", ["", "[]", "{", "[" * 100_000, '{"format": 1}'])
@@ -110,15 +110,15 @@ def test_what_is_no_such_text_is_refused_in_a_sentence(line: str) -> None:
 @pytest.mark.parametrize("value", ["!!int abc", "!!float abc", "!!int '5'", "!!str 5", "! 5"])
 def test_no_tag_is_taken(value: str) -> None:
     with pytest.raises(ExperimentError, match=r"the tag .* is not taken") as refused:
-        read(SMALL.replace("duration_s: 2.0", f"duration_s: {value}"))
+        parse_experiment(SMALL.replace("duration_s: 2.0", f"duration_s: {value}"))
     assert refused.value.line == 10
 
 
 def test_equal_experiments_have_equal_texts() -> None:
-    other = read(SMALL.replace("1e1", "10.0").replace("# a comment", "# another"))[0]
-    assert canonical(other) == canonical(EXPECTED)
-    assert canonical(of(Hold(do="hold", duration_s=3.0))) != canonical(EXPECTED)
-    assert "\n" not in canonical(EXPECTED)
+    other = parse_experiment(SMALL.replace("1e1", "10.0").replace("# a comment", "# another"))[0]
+    assert to_canonical_text(other) == to_canonical_text(EXPECTED)
+    assert to_canonical_text(of(Hold(do="hold", duration_s=3.0))) != to_canonical_text(EXPECTED)
+    assert "\n" not in to_canonical_text(EXPECTED)
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_equal_experiments_have_equal_texts() -> None:
 def test_what_is_not_taken_is_told_with_its_line(old: str, new: str, line: int, told: str) -> None:
     assert SMALL.count(old) == 1
     with pytest.raises(ExperimentError) as refused:
-        read(SMALL.replace(old, new))
+        parse_experiment(SMALL.replace(old, new))
     assert told in str(refused.value)
     assert refused.value.line == line
     assert str(refused.value).startswith(f"line {line}: ")
@@ -163,11 +163,11 @@ def test_what_is_not_taken_is_told_with_its_line(old: str, new: str, line: int, 
 def test_a_text_that_is_too_long_is_not_parsed(least: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(parser, "_Loader")
     with pytest.raises(ExperimentError, match=f"it has {least} characters, at most {MAX_CHARACTERS} are taken"):
-        read(SMALL + "#" * (least - len(SMALL)))
+        parse_experiment(SMALL + "#" * (least - len(SMALL)))
 
 
 def test_the_longest_text_that_is_taken_is_read() -> None:
-    assert read(SMALL + "#" * (MAX_CHARACTERS - len(SMALL)))[0] == EXPECTED
+    assert parse_experiment(SMALL + "#" * (MAX_CHARACTERS - len(SMALL)))[0] == EXPECTED
 
 
 @pytest.mark.parametrize("nest", ["[", "{a: ", "- ", "? "])
@@ -175,18 +175,18 @@ def test_the_longest_text_that_is_taken_is_read() -> None:
 def test_a_text_that_is_nested_too_deep_is_refused(nest: str, deep: int) -> None:
     closing = {"[": "]", "{a: ": "}"}.get(nest, "")
     with pytest.raises(ExperimentError):
-        read(nest * deep + "1" + closing * deep)
+        parse_experiment(nest * deep + "1" + closing * deep)
 
 
 @given(st.text(max_size=300))
 def test_any_text_is_refused_in_a_sentence(text: str) -> None:
     with pytest.raises(ExperimentError) as refused:
-        read(text)
+        parse_experiment(text)
     assert str(refused.value)
 
 
-@given(st.sampled_from(NAMES), st.integers(0, 2000), st.text(max_size=4))
+@given(st.sampled_from(READY_NAMES), st.integers(0, 2000), st.text(max_size=4))
 def test_a_slip_of_the_hand_is_an_experiment_or_refused(name: str, at: int, typed: str) -> None:
-    text = text_of(name)
+    text = load_ready_text(name)
     with suppress(ExperimentError):
-        assert isinstance(read(text[:at] + typed + text[at + len(typed) :])[0], Experiment)
+        assert isinstance(parse_experiment(text[:at] + typed + text[at + len(typed) :])[0], Experiment)

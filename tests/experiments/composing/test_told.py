@@ -1,7 +1,7 @@
 """What is told of each part against what the program plays."""
 
 from backend.experiments.compiler import list_played_parts
-from backend.experiments.parser import read
+from backend.experiments.parser import parse_experiment
 from backend.experiments.plans import ExperimentPlan
 
 WRITTEN = """format: 1
@@ -21,8 +21,8 @@ phases:
 
 
 def test_each_part_is_told_with_its_place_its_times_and_from_where_to_where() -> None:
-    experiment, lines = read(WRITTEN)
-    step, ramp, pulse = list_played_parts(ExperimentPlan(experiment, {}, lines=lines).laid)
+    experiment, lines = parse_experiment(WRITTEN)
+    step, ramp, pulse = list_played_parts(ExperimentPlan(experiment, {}, lines=lines).compiled)
     assert step.path == ("phases", 0, "parts", 0)
     assert (step.start_s, step.end_s, step.q_from, step.q_to) == (0.0, 1.0, None, 0.1)
     assert ramp.path == ("phases", 0, "parts", 1, "parts", 0)

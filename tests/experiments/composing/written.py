@@ -1,7 +1,7 @@
 """Experiments as somebody might write them."""
 
-from backend.experiments.parser import read
-from backend.experiments.plans import ExperimentPlan, composed
+from backend.experiments.parser import parse_experiment
+from backend.experiments.plans import ExperimentPlan, build_experiment_plan
 
 WOBBLE = """format: 1
 name: wobble
@@ -33,5 +33,5 @@ def with_parts(*parts: str, settings: str = "", more: str = "") -> str:
 
 
 def plan_of(text: str, **values: object) -> ExperimentPlan:
-    experiment, lines = read(text)
-    return composed(experiment, values, lines=lines)
+    experiment, lines = parse_experiment(text)
+    return build_experiment_plan(experiment, values, lines=lines)

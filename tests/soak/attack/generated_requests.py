@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import quote
 
-from backend.experiments.library import NAMES, text_of
+from backend.experiments.library import READY_NAMES, load_ready_text
 from backend.plain_text import escape_line
 
 Request = tuple[str, str, Any]
@@ -160,7 +160,7 @@ def _check(dice: random.Random) -> Request:
 
 
 def _changed_ready_made(dice: random.Random) -> Request:
-    lines = text_of(dice.choice(NAMES)).splitlines()
+    lines = load_ready_text(dice.choice(READY_NAMES)).splitlines()
     for _ in range(dice.randint(0, 3)):
         place = dice.randrange(len(lines))
         lines[place] = lines[place].replace(dice.choice("0123456789"), expression(dice), 1)
@@ -213,7 +213,11 @@ def _preferences(dice: random.Random) -> Request:
 
 def _dry_run(dice: random.Random) -> Request:
     settings = {f"{name}": _number(dice) for name in dice.sample(("lam_q", "lam_S", "q_duration_s", "bank", "b"), 2)}
-    return "POST", "/api/experiments/dry-run", {"name": dice.choice((*NAMES, _words(dice)[:60])), "settings": settings}
+    return (
+        "POST",
+        "/api/experiments/dry-run",
+        {"name": dice.choice((*READY_NAMES, _words(dice)[:60])), "settings": settings},
+    )
 
 
 def _bank(dice: random.Random) -> Request:
