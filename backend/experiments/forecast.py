@@ -1,4 +1,4 @@
-"""Forecast of an identification before it starts: timetable, motor references, where the joint goes."""
+"""Forecasts an identification before it starts: timetable, motor references, range of the joint."""
 
 import math
 from collections.abc import Sequence
@@ -26,14 +26,13 @@ from backend.realtime import IDENTIFYING, MODES, Law, Mode, Program, VoltageStep
 from backend.sample import INDEX
 from plant import SIDES, PlantParameters, Side, T_s, spring_elongation, tendon_tension
 
-# Stretches -----------------------------------------------------------------------------------------
+# Intervals -----------------------------------------------------------------------------------------
 #
-# What a program of identification does when: its set points in turn, and what is done at each.
-# Pure.
+# The sequence of set points of an identification program, and the stages of each.
 
 
 class Stage(StrEnum):
-    """What is done at a set point, in the order in which it is done."""
+    """Stages of a set point, in their order."""
 
     TRAVELLING = "on the way"
     SETTLING = "settling"
@@ -44,9 +43,10 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True)
 class ProgramInterval:
-    """Ticks ``begin`` .. ``end`` of a program, from its first one as 0: one stage of the set point ``number`` ``of``.
+    """One stage of a set point: the ticks ``begin`` to ``end`` of a program, counted from its first tick.
 
-    ``set_point`` is a tension [N], of voltage steps a voltage [V].
+    ``number`` is that of the set point, of ``of`` in total. ``set_point`` is a tension [N], or a voltage [V] of a
+    voltage step.
     """
 
     number: int
@@ -58,33 +58,29 @@ class ProgramInterval:
 
 
 def format_set_point(law: Law, set_point: float) -> str:
-    """Name a set point as it is read: "20 N", "−3.5 V"."""
+    """Return a set point as text: "20 N", "−3.5 V"."""
     return f"{set_point:g} {'V' if law is Law.MOTOR_STEPS else 'N'}".replace("-", "−")
 
 
-# Way -----------------------------------------------------------------------------------------------
+# Reference trajectory ------------------------------------------------------------------------------
 #
-# The way of both motor references through a program of identification, as the loop will play it.
-# Pure.
-#
-# One pair of angles [rad] a millisecond, from where the references are to where the program ends,
-# and on to pretension. What is done in each of them, and at which set point, goes with it
-# (``stretches``). Speeds, pauses and lengths are the loop's own (``backend.realtime.motions``,
-# ``motor_steps``, ``tension_sweep``).
+# The references of both motors [rad] at each tick, from the current ones to the end of the program
+# and back to pretension. Speeds, pauses and durations are those of the control loop
+# (``backend.realtime.motions``).
 
 
 Array = NDArray[np.float64]
 JointAngles = tuple[float, float]
 
 _WINDING_LAG_S = 0.34
-"""How far the motors are behind their references while winding up [s]: the sum of the motor loop's lags."""
+"""Delay of the motors behind their references during winding [s]: the sum of the lags of the motor loop."""
 
 _WINDING_MAX_S = 120.0
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where an actuator is: mode, joint and motors [rad], motor references [rad]."""
+    """State of an actuator: mode, positions of joint and motors [rad], motor references [rad]."""
 
     mode: Mode
     q: float
@@ -93,7 +89,10 @@ class Start:
 
 
 def read_start(row: NDArray[np.float64] | None) -> Start:
-    """Read a sample of the loop; without one, slack and at zero. A motor without a reference is where it is."""
+    """Return the state in a sample; without a sample, mode off with all angles 0.
+
+    A motor without a reference has its position as reference.
+    """
     if row is None:
         return Start(Mode.OFF, 0.0, (0.0, 0.0), (0.0, 0.0))
     theta = float(row[INDEX["theta_A"]]), float(row[INDEX["theta_B"]])
@@ -103,10 +102,9 @@ def read_start(row: NDArray[np.float64] | None) -> Start:
 
 
 class ReferenceTrajectory:
-    """References of motors A and B [rad], a millisecond each, put together piece by piece.
+    """Builds the references of motors A and B [rad], one pair per tick.
 
-    ``trimmed`` marks where the force loop may add its trim to motor A. ``stretches`` are those of the program that was
-    played last.
+    ``at`` is the current pair. ``intervals`` are those of the last program that was followed.
     """
 
     def __init__(self, parameters: PlantParameters, start: Start) -> None:
@@ -121,7 +119,7 @@ class ReferenceTrajectory:
 
     @property
     def ticks(self) -> int:
-        """Length so far."""
+        """Length so far [ticks]."""
         return sum(ticks for ticks, _ in self._trimmed)
 
     @property
@@ -130,7 +128,7 @@ class ReferenceTrajectory:
         return self.ticks * T_s
 
     def references(self) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return θ_A,ref and θ_B,ref [rad] of every tick, and where the force loop trims."""
+        """Return θ_A,ref and θ_B,ref [rad] of every tick, and a mask of ticks with trim of motor A."""
         both = np.concatenate(self._pieces)
         return (
             both[:, 0],
@@ -139,7 +137,7 @@ class ReferenceTrajectory:
         )
 
     def move_to_start(self, law: Law) -> None:
-        """Wind up or travel to pretension, where the program cannot start from the present mode."""
+        """Apply pretension, or return to it, if the program cannot start from the current mode."""
         if self._mode in (Mode.OFF, Mode.STOPPING, Mode.TRIPPED):
             self._apply_pretension()
             return
@@ -148,13 +146,13 @@ class ReferenceTrajectory:
             self.return_to_pretension()
 
     def return_to_pretension(self) -> None:
-        """Travel to pretension and stand there as long as it takes to be granted."""
+        """Move to pretension and wait until the mode is granted."""
         self._travel(self.compute_angles(PRETENSION_N))
         self._hold(motion_primitives.STANDSTILL_S)
         self._mode = Mode.PRETENSION
 
     def follow_program(self, program: Program) -> None:
-        """Go through a program of identification, from the way to its start to its end."""
+        """Follow an identification program, from the motion to its start to its end."""
         self.intervals, self._began = [], self.ticks
         if program.law is Law.FORCE_HOLD:
             self._force_hold(program)
@@ -166,7 +164,7 @@ class ReferenceTrajectory:
             raise ValueError(f"{program.law} follows references of the joint, not of the motors")
 
     def compute_angles(self, F: float) -> JointAngles:
-        """Angles [rad] that hold F [N] in both tendons at q = 0."""
+        """Return the motor angles [rad] at which both tendons have the tension F [N], at q = 0."""
         r_m = self._parameters.geometry.r_m
         return spring_elongation(self._springs["A"], F) / r_m, spring_elongation(self._springs["B"], F) / r_m
 
@@ -215,7 +213,7 @@ class ReferenceTrajectory:
             self._end_interval(number, of, leg.tension_N, Stage.WINDING)
 
     def _end_interval(self, number: int, of: int, set_point: float, stage: Stage) -> None:
-        """Put what the program was played by since the last interval to a set point's stage."""
+        """Assign the ticks since the last interval to a stage of a set point."""
         begin = self.intervals[-1].end if self.intervals else 0
         self.intervals.append(
             ProgramInterval(
@@ -236,7 +234,7 @@ class ReferenceTrajectory:
         self._add(np.full(ticks, self.at[0]), np.full(ticks, self.at[1]), trimmed=trimmed)
 
     def _apply_pretension(self) -> None:
-        """Pretension from slack, as ``pretension.step`` winds: the zero is found anew, the joint is left at rest."""
+        """Simulate pretension from slack as ``motion_primitives.step_pretension`` does, with the joint at rest."""
         r_m = self._parameters.geometry.r_m
         behind = 1.0 - math.exp(-T_s / _WINDING_LAG_S)
         state = motion_primitives.PretensionState(0.0, 0.0, *self.at, 0.0)
@@ -255,7 +253,10 @@ class ReferenceTrajectory:
         self.return_to_pretension()
 
     def _apply_step(self, step: VoltageStep) -> tuple[Array, Array]:
-        """Step both motors as they are known (equation 17, with dry friction); return the way of braking them."""
+        """Apply a voltage step to models of both motors; return their braking motion.
+
+        The models follow equation 17, with Coulomb friction.
+        """
         motors = [_FreeMotor(self._parameters, side, angle) for side, angle in zip(SIDES, self.at, strict=True)]
         turned: list[JointAngles] = []
         while len(turned) < round(step.duration_s / T_s):
@@ -280,7 +281,7 @@ class ReferenceTrajectory:
 
 
 class _FreeMotor:
-    """A motor without load: T_m ω' = K_m u − ω, the voltage less what dry friction takes."""
+    """A motor without load: T_m ω' = K_m u − ω, with the voltage reduced by Coulomb friction."""
 
     def __init__(self, parameters: PlantParameters, side: Side, theta: float) -> None:
         known, motor = parameters.select_identified(side), parameters.select_motor(side)
@@ -289,7 +290,7 @@ class _FreeMotor:
         self._theta, self._omega = theta, 0.0
 
     def step(self, u: float) -> float:
-        """One tick under ``u`` [V]; return the angle [rad]."""
+        """Advance by one tick with the voltage ``u`` [V]; return the angle [rad]."""
         against = math.copysign(self._friction_V, self._omega or u)
         before = self._omega
         self._omega += self._follow * (self._K_m * (u - against) - self._omega)
@@ -301,28 +302,25 @@ class _FreeMotor:
 
 # Timetable -----------------------------------------------------------------------------------------
 #
-# When an identification does what, and what it plays, from its first tick to its last one. Pure.
-#
-# It is read from the way of the motor references through the program that the loop is sent
-# (``way``), which the forecast of the joint's range follows too: parts, times and pictures come
-# from one place.
+# Intervals and signals of an identification, derived from the reference trajectory. The forecast of
+# the joint's range uses the same trajectory.
 
 
 TIMETABLE_POINTS = 400
-"""So many over the whole, besides the corners of what is asked for."""
+"""Number of points of the signals, in addition to the corners."""
 
 CORNERS_MAX = 4000
-"""Most corners that are drawn; with more the line is a solid band at any width."""
+"""Maximum number of corners in a plot; more would form a solid band at any width."""
 
 
 @dataclass(frozen=True)
 class Timetable:
-    """The stretches of an identification, and signals (n,) over ``t`` (n,) [s] since its first tick.
+    """Intervals of an identification, and signals (n,) over the time ``t`` (n,) [s] since its first tick.
 
-    ``signals`` are by the names of the sample's columns and in their units; NaN where the plan does not say: motor
-    references from the zero volts before a step to the end of braking after it. ``theta_A_ref`` is without the trim of
-    the force loop, ``u_A`` the voltage of steps for both motors, 0 where motor loops decide. ``F_A`` is the tension
-    that the references give at q = 0.
+    ``signals`` have the names and units of the columns of a sample. They are NaN where the plan does not determine
+    them: motor references from zero volts before a voltage step to the end of its braking. ``theta_A_ref`` is without
+    the trim of the force loop, ``u_A`` is the voltage of steps for both motors, 0 while motor loops are closed. ``F_A``
+    is the tension that the references cause at q = 0.
     """
 
     law: Law
@@ -332,18 +330,18 @@ class Timetable:
 
     @property
     def duration_s(self) -> float:
-        """Length from the first tick to the last one [s]."""
+        """Duration from the first to the last tick [s]."""
         return self.intervals[-1].end * T_s
 
     def title(self, interval: ProgramInterval) -> str:
-        """Name the set point of a interval."""
+        """Return the set point of an interval as text."""
         return format_set_point(self.law, interval.set_point)
 
 
 def forecast_identification(
     plan: IdentificationPlan, parameters: PlantParameters, references: JointAngles | None = None
 ) -> Timetable:
-    """Go through an identification that begins with motor references [rad]; without any, in pretension."""
+    """Return the timetable of an identification that starts at motor references [rad], by default in pretension."""
     trajectory = ReferenceTrajectory(parameters, Start(Mode.PRETENSION, 0.0, (0.0, 0.0), (0.0, 0.0)))
     trajectory.at = trajectory.compute_angles(PRETENSION_N) if references is None else references
     program = plan.program()
@@ -352,7 +350,7 @@ def forecast_identification(
 
 
 def build_timetable(trajectory: ReferenceTrajectory, program: Program, parameters: PlantParameters) -> Timetable:
-    """Return the timetable of the program that a way was played by last."""
+    """Return the timetable of the program that a trajectory has followed last."""
     every = _collect_signals(trajectory, program)
     ticks = _select_ticks(every)
     signals = {name: values[ticks] for name, values in every.items()}
@@ -365,7 +363,7 @@ def build_timetable(trajectory: ReferenceTrajectory, program: Program, parameter
 
 
 def _collect_signals(trajectory: ReferenceTrajectory, program: Program) -> dict[str, Array]:
-    """Return what is asked for in every tick of a program."""
+    """Return the signals of a program at every tick."""
     theta_A, theta_B, _ = trajectory.references()
     last = trajectory.intervals[-1].end
     theta_A, theta_B = theta_A[-last:].copy(), theta_B[-last:].copy()
@@ -382,7 +380,7 @@ def _collect_signals(trajectory: ReferenceTrajectory, program: Program) -> dict[
 
 
 def _select_ticks(signals: dict[str, Array]) -> NDArray[np.int64]:
-    """Return the ticks to draw: an even grid, and each that begins or ends a straight piece of what is asked for."""
+    """Return the ticks to plot: an even grid, and the corners of piecewise linear signals."""
     ticks = next(iter(signals.values())).size
     corner = np.zeros(ticks, dtype=bool)
     corner[[0, -1]] = True
@@ -401,33 +399,32 @@ def _select_ticks(signals: dict[str, Array]) -> NDArray[np.int64]:
 
 # Forecast ------------------------------------------------------------------------------------------
 #
-# Where an identification takes the joint and the tendons, told before it starts and from where the
-# joint is. Pure.
+# Range of joint and tensions during identifications, from the current state of the actuator.
 #
-# The references go the way that the loop will play (``way``), the motors follow through the four
-# lags of their loops, and the joint rests where both tendons pull alike (equation 15). The force
-# loop may trim motor A by ``force_hold.TRIM_MAX``: what is announced holds for any trim.
+# The motors follow the reference trajectory with the four lags of their loops, and the joint rests
+# where both tensions are equal (equation 15). The force loop may trim motor A by up to
+# ``pid.TRIM_MAX``; the range includes any trim.
 
 
 STEP_TICKS = 10
-"""Joint and tendons are computed every so many ticks: the motors' lags are ten times longer."""
+"""Interval of the computed positions and tensions [ticks]; the lags of the motors are ten times longer."""
 
 MARGIN_RAD = 0.02
-"""What the joint may swing beside its rest [rad]: dry friction, unlike motors, a swing that the start interrupts."""
+"""Margin of the joint position [rad] for Coulomb friction, unequal motors, and a swing at the start."""
 
 MARGIN_N = 0.5
-"""What the load cells may read beside the tension at rest [N]: noise, and the motors' dry friction."""
+"""Margin of the tensions [N] for noise and Coulomb friction of the motors."""
 
 PATH_POINTS = 240
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """What runs in turn will do, the way there and back to pretension included.
+    """Forecast of consecutive runs, including the motions to the start and back to pretension.
 
-    The joint stays within ``q_low`` .. ``q_high`` [rad], the tendons, once wound up, within ``F_low`` ..
-    ``F_high`` [N]; ``q_path`` [rad] and ``S_path`` [N·m/rad] are where it is expected while the tendons are taut.
-    ``duration_s`` is the whole, ``ends_s`` when each run is over. ``let_slack``: the tendons are let go on purpose.
+    The joint stays within ``q_low`` to ``q_high`` [rad]; after winding, the tensions stay within ``F_low`` to
+    ``F_high`` [N]. ``q_path`` [rad] and ``S_path`` [N·m/rad] are expected while the tendons are taut. ``duration_s`` is
+    the total, ``ends_s`` has the end of each run. ``let_slack``: the identification releases the tendons.
     """
 
     duration_s: float
@@ -443,17 +440,17 @@ class Forecast:
 
     @property
     def message(self) -> str:
-        """Where the joint goes, in words."""
+        """The range of the joint as text."""
         at, low, high = (math.degrees(q) for q in (self.q_start, self.q_low, self.q_high))
         within = f"{math.floor(low)} to {math.ceil(high)}°".replace("-", "−")
         words = f"the joint is at {at:.0f}° and will move within {within}, then back to 0°".replace("-", "−")
         return words + ("; nothing holds it while the tendons are slack" if self.let_slack else "")
 
     def require_within_range(self, parameters: PlantParameters) -> None:
-        """Raise OutOfRangeError where the joint or a tendon would leave its range."""
+        """Raise OutOfRangeError if joint or tendons would leave their range."""
         bounds = compute_bounds(parameters)
         remedy = "take a lower tension or a smaller amplitude"
-        # A start beyond the range is no reason to stay there: only what the run itself does is refused.
+        # The run may start outside the range, but must not move further away.
         reach = max(self.q_high, -self.q_low, key=abs)
         if reach > bounds.q_trip and reach > abs(self.q_start) + MARGIN_RAD:
             raise OutOfRangeError(
@@ -488,7 +485,7 @@ class Forecast:
 def forecast_identifications(
     plans: Sequence[IdentificationPlan], parameters: PlantParameters, start: Start, lam_motor: float
 ) -> Forecast:
-    """Follow ``plans`` in turn from ``start``, with motor loops of ``lam_motor`` [s]."""
+    """Return the forecast of consecutive ``plans`` from ``start``, with motor loops of ``lam_motor`` [s]."""
     trajectory = ReferenceTrajectory(parameters, start)
     start_times_s, end_times_s = [], []
     for plan in plans:
@@ -534,9 +531,9 @@ def forecast_identifications(
 
 @dataclass(frozen=True)
 class Expected:
-    """How long a run takes [s] from its order to where its program begins, and from there to its end.
+    """Expected durations of a run [s]: before its program starts, and of its program.
 
-    An identification has its ``forecast_identification``; the way there is as long as the actuator takes for it.
+    ``timetable`` is that of an identification.
     """
 
     before_s: float
@@ -545,12 +542,12 @@ class Expected:
 
     @property
     def duration_s(self) -> float:
-        """The whole [s]."""
+        """Total duration [s]."""
         return self.before_s + self.program_s
 
 
 def forecast_duration(plan: Plan, parameters: PlantParameters, start: Start) -> Expected:
-    """Tell how long a run takes from its order to its end, the way to where it can start included."""
+    """Return the expected durations of a run, including the motion to where it can start."""
     program = plan.program()
     trajectory = ReferenceTrajectory(parameters, start)
     trajectory.move_to_start(program.law)
@@ -563,7 +560,7 @@ def forecast_duration(plan: Plan, parameters: PlantParameters, start: Start) -> 
 
 
 def _filter_four_lags(commanded: Array, at: float, lam: float) -> Array:
-    """Response of a motor at rest in ``at`` [rad] to its reference: 1/(λ s + 1)^4."""
+    """Return the response of a motor at rest in ``at`` [rad] to its reference: 1/(λ s + 1)^4."""
     from scipy.signal import lfilter
 
     pole = math.exp(-T_s / lam)

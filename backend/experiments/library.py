@@ -1,4 +1,4 @@
-"""The experiments that can be ordered by name: those that come with Sinew, recorded ones, stored plans."""
+"""The library of experiments: those delivered with Sinew, recorded ones, and the plans of stored runs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -37,9 +37,9 @@ from backend.models import (
 from backend.realtime import MAX_SEGMENTS
 from plant import T_s
 
-# Ready made ----------------------------------------------------------------------------------------
+# Ready-made experiments ----------------------------------------------------------------------------
 #
-# The experiments that come with Sinew: files of data, with nothing that an own one cannot do.
+# The experiments delivered with Sinew: YAML files in the format that users write.
 
 
 READY_NAMES = (
@@ -56,26 +56,25 @@ READY_NAMES = (
     "hold_at_rest",
     "impact",
 )
-"""In the order in which they are offered."""
+"""Names in the order in which the page lists them."""
 
 
 @cache
 def load_ready_experiment(name: str) -> tuple[Experiment, Lines]:
-    """Return one with the lines of its file. Raises KeyError."""
+    """Return a ready-made experiment and the lines of its file. Raises KeyError."""
     return parse_experiment(load_ready_text(name))
 
 
 def load_ready_text(name: str) -> str:
-    """Return the text of one, to begin an own one with. Raises KeyError."""
+    """Return the text of a ready-made experiment, as a template. Raises KeyError."""
     if name not in READY_NAMES:
         raise KeyError(name)
     return files(__package__).joinpath("ready", f"{name}.yaml").read_text(encoding="utf-8")
 
 
-# Recorded ------------------------------------------------------------------------------------------
+# Recorded references -------------------------------------------------------------------------------
 #
-# Recorded references, pushes and changes as the parts of an experiment that follow them closely.
-# Pure.
+# Converts recorded references, pushes and changes to parts of an experiment that approximate them.
 
 
 Column = NDArray[np.float64]
@@ -83,29 +82,29 @@ Column = NDArray[np.float64]
 TOLERANCE_Q_RAD = 1e-3
 TOLERANCE_S = 0.02
 TOLERANCE_F_N = 0.05
-"""How far a straight way may be off the recorded columns at any tick [rad, N·m/rad, N]."""
+"""Largest deviation of the parts from the recorded columns at any tick [rad, N·m/rad, N]."""
 
 _SAME_FRACTION = 2e-3
-"""Of a bound: numbers that are off by less are the same, but for how they were written."""
+"""Fraction of a tolerance below which a deviation is only a rounding error of the recording."""
 _DECIMALS = 6
-"""Of what is written, in SI: finer than a bound, and short."""
+"""Decimals of written numbers, in SI units: finer than the tolerances."""
 PART_MIN_TICKS = 10
-"""Ticks of the shortest part that an experiment may have."""
+"""Minimum length of a part [ticks]."""
 _TICKS_MAX = round(PART_MAX_S / T_s)
 
 
 class ReferenceChange(NamedTuple):
-    """A part without a duration that is due at a tick of the references: a tuning or a wall."""
+    """A part without duration that is due at a tick of the references: a tuning or a wall."""
 
     tick: int
     part: dict[str, Any]
 
 
 class RecordedParts(NamedTuple):
-    """Parts that follow recorded columns, and how far they are off them at most.
+    """Parts that approximate recorded columns, and their largest deviations.
 
-    ``late_ticks`` is how late the latest push or change comes. ``unpushed`` are the ticks, first and end, of which the
-    push is left out: the references move then, and a push part holds them.
+    ``late_ticks`` is the largest delay of a push or change. ``unpushed`` are the intervals (first tick, end) in which a
+    push is left out, because a push part would hold references that move.
     """
 
     parts: list[dict[str, Any]]
@@ -117,15 +116,15 @@ class RecordedParts(NamedTuple):
 
 
 def find_commanded_range(q_ref: Column, S_ref: Column) -> tuple[int, int]:
-    """Return the first tick with references and the end of them.
+    """Return the first tick with references and the tick after the last one.
 
     Raises ExperimentError for no references, and for a gap in them.
     """
-    there = np.isfinite(q_ref) & np.isfinite(S_ref)
-    if not there.any():
+    has_reference = np.isfinite(q_ref) & np.isfinite(S_ref)
+    if not has_reference.any():
         raise ExperimentError("it has no references: nothing was commanded that could be played again")
-    first, end = int(np.argmax(there)), len(there) - int(np.argmax(there[::-1]))
-    if not there[first:end].all():
+    first, end = int(np.argmax(has_reference)), len(has_reference) - int(np.argmax(has_reference[::-1]))
+    if not has_reference[first:end].all():
         raise ExperimentError("its references have a gap: what was commanded within it is not known")
     return first, end
 
@@ -133,17 +132,20 @@ def find_commanded_range(q_ref: Column, S_ref: Column) -> tuple[int, int]:
 def follow_columns(
     q: Column, S: Column, F_push: Column | None = None, changes: Sequence[ReferenceChange] = ()
 ) -> RecordedParts:
-    """Return parts that bring references and push, tick by tick, to where these columns are.
+    """Return parts whose references and pushes approximate these columns, one value per tick.
 
-    ``changes`` are in order of their ticks. Where a jump and a way, or two changes, come closer together than a part
-    can be short, the parts are off by more than the bounds: how far is told. Raises ExperimentError for more parts than
-    an experiment can have.
+    ``changes`` are in order of their ticks. If a step and a ramp, or two changes, follow each other within the minimum
+    length of a part, the deviation exceeds the tolerances; the result contains it. Raises ExperimentError for more
+    parts than an experiment can have.
     """
     return _RecordedPartBuilder(q, S, np.zeros(len(q)) if F_push is None else F_push, changes).build_parts()
 
 
 class _RecordedPartBuilder:
-    """Goes through the columns part by part: ``_tick`` is the tick, ``_references`` where the parts so far have led."""
+    """Builds the parts one after the other.
+
+    ``_tick`` is the end of the parts so far, ``_references`` their final references.
+    """
 
     def __init__(self, q: Column, S: Column, F: Column, changes: Sequence[ReferenceChange]) -> None:
         self._q, self._S, self._F = q, S, F
@@ -171,7 +173,7 @@ class _RecordedPartBuilder:
         return RecordedParts(self._parts, *self._deviations, self._delay_ticks, self._unpushed)
 
     def _add_changes(self) -> None:
-        """Add what is due, of several changes of one kind the last one; a tuning takes over what others changed."""
+        """Add the changes that are due: the last wall, and one tuning that combines all changes of the tuning."""
         due = [change for change in self._changes if change.tick <= self._tick]
         self._changes = self._changes[len(due) :]
         tuning: dict[str, Any] = {}
@@ -185,13 +187,13 @@ class _RecordedPartBuilder:
         self._parts += [part for part in (tuning, wall) if part]
 
     def _find_latest_end(self) -> int:
-        """Return the tick at which the next part has to end: of a change, or where a push begins or ends."""
+        """Return the latest end of the next part: at the next change, or where a push begins or ends."""
         later = [change.tick for change in self._changes[:1]]
         edges = self._push_edges[self._push_edges > self._tick]
         return min(len(self._q), *later, *(int(edge) for edge in edges[:1]), self._tick + _TICKS_MAX)
 
     def _add_push(self, bound: int) -> bool:
-        """Add a push up to where the references move; whether they rest long enough for one."""
+        """Add a push that ends before the references move; return False if they move too early for one."""
         at, (q, S) = self._tick, self._references
         rest = slice(at, bound)
         moves = np.abs(self._q[rest] - q) > _SAME_FRACTION * TOLERANCE_Q_RAD
@@ -223,21 +225,21 @@ class _RecordedPartBuilder:
         return True
 
     def _add_motion(self, bound: int) -> None:
-        """Add a hold, a step or a ramp of the references; no push is felt during it."""
+        """Add a hold, a step or a ramp of the references, without a push."""
         at, pushed = self._tick, bool(self._F[self._tick] != 0.0)
         q, S = self._q[:bound], self._S[:bound]
         columns = [(q, TOLERANCE_Q_RAD), (S, TOLERANCE_S)]
-        # during a push a jump is as short as a part can be, so that the push goes on
-        held = end = min(_find_hold_end(columns, at), at + PART_MIN_TICKS if pushed else bound)
+        # during a push, a step has the minimum length, so that the push continues soon
+        hold_end = end = min(_find_hold_end(columns, at), at + PART_MIN_TICKS if pushed else bound)
         ramp = False
-        for within in (_SAME_FRACTION, 1.0):  # what was a ramp is one again; what was none is followed by several
+        for within in (_SAME_FRACTION, 1.0):  # an original ramp is found exactly; other curves become several ramps
             if end - at < PART_MIN_TICKS and at > 0:
-                ways = [
+                ramps = [
                     (column, start, bound) for (column, bound), start in zip(columns, self._references, strict=True)
                 ]
-                end = _find_ramp_end(ways, at, within)
+                end = _find_ramp_end(ramps, at, within)
                 ramp = end - at >= PART_MIN_TICKS
-        end = max(end if ramp else held, at + PART_MIN_TICKS)
+        end = max(end if ramp else hold_end, at + PART_MIN_TICKS)
         last = min(end, len(self._q)) - 1
         arrived = round(float(self._q[last]), _DECIMALS), round(float(self._S[last]), _DECIMALS)
         self._parts.append(_build_part("ramp" if ramp else "step", end - at, self._references, arrived))
@@ -251,12 +253,12 @@ class _RecordedPartBuilder:
         self._deviations = off_q, off_S, self._deviations[2]
         if pushed:
             self._unpushed = _append_interval(self._unpushed, at, min(end, int(self._find_next_edge(at))))
-        elif (begun := self._find_next_edge(at)) < end:
-            self._delay_ticks = max(self._delay_ticks, end - begun)
+        elif (edge := self._find_next_edge(at)) < end:
+            self._delay_ticks = max(self._delay_ticks, end - edge)
         self._tick, self._references, self._force = end, arrived, 0.0
 
     def _find_next_edge(self, at: int) -> int:
-        """Return the tick at which a push begins or ends next."""
+        """Return the next tick at which a push begins or ends."""
         edges = self._push_edges[self._push_edges > at]
         return int(edges[0]) if len(edges) else len(self._F)
 
@@ -273,33 +275,33 @@ def _build_part(do: str, ticks: int, before: Sequence[float], after: Sequence[fl
 
 
 def _compute_deviation(column: Column, at: int, share: Column, before: float, after: float, most: float) -> float:
-    """Return how far a part is off at most, or ``most`` where that is more."""
+    """Return the largest deviation of a part, at least ``most``."""
     recorded = column[at : at + len(share)]
-    way = after - (1.0 - share[: len(recorded)]) * (0.0 if np.isnan(before) else after - before)
-    return max(most, float(np.max(np.abs(way - recorded))))
+    path = after - (1.0 - share[: len(recorded)]) * (0.0 if np.isnan(before) else after - before)
+    return max(most, float(np.max(np.abs(path - recorded))))
 
 
 def _find_hold_end(columns: Sequence[tuple[Column, float]], at: int) -> int:
-    """Return the end of the ticks from ``at`` on in which each column stays where it is, by its bound."""
+    """Return the end of the ticks from ``at`` on in which each column is constant within its tolerance."""
     off = np.zeros(len(columns[0][0]) - at, bool)
     for column, within in columns:
         off |= np.abs(column[at:] - column[at]) > _SAME_FRACTION * within
     return at + int(np.argmax(off)) if off.any() else at + len(off)
 
 
-def _find_ramp_end(ways: Sequence[tuple[Column, float, float]], at: int, share: float) -> int:
-    """Return the end of the longest straight way from where the tick before ``at`` left each column.
+def _find_ramp_end(ramps: Sequence[tuple[Column, float, float]], at: int, share: float) -> int:
+    """Return the end of the longest ramp from the value of each column before ``at``.
 
-    A way is a column, where it starts and its bound. The slopes that pass every tick within ``share`` of its bound form
-    a cone, which narrows; the way ends at the last tick that lies in it itself. Looked at is twice as much as long as
-    all of it does.
+    Each item of ``ramps`` is a column, its initial value and its tolerance. The slopes that pass all ticks within ``share`` of the
+    tolerance form a cone, which narrows with each tick. The ramp ends at the last tick whose own slope lies in the
+    cone. The inspected span is doubled while the whole span can be one ramp.
     """
-    span, length = 64, len(ways[0][0])
+    span, length = 64, len(ramps[0][0])
     while True:
         ticks = np.arange(1, min(span, length - at) + 1)
         inside = np.ones(len(ticks), bool)
         can_continue = True
-        for column, start, within in ways:
+        for column, start, within in ramps:
             slopes = (column[at : at + len(ticks)] - start) / ticks
             low = np.maximum.accumulate(slopes - share * within / ticks)
             high = np.minimum.accumulate(slopes + share * within / ticks)
@@ -311,23 +313,25 @@ def _find_ramp_end(ways: Sequence[tuple[Column, float, float]], at: int, share: 
         span *= 2
 
 
-# Stored plan ---------------------------------------------------------------------------------------
+# Stored plans --------------------------------------------------------------------------------------
 #
-# Plans of all kinds alike: what a run keeps of one, what it declares, and the plan of a stored run.
-# Pure.
+# Conversion between plans of all kinds and the values that a run stores.
 
 
 KINDS: dict[str, type[Any]] = {
     plan.kind: plan for plan in (ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan)
 }
-"""Plans that are written in Python, by the kind of their runs."""
+"""Plans of identifications, by the kind of their runs."""
 
 PAPER_EXPERIMENTS = ("tracking", "compliance", "robustness")
-"""Ready-made experiments whose runs are of a kind of their own, as they were before experiments were data."""
+"""Ready-made experiments whose runs have their own kind, as before experiments were documents."""
 
 
 def build_ready_plan(name: str, **values: Any) -> ExperimentPlan:
-    """Return the plan of a ready-made experiment. Raises KeyError, SettingError, OutOfRangeError, ExperimentError."""
+    """Return the plan of a ready-made experiment.
+
+    Raises KeyError, SettingError, OutOfRangeError, ExperimentError.
+    """
     experiment, lines = load_ready_experiment(name)
     return build_experiment_plan(experiment, values, name if name in PAPER_EXPERIMENTS else KIND, lines)
 
@@ -343,12 +347,12 @@ def list_setting_values(plan: Plan) -> dict[str, Value]:
 
 
 def list_stored_values(plan: Plan) -> dict[str, Value]:
-    """Return what a run keeps of its plan."""
+    """Return the values of a plan to store with its run."""
     return plan.to_stored_values() if isinstance(plan, ExperimentPlan) else asdict(plan)
 
 
 def describe_plan_values(plan: Plan) -> tuple[DeclaredValue, ...]:
-    """Return what was chosen with symbol, unit and meaning."""
+    """Return the settings of a plan with value, symbol, unit and meaning."""
     if not isinstance(plan, ExperimentPlan):
         return describe_values(plan)
     return tuple(
@@ -358,9 +362,9 @@ def describe_plan_values(plan: Plan) -> tuple[DeclaredValue, ...]:
 
 
 def parse_stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
-    """Return the plan of a stored run. One from before experiments were data keeps its settings alone.
+    """Return the plan of a stored run; an old run without its experiment has settings only.
 
-    Raises SettingError, OutOfRangeError, ExperimentError for settings that have no meaning any more.
+    Raises SettingError, OutOfRangeError, ExperimentError for settings that this version does not support.
     """
     if kind in KINDS:
         plan: Plan = build_plan(KINDS[kind], kept)
@@ -375,17 +379,17 @@ def parse_stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
     )
 
 
-# Catalogue -----------------------------------------------------------------------------------------
+# Definitions ---------------------------------------------------------------------------------------
 #
-# The experiments that can be ordered by name, from the browser and from the command line alike.
+# The experiments and identifications that page and command line offer by name.
 
 
 @dataclass(frozen=True)
 class ExperimentDefinition:
-    """An experiment that can be ordered: the words that present it, its settings, and what makes a plan of values.
+    """An experiment that can be run by name: its texts, its settings, and the function that makes a plan.
 
-    ``run_kind`` is the kind of its runs; ``written`` the experiment where it is data; ``instead`` what to order in the
-    place of one that is deprecated: it is taken, and not offered.
+    ``run_kind`` is the kind of its runs; ``experiment`` is its document, if it has one; ``replacement`` says what to
+    use instead of a deprecated one, which is accepted but not listed.
     """
 
     name: str
@@ -399,14 +403,14 @@ class ExperimentDefinition:
 
     @cached_property
     def default_plan(self) -> Plan:
-        """The plan with all settings at their defaults."""
+        """Plan with all settings at their defaults."""
         return self.make_plan({})
 
 
 def build_experiment_definition(
     experiment: Experiment, lines: Lines | None = None, *, name: str = "", run_kind: str = KIND
 ) -> ExperimentDefinition:
-    """Return the definition of an experiment that is data. Raises ExperimentError for one that cannot be played."""
+    """Return the definition of an experiment. Raises ExperimentError if it does not compile."""
     source_lines = {} if lines is None else lines
     definition = ExperimentDefinition(
         name=name or experiment.name,
@@ -423,7 +427,7 @@ def build_experiment_definition(
 
 @cache
 def experiments_by_name() -> Mapping[str, ExperimentDefinition]:
-    """Return the experiments that come with Sinew, by name, and what is taken in their place."""
+    """Return the ready-made experiments by name, and the deprecated list of segments."""
     ready = {
         name: build_experiment_definition(
             *load_ready_experiment(name), run_kind=name if name in PAPER_EXPERIMENTS else KIND
@@ -451,7 +455,7 @@ _SEGMENTS = Setting(
 
 
 def _build_sequence_definition() -> ExperimentDefinition:
-    """Return what takes a list of segments, as own experiments were once written, and makes an experiment of it."""
+    """Return the deprecated definition that converts a list of segments to an experiment."""
 
     def make_plan(values: Mapping[str, Any]) -> ExperimentPlan:
         segments = _SEGMENTS.parse(values.get(_SEGMENTS.name, _SEGMENTS.default))
@@ -476,7 +480,7 @@ def _build_sequence_definition() -> ExperimentDefinition:
 
 
 def _translate_segment_error(error: ExperimentError) -> InvalidValueError:
-    """Return the error that names a segment in place of the part that it became."""
+    """Return the error with the number of the segment instead of the path of the converted part."""
     match error.path, error.why:
         case ("phases", 0, "parts", int(place), *rest), OutOfRangeError() as why:
             return OutOfRangeError(
@@ -495,7 +499,7 @@ def _translate_segment_error(error: ExperimentError) -> InvalidValueError:
 
 @dataclass(frozen=True)
 class IdentificationEntry:
-    """Something that can be identified, with the words that present it."""
+    """A kind of identification, with its texts."""
 
     plan: type[IdentificationPlan]
     title: str
@@ -522,7 +526,7 @@ IDENTIFICATIONS: dict[str, IdentificationEntry] = {
 
 
 def find_experiment(name: str) -> ExperimentDefinition:
-    """Return the experiment of this name. Raises SettingError with those there are."""
+    """Return the definition with this name. Raises SettingError, which lists the known names."""
     known = experiments_by_name()
     if name not in known:
         raise SettingError("name", name, f"there is no such experiment; known: {', '.join(known)}", legal=tuple(known))
