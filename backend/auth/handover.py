@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from backend.auth.authentication import ActiveUsers, User
 from backend.auth.control_lease import CommandToken, ControlLease, LeaseHolder
 from backend.errors import RequestRejectedError
-from backend.schemas import OPEN_WISHES, HandoverAnswer, HandoverStatus, Role, WishView
+from backend.schemas import OPEN_HANDOVERS, HandoverAnswer, HandoverStatus, HandoverView, Role
 from backend.supervision import Part
 from plant import ErrorCode
 
@@ -40,7 +40,7 @@ WAITING = 8
 
 POLL_S = 0.25
 
-_OPEN = frozenset(OPEN_WISHES)
+_OPEN = frozenset(OPEN_HANDOVERS)
 
 
 @dataclass
@@ -83,14 +83,14 @@ class ControlHandover:
         # Numbers start with the time, so that a page from before a restart cannot answer another request.
         self._numbers = itertools.count(int(time.time()))
 
-    def ask(self, user: User, reason: str) -> WishView:
+    def ask(self, user: User, reason: str) -> HandoverView:
         """Request control from its holder. Raises RequestRejectedError without a holder or after an open request."""
         self.update()
         holder = self._find_holder_to_ask(user)
         self._require_no_handover(user)
         return self._open(user, holder.user, HandoverStatus.ASKED, reason, f"asked {holder.user.name} for control")
 
-    async def offer(self, user: User, command_token: CommandToken | None, to: str, reason: str) -> WishView:
+    async def offer(self, user: User, command_token: CommandToken | None, to: str, reason: str) -> HandoverView:
         """Offer control to another operator with an open page. Raises RequestRejectedError for other users."""
         self._require_command_token(command_token)
         async with self._control.turn(user, command_token):
@@ -132,7 +132,7 @@ class ControlHandover:
         self._close(handover, HandoverStatus.TAKEN)
         return holder
 
-    def view(self) -> list[WishView]:
+    def view(self) -> list[HandoverView]:
         """Return open handovers, and recent ones with their result."""
         self.update()
         return [self._view(handover) for handover in self._handovers.values()]
@@ -205,7 +205,7 @@ class ControlHandover:
             text = _append_reason(f"keeps control, asked by {name}", reason)
             self._close(handover, HandoverStatus.DECLINED, text, giver)
 
-    def _open(self, recipient: User, giver: User, status: HandoverStatus, reason: str, text: str) -> WishView:
+    def _open(self, recipient: User, giver: User, status: HandoverStatus, reason: str, text: str) -> HandoverView:
         if sum(handover.status in _OPEN for handover in self._handovers.values()) >= WAITING:
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY, f"{WAITING} requests for control wait already: try again later"
@@ -276,8 +276,8 @@ class ControlHandover:
     def _get_name(self, user: User) -> str:
         return self._active_users.resolve_returning(user).name
 
-    def _view(self, handover: _Handover) -> WishView:
-        return WishView(
+    def _view(self, handover: _Handover) -> HandoverView:
+        return HandoverView(
             number=handover.number,
             name=self._get_name(handover.recipient),
             by=self._get_name(handover.giver),

@@ -161,11 +161,11 @@ def compare(
     as_json: AsJson = False,
 ) -> None:
     """Compare the metrics of runs, with differences to a reference run."""
-    from backend.schemas import ComparisonAsked
+    from backend.schemas import ComparisonRequest
     from backend.services import RunLibrary
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
-        found = RunLibrary(database).compare_runs(ComparisonAsked.model_construct(run=runs, reference=reference))
+        found = RunLibrary(database).compare_runs(ComparisonRequest.model_construct(run=runs, reference=reference))
     if as_json:
         print_json(found.model_dump(mode="json"))
         return

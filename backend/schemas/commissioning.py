@@ -49,7 +49,7 @@ class BringUpStep(Schema):
     running: RunningStep | None
 
 
-class DrivesLeft(Schema):
+class EarlierLockout(Schema):
     """Who had the drives off, as hands were to be at the rig, and when."""
 
     who: str
@@ -63,13 +63,13 @@ class BringUpView(Schema):
     why_not: str
     drives_on: bool | None = Field(description="whether the drive-enable line is on; null where it is not seen")
     drives_locked: bool = Field(description="whether they stay off, and nothing starts, until they are switched on")
-    drives_left: DrivesLeft | None = Field(
+    drives_left: EarlierLockout | None = Field(
         description="who left them off before this service was started, where nobody has switched them since"
     )
     steps: list[BringUpStep]
 
 
-class DrivesSwitch(Schema):
+class DrivesRequest(Schema):
     """Take the drives away, or give them back."""
 
     on: bool

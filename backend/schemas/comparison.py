@@ -30,7 +30,7 @@ class StepSignal(StrEnum):
     F_PUSH = "F_push"
 
 
-class ComparisonAsked(Schema):
+class ComparisonRequest(Schema):
     """Which runs, beside which of them, and how they are aligned: ``number`` counts steps or events from 1."""
 
     run: list[RowNumber] = Field(min_length=1, max_length=100, description="runs to compare, in order")
@@ -43,7 +43,7 @@ class ComparisonAsked(Schema):
     number: int = Field(default=1, ge=1, le=MOST_NUMBER, description="which step or event of each run, from 1")
 
 
-class DifferencesAsked(ComparisonAsked):
+class DifferencesRequest(ComparisonRequest):
     """Of which signal, over which stretch of the reference, and from what deviation on it is told."""
 
     signal: Annotated[str, Field(max_length=40)] = "q"

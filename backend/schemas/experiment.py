@@ -141,7 +141,7 @@ class ExperimentText(Schema):
     text: str = Field(min_length=1, max_length=MAX_CHARACTERS)
 
 
-class ExperimentToCheck(ExperimentText):
+class ExperimentCheckRequest(ExperimentText):
     """An experiment that is looked over."""
 
     play: bool = Field(default=True, description="play it on the simulator too, which takes its time")

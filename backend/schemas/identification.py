@@ -23,7 +23,7 @@ from backend.schemas.experiment import SettingValue
 # springs say.
 
 
-class Stretch(Schema):
+class SampleRange(Schema):
     """Samples in a row, evenly thinned to be drawn."""
 
     label: str = Field(description="what sets it apart, as the voltage of a step; empty where there is one")
@@ -32,7 +32,7 @@ class Stretch(Schema):
     predicted: list[float]
 
 
-class UnseenOutput(Schema):
+class ValidationOutput(Schema):
     """One output, as measured and as the model says; in the unit of the signal."""
 
     name: str = Field(description="G_q or G_S of an actuator, A or B of motors")
@@ -42,20 +42,20 @@ class UnseenOutput(Schema):
     rms: float | None = Field(description="RMS of measured minus predicted, in the unit of the signal")
     samples: int = Field(description="samples that fit and residual are of")
     problem: str = Field(description="why there is nothing; empty where there is")
-    stretches: list[Stretch]
+    stretches: list[SampleRange]
 
 
-class UnseenView(Schema):
+class ValidationView(Schema):
     """A model beside the part of a record that it was not fitted to."""
 
     run: int = Field(description="identification run whose model it is")
     of: int = Field(description="run whose record it is")
     own: bool = Field(description="whether that is its own run: what is predicted was then left out of the fit")
     kind: str
-    outputs: list[UnseenOutput]
+    outputs: list[ValidationOutput]
 
 
-class Against(Schema):
+class PredictionComparison(Schema):
     """A figure of a model beside what geometry, springs and motor loops predict for the same run."""
 
     identified: float
@@ -64,11 +64,11 @@ class Against(Schema):
     off_percent: float = Field(description="100 (identified / predicted - 1) [%]")
 
 
-class ChannelAgainst(Schema):
+class ChannelComparison(Schema):
     """Gain and sum of lags of G_q or G_S."""
 
-    K: Against
-    T: Against
+    K: PredictionComparison
+    T: PredictionComparison
     grade: Grade
 
 
@@ -77,11 +77,11 @@ class TrendRow(Schema):
 
     run: int
     S: float = quantity("N·m/rad", "stiffness at which it was made")
-    G_q: ChannelAgainst
-    G_S: ChannelAgainst
+    G_q: ChannelComparison
+    G_S: ChannelComparison
 
 
-class Predicted(Schema):
+class PredictedModels(Schema):
     """What is predicted over S with what is in force now."""
 
     S: list[float] = quantity("N·m/rad", "stiffness")
@@ -104,7 +104,7 @@ class Trend(Schema):
     """Identified gains and lags in order of S, beside what geometry, springs and motor loops predict."""
 
     rows: list[TrendRow]
-    predicted: Predicted
+    predicted: PredictedModels
     left_out: list[str] = Field(description="identifications that are not among the rows, each with the reason")
     friction: LoadFriction
 
@@ -318,7 +318,7 @@ class PauseRequest(Schema):
     paused: bool
 
 
-class Started(Schema):
+class StartedRun(Schema):
     """The task was started; its run, the first where there are several, carries the result."""
 
     id: int

@@ -119,7 +119,7 @@ class Preferences(Schema):
     angles: AngleUnit = Field(description="unit in which angles are read: on the page, in refusals and in reports")
 
 
-NEW_HERE = Preferences(
+DEFAULT_PREFERENCES = Preferences(
     scheme="auto",
     colours={},
     hidden=[],

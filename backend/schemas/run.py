@@ -140,7 +140,7 @@ class PlannedLine(Schema):
     values: list[float | None] = Field(description="null where the plan leaves it open")
 
 
-class Planned(Schema):
+class PlannedSignals(Schema):
     """What a program asks for over its whole length, known before it plays.
 
     Of an experiment the references and pushes, where it has any; of an identification its set points and excitation:
@@ -353,7 +353,7 @@ LONGEST_SHEET = 2 * 1024 * 1024
 """Characters, and bytes of a body with them: sixty curves of four thousand points each, as the page sends them."""
 
 
-class SheetToPrint(Schema):
+class ChartSheet(Schema):
     """A drawing to be made a PDF of its size."""
 
     svg: str = Field(
@@ -380,7 +380,7 @@ class Timeline(Schema):
     more_before: datetime | None = Field(description="ask for what was before this; null where there is no more")
 
 
-class Remark(Schema):
+class EventNote(Schema):
     """What a person says of an event; with neither note nor tags it is taken off."""
 
     note: str = Field(default="", max_length=10_000)

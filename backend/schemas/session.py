@@ -33,7 +33,7 @@ class Rotation(Schema):
     role: Role | None = Field(default=None, description="operator or viewer; both when left out")
 
 
-class FreshTokens(Schema):
+class NewTokens(Schema):
     """The new tokens: shown once, kept in the data folder."""
 
     tokens: dict[Role, str]

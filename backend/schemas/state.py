@@ -75,7 +75,7 @@ class HandoverAnswer(StrEnum):
     """Of the holder: keep control; of who is offered it: do not take it; also what either takes back."""
 
 
-class WishAnswer(Schema):
+class HandoverReply(Schema):
     """What is said to a request or an offer; whoever keeps control says why."""
 
     answer: HandoverAnswer
@@ -99,11 +99,11 @@ class HandoverStatus(StrEnum):
     """Control was given up or lost, or who offered it does not hold it any more."""
 
 
-OPEN_WISHES = (HandoverStatus.ASKED, HandoverStatus.OFFERED, HandoverStatus.HANDED)
+OPEN_HANDOVERS = (HandoverStatus.ASKED, HandoverStatus.OFFERED, HandoverStatus.HANDED)
 """Those that wait for somebody."""
 
 
-class WishView(Schema):
+class HandoverView(Schema):
     """Control that somebody asks for, or that is offered to somebody."""
 
     number: int
@@ -121,7 +121,7 @@ class WishView(Schema):
 # What can go wrong, and how to make it happen where the plant is simulated.
 
 
-class Silence(StrEnum):
+class SilentPart(StrEnum):
     """What falls silent in the safety chain, the plant being whole."""
 
     SERVICE_SILENT = "service_silent"
@@ -131,7 +131,7 @@ class Silence(StrEnum):
 class Injection(Schema):
     """One thing to break."""
 
-    kind: Breakage | Silence
+    kind: Breakage | SilentPart
     sensor: Sensor = Field(default=Sensor.Q, description="which reading, where the kind is about one")
 
 
@@ -206,7 +206,7 @@ class DatabaseCheck(Schema):
     problems: list[str]
 
 
-class HeldView(Schema):
+class DeletableRun(Schema):
     """A run whose samples may go."""
 
     run: int
@@ -224,7 +224,7 @@ class RecordingsView(Schema):
     limit_bytes: int
     in_use_bytes: int = Field(description="of runs that models, results or reports came from: these never go")
     keep_days: int = Field(description="nothing younger may go")
-    may_go: list[HeldView]
+    may_go: list[DeletableRun]
     says: str = Field(description="empty while there is nothing to decide")
 
 
@@ -561,7 +561,7 @@ class State(Schema):
     stop_proof: StopProof | None
     holder: HolderView | None
     people: list[PersonView] = Field(description="who has a page open; a number tells persons of one name apart")
-    wishes: list[WishView] = Field(description="who asks for control or is offered it, and what came of that")
+    wishes: list[HandoverView] = Field(description="who asks for control or is offered it, and what came of that")
     chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
     trial: TrialView | None = Field(description="a tuning that is reverted by itself")

@@ -26,7 +26,7 @@ from backend.commissioning import (
 from backend.errors import InvalidValueError, RequestRejectedError
 from backend.faults import Fault
 from backend.realtime import Event, LoopExited, LoopExitedError, Mode, ProveDirections, Stopped, Supervisor
-from backend.schemas import BringUpStep, BringUpView, DrivesLeft, RunningStep, StepFigure, StepResult
+from backend.schemas import BringUpStep, BringUpView, EarlierLockout, RunningStep, StepFigure, StepResult
 from backend.services.actuator import ActuatorService
 from backend.storage import Database, StoredStepResult
 from plant import (
@@ -242,7 +242,7 @@ class CommissioningService:
             why_not="",
             drives_on=self._supervisor.card.state().drive_enabled if self._supervisor.is_alive else None,
             drives_locked=self._supervisor.setup.drives_off,
-            drives_left=None if left is None else DrivesLeft(who=left.who, at=left.at),
+            drives_left=None if left is None else EarlierLockout(who=left.who, at=left.at),
             steps=steps,
         )
 

@@ -24,9 +24,9 @@ from backend.schemas import (
     ComparedRun,
     ComparedSetting,
     ComparedValue,
-    ComparisonAsked,
+    ComparisonRequest,
     Differences,
-    DifferencesAsked,
+    DifferencesRequest,
     MetricHistory,
     MetricName,
     MetricPoint,
@@ -73,7 +73,7 @@ class Alignment:
     reason: str
 
 
-def align_runs(session: Session, numbers: list[int], reference: int, asked: ComparisonAsked) -> dict[int, Alignment]:
+def align_runs(session: Session, numbers: list[int], reference: int, asked: ComparisonRequest) -> dict[int, Alignment]:
     """Return by run how it comes onto the time axis of the reference. Raises UnknownRecordError."""
     moments = {number: _find_moment(session, number, asked) for number in numbers}
     own, why = moments[reference]
@@ -87,7 +87,7 @@ def align_runs(session: Session, numbers: list[int], reference: int, asked: Comp
     return found
 
 
-def _find_moment(session: Session, run_id: int, asked: ComparisonAsked) -> tuple[float | None, str]:
+def _find_moment(session: Session, run_id: int, asked: ComparisonRequest) -> tuple[float | None, str]:
     """Return the moment [s from the run's first sample], or None and why there is none."""
     runs.get(session, run_id)
     try:
@@ -127,7 +127,7 @@ MAX_POINTS = 5000
 _ABSENT = "the run has no such metric"
 
 
-def select_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
+def select_runs(asked: ComparisonRequest) -> tuple[list[int], int]:
     """Return the runs that are compared, each once, and which of them is the reference.
 
     Raises OutOfRangeError, RequestRejectedError.
@@ -152,7 +152,7 @@ def select_runs(asked: ComparisonAsked) -> tuple[list[int], int]:
     return numbers, chosen
 
 
-def compare_runs(session: Session, asked: ComparisonAsked) -> RunComparison:
+def compare_runs(session: Session, asked: ComparisonRequest) -> RunComparison:
     """Return the metrics of runs with their differences to a reference, one of them (None: the first).
 
     Raises OutOfRangeError, RequestRejectedError, UnknownRecordError.
@@ -356,7 +356,7 @@ class AlignedRuns:
     reasons: dict[int, str]
 
 
-def align_signals(session: Session, asked: DifferencesAsked) -> AlignedRuns:
+def align_signals(session: Session, asked: DifferencesRequest) -> AlignedRuns:
     """Read a signal of all runs, onto the axis of the reference.
 
     Raises RequestRejectedError, UnknownRecordError, UnknownSignalError.
@@ -398,7 +398,7 @@ def count_samples(database: Database, run_ids: Sequence[int]) -> int:
         return sum(0 if one is None else one.count for _, one in recordings.of_runs(session, run_ids).values())
 
 
-def compute_differences(database: Database, asked: DifferencesAsked) -> Differences:
+def compute_differences(database: Database, asked: DifferencesRequest) -> Differences:
     """Return the differences of a signal to the reference. Raises as ``beside`` does."""
     with database.reading() as session:
         found = align_signals(session, asked)
@@ -473,7 +473,7 @@ _ROWS = 20_000
 _TABLE = ("what", "name", "label", "unit", "run", "value", "difference", "percent", "remark")
 
 
-def stream_curves_file(database: Database, asked: DifferencesAsked) -> Iterator[bytes]:
+def stream_curves_file(database: Database, asked: DifferencesRequest) -> Iterator[bytes]:
     """Yield a signal of all runs on the reference's samples, and its differences; nan where a run has none.
 
     Raises RequestRejectedError, UnknownRecordError, UnknownSignalError, before the first piece.
@@ -509,7 +509,7 @@ def stream_curves_file(database: Database, asked: DifferencesAsked) -> Iterator[
         yield buffer.getvalue()
 
 
-def stream_table_file(database: Database, asked: ComparisonAsked) -> Iterator[bytes]:
+def stream_table_file(database: Database, asked: ComparisonRequest) -> Iterator[bytes]:
     """Yield a line for each metric and differing setting of each run.
 
     Raises RequestRejectedError, UnknownRecordError.
@@ -537,7 +537,7 @@ def stream_table_file(database: Database, asked: ComparisonAsked) -> Iterator[by
     yield text.getvalue().encode()
 
 
-def _build_header(found: RunComparison, asked: ComparisonAsked) -> Iterator[str]:
+def _build_header(found: RunComparison, asked: ComparisonRequest) -> Iterator[str]:
     title = f"comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad"
     yield format_csv_comment(f"{title}; {_describe_alignment(asked)}")
     for run in found.runs:
@@ -545,7 +545,7 @@ def _build_header(found: RunComparison, asked: ComparisonAsked) -> Iterator[str]
         yield format_csv_comment(f"run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}")
 
 
-def _describe_alignment(asked: ComparisonAsked) -> str:
+def _describe_alignment(asked: ComparisonRequest) -> str:
     match asked.by:
         case AlignBy.BEGIN:
             return "aligned by the begin of each run"

@@ -27,7 +27,7 @@ from backend.models import SettingError, UnreadableDocumentError
 from backend.plain_text import escape_line
 from backend.recording import AT_HAND_SAMPLES, read_flight_columns
 from backend.reports import RunData, load_series, load_source, render_report, render_series_report
-from backend.schemas import Differences, DifferencesAsked
+from backend.schemas import Differences, DifferencesRequest
 from backend.services.comparison import compute_differences, count_samples, stream_curves_file, stream_table_file
 from backend.storage import Database, EndState, Run, RunKind, results, runs
 from backend.units import AngleUnit
@@ -177,7 +177,7 @@ class Downloads:
         """Return a run with all that it came from. Raises UnknownRecordError, ExportError, RequestRejectedError."""
         return await self._start_stream(stream_bundle, run_id, self._folder)
 
-    async def compute_differences(self, asked: DifferencesAsked) -> Differences:
+    async def compute_differences(self, asked: DifferencesRequest) -> Differences:
         """Return the differences of runs to one.
 
         Raises RequestRejectedError, UnknownRecordError, UnknownSignalError.
@@ -187,7 +187,7 @@ class Downloads:
         return await self._worker.run(compute_differences, self._database, asked)
 
     async def stream_comparison(
-        self, content: Literal["curves", "table"], asked: DifferencesAsked
+        self, content: Literal["curves", "table"], asked: DifferencesRequest
     ) -> AsyncGenerator[bytes]:
         """Return a comparison as text, piece by piece. Raises as ``differences`` does."""
         return await self._start_stream(stream_curves_file if content == "curves" else stream_table_file, asked)

@@ -3,7 +3,7 @@
 from backend.auth import ControlLease
 from backend.errors import RequestRejectedError
 from backend.faults import EXPLANATIONS, FAULTS, Fault
-from backend.schemas import CardFault, FaultKind, FaultList, Injection, Silence
+from backend.schemas import CardFault, FaultKind, FaultList, Injection, SilentPart
 from backend.services.actuator import ActuatorService
 from plant import ONLY_OF_A_CARD, Breakage, Broken, ErrorCode, PlantChoice, PlantKind, Sensor
 
@@ -19,8 +19,8 @@ LEADS_TO: dict[Fault, Injection] = {
     Fault.SENSOR_JUMP: Injection(kind=Breakage.JUMP, sensor=Sensor.Q),
     Fault.IMPLAUSIBLE: Injection(kind=Breakage.DRIFT_DOWN, sensor=Sensor.THETA_A),
     Fault.DEADLINES_MISSED: Injection(kind=Breakage.LATE),
-    Fault.SERVICE_LOST: Injection(kind=Silence.SERVICE_SILENT),
-    Fault.OPERATOR_LOST: Injection(kind=Silence.PAGE_SILENT),
+    Fault.SERVICE_LOST: Injection(kind=SilentPart.SERVICE_SILENT),
+    Fault.OPERATOR_LOST: Injection(kind=SilentPart.PAGE_SILENT),
     Fault.SAFETY_MODULE: Injection(kind=Breakage.SAFETY_TRIP),
     Fault.PLANT_ERROR: Injection(kind=Breakage.READ_ERROR),
     Fault.WATCHDOG: Injection(kind=Breakage.HANG),
@@ -103,9 +103,9 @@ async def apply_fault(actuator: ActuatorService, control: ControlLease, injectio
             ErrorCode.NOT_NOW, f"{_broken(injection).words}: {_NEEDS_A_CARD}", code="no_virtual_card"
         )
     match injection.kind:
-        case Silence.SERVICE_SILENT:
+        case SilentPart.SERVICE_SILENT:
             actuator.suspend_heartbeat(SERVICE_SILENT_S, who)
-        case Silence.PAGE_SILENT:
+        case SilentPart.PAGE_SILENT:
             control.ignore_pings()
         case _:
             await actuator.inject_fault(_broken(injection), who)

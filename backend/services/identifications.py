@@ -18,7 +18,7 @@ from backend.schemas import (
     SpringTableView,
     SpringView,
     Trend,
-    UnseenView,
+    ValidationView,
 )
 from backend.services.banks import TuningContext
 from backend.services.runs import build_run_message
@@ -204,9 +204,9 @@ class StoredIdentifications:
         self._worker = worker
         self._tuning = tuning
 
-    async def validate(self, run_id: int, of: int) -> UnseenView:
+    async def validate(self, run_id: int, of: int) -> ValidationView:
         """Set a model beside the record of the run ``of``. Raises UnknownRecordError, NotComparableError."""
-        return UnseenView.model_validate(await self._worker.run(validate_on_run, self._database, run_id, of))
+        return ValidationView.model_validate(await self._worker.run(validate_on_run, self._database, run_id, of))
 
     async def compute_trend(self) -> Trend:
         """Return identified gains and lags over S beside what is predicted."""

@@ -61,9 +61,9 @@ from backend.schemas import (
     ActuatorRequest,
     CheckedExperiment,
     DryRunView,
+    ExperimentCheckRequest,
     ExperimentKind,
     ExperimentRequest,
-    ExperimentToCheck,
     IdentificationKind,
     IdentificationRequest,
     MotorRequest,
@@ -585,7 +585,7 @@ class JobManager:
         )
 
     async def check_experiment(
-        self, asked: ExperimentToCheck, person: User, is_disconnected: IsDisconnected
+        self, asked: ExperimentCheckRequest, person: User, is_disconnected: IsDisconnected
     ) -> CheckedExperiment:
         """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.
 

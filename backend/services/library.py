@@ -27,10 +27,10 @@ from backend.experiments import find_experiment as ready
 from backend.models import SettingError, complete_motion
 from backend.plain_text import STORED_CONTEXT, PlainTextError, check_single_line, fold_name
 from backend.schemas import (
-    NEW_HERE,
+    DEFAULT_PREFERENCES,
     SEARCH_NAME_MAX,
     CheckedExperiment,
-    ComparisonAsked,
+    ComparisonRequest,
     DryRunView,
     MetricHistory,
     OwnExperiment,
@@ -253,7 +253,7 @@ class StoredPreferences:
         with self._database.reading() as session:
             stored = settings.newest(session, _name_preferences_setting(person))
         # what was stored before a preference existed lacks it
-        return NEW_HERE if stored is None else _parse_preferences(stored)
+        return DEFAULT_PREFERENCES if stored is None else _parse_preferences(stored)
 
     def save(self, person: User, preferences: Preferences) -> Preferences:
         """Remember how ``person`` likes the page. Raises RequestRejectedError for a layout that cannot be drawn."""
@@ -266,7 +266,7 @@ class StoredPreferences:
 
 
 def _parse_preferences(stored: StoredSetting) -> Preferences:
-    return Preferences.model_validate({**NEW_HERE.model_dump(), **stored.value}, context=STORED_CONTEXT)
+    return Preferences.model_validate({**DEFAULT_PREFERENCES.model_dump(), **stored.value}, context=STORED_CONTEXT)
 
 
 def _name_preferences_setting(person: User) -> str:
@@ -363,7 +363,7 @@ class RunLibrary:
         with self._database.session() as session:
             return tags.rename(session, before, after)
 
-    def compare_runs(self, asked: ComparisonAsked) -> RunComparison:
+    def compare_runs(self, asked: ComparisonRequest) -> RunComparison:
         """Set runs beside each other. Raises RequestRejectedError, UnknownRecordError."""
         with self._database.reading() as session:
             return comparison.compare_runs(session, asked)

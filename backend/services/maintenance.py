@@ -20,7 +20,7 @@ from backend.schemas import (
     BackupView,
     DatabaseCheck,
     DatabaseView,
-    HeldView,
+    DeletableRun,
     LatenessClass,
     RecordingsView,
     SystemView,
@@ -158,7 +158,7 @@ class Retention:
             in_use_bytes=found.in_use_bytes,
             keep_days=found.rule.keep_days,
             may_go=[
-                HeldView(
+                DeletableRun(
                     run=run.run_id,
                     kind=run.kind,
                     who=run.who,

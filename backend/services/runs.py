@@ -52,14 +52,14 @@ from backend.schemas import (
     Criterion,
     DryRunView,
     EvaluationView,
+    EventNote,
     ExperimentView,
     FlightList,
     FlightView,
-    Planned,
     PlannedLine,
     PlannedPart,
+    PlannedSignals,
     RecordedExperiment,
-    Remark,
     RunList,
     RunMark,
     RunView,
@@ -174,11 +174,11 @@ class Evaluations:
 # What a stored run was going to play, from begin to end.
 
 
-EMPTY_PLAN = Planned(t=[], lines=[], parts=[])
+EMPTY_PLAN = PlannedSignals(t=[], lines=[], parts=[])
 _UNITS = {field.name: field.unit for field in FIELDS}
 
 
-def read_planned_run(database: Database, run_id: int) -> Planned:
+def read_planned_run(database: Database, run_id: int) -> PlannedSignals:
     """Return what a run was to play; its plan may be an imported text, so that it is read beside the service.
 
     Raises UnknownRecordError, SettingError, OutOfRangeError, ExperimentError.
@@ -203,14 +203,14 @@ def read_planned_run(database: Database, run_id: int) -> Planned:
             PlannedPart(title=f"{told.title(one)}, {one.stage}", start_s=one.begin * T_s, end_s=one.end * T_s)
             for one in told.intervals
         ]
-        return Planned(t=told.t.tolist(), lines=_build_lines(told.signals), parts=parts)
+        return PlannedSignals(t=told.t.tolist(), lines=_build_lines(told.signals), parts=parts)
     program = plan.program()
     if not program.segments:
         return EMPTY_PLAN
     first = program.segments[0]
     found = build_profile(program, *(began or (first.q_ref, first.S_ref)))
     pushed = {"F_push": found.F_push} if found.F_push.any() else {}
-    return Planned(
+    return PlannedSignals(
         t=found.t.tolist(),
         lines=_build_lines({"q_ref": found.q_ref, "S_ref": found.S_ref, **pushed}),
         parts=[PlannedPart(title=part.title, start_s=part.start_s, end_s=part.end_s) for part in plan.phases()],
@@ -526,7 +526,7 @@ class StoredTimeline:
             total = len(found) if more_before is None else timeline.count(session, asked)
         return Timeline(entries=found, total=total, more_before=more_before)
 
-    def set_remark(self, event_id: int, said: Remark, who: str) -> None:
+    def set_remark(self, event_id: int, said: EventNote, who: str) -> None:
         """Put a note and tags on an event. Raises UnknownRecordError, TagError, RequestRejectedError."""
         with self._database.session() as session:
             timeline.remark(session, event_id, said.note.strip(), said.tags, who)

@@ -45,6 +45,7 @@ from backend.sample import NAMES
 from backend.schemas import (
     ChainLinkView,
     FaultView,
+    HandoverView,
     Health,
     HolderView,
     LimitsView,
@@ -63,7 +64,6 @@ from backend.schemas import (
     TriggerView,
     TuningView,
     WallView,
-    WishView,
 )
 from backend.services.tuning_state import ActiveTuning, ResolvedTuning, build_chosen_tuning, overlay_tuning
 from plant import (
@@ -638,7 +638,7 @@ class ServiceState:
 
     holder: Callable[[], HolderView | None]
     users: Callable[[], list[PersonView]]
-    handovers: Callable[[], list[WishView]]
+    handovers: Callable[[], list[HandoverView]]
     problems: Callable[[], list[str]]
     """Returns problems of the service that are no fault of the control loop."""
 

@@ -16,7 +16,7 @@ from backend.realtime.commands import Accepted, SetMode
 from backend.realtime.modes import Mode
 from backend.recording.reader import read_samples
 from backend.schemas.identification import ActuatorRequest, IdentificationRequest, MotorRequest, SpringRequest
-from backend.schemas.run import Planned
+from backend.schemas.run import PlannedSignals
 from backend.schemas.state import TaskView
 from backend.services.runs import read_planned_run as planned_in
 from backend.storage import runs
@@ -85,16 +85,16 @@ def told_right(seen: Seen, run: int, samples: int) -> None:
     assert all(task.duration_s == pytest.approx(took_s, abs=within) for task in of_the_way)
 
 
-def planned_of(database: Database, run: int) -> Planned:
+def planned_of(database: Database, run: int) -> PlannedSignals:
     return planned_in(database, run)
 
 
-def line(planned: Planned, name: str) -> np.ndarray:
+def line(planned: PlannedSignals, name: str) -> np.ndarray:
     values = next(one.values for one in planned.lines if one.name == name)
     return np.array([np.nan if value is None else value for value in values])
 
 
-def run_of(tmp_path: Path, order: IdentificationRequest) -> tuple[Seen, dict[str, np.ndarray], Planned]:
+def run_of(tmp_path: Path, order: IdentificationRequest) -> tuple[Seen, dict[str, np.ndarray], PlannedSignals]:
     database = open_database(tmp_path)
     seen: list[Seen] = []
 

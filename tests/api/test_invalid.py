@@ -13,7 +13,7 @@ from starlette.requests import HTTPConnection
 from backend.api.errors import install
 from backend.errors import OutOfRangeError
 from backend.schemas.identification import ActuatorRequest, IdentificationRequest, SpringTableRequest
-from backend.schemas.preferences import NEW_HERE, Preferences
+from backend.schemas.preferences import DEFAULT_PREFERENCES, Preferences
 from backend.schemas.run import NoteRequest
 from backend.schemas.state import PushRequest, References
 from backend.schemas.tuning import BankFile, BankRequest, TrialRequest
@@ -45,7 +45,7 @@ REFUSED: list[tuple[str, Any, list[str | int] | None, str]] = [
     ("build", {"name": "n", "identifications": ["9" * 5000]}, ["identifications", 0], "run 1: the number is too long"),
     (
         "preferences",
-        {**NEW_HERE.model_dump(mode="json"), "camera": "from above"},
+        {**DEFAULT_PREFERENCES.model_dump(mode="json"), "camera": "from above"},
         ["camera"],
         "name of the camera that the 3D view is seen from: it has characters that are not taken here",
     ),

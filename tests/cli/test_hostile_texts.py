@@ -17,7 +17,7 @@ from backend.exports.formats import DataFormat, write_export
 from backend.models.run import MeasuredFigure, Metrics, RunCriterion
 from backend.plain_text import escape_line
 from backend.reports.build import write_report_files
-from backend.schemas.comparison import ComparisonAsked, DifferencesAsked
+from backend.schemas.comparison import ComparisonRequest, DifferencesRequest
 from backend.services.comparison import stream_curves_file, stream_table_file
 from backend.storage import banks, experiments, results
 from backend.storage.banks import BankEntry
@@ -134,8 +134,8 @@ def test_no_cell_of_a_file_is_a_formula(stored: tuple[Path, list[int], int], tmp
     folder, made, _ = stored
     database = open_database(folder)
     files = {
-        "table.csv": b"".join(stream_table_file(database, ComparisonAsked(run=made))),
-        "curves.csv": b"".join(stream_curves_file(database, DifferencesAsked(run=made))),
+        "table.csv": b"".join(stream_table_file(database, ComparisonRequest(run=made))),
+        "curves.csv": b"".join(stream_curves_file(database, DifferencesRequest(run=made))),
     }
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)

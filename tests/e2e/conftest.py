@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
-from backend.schemas.preferences import NEW_HERE
+from backend.schemas.preferences import DEFAULT_PREFERENCES
 from tests.api.conftest import client_with, until
 from tests.e2e.browser import DESKTOP, Watched, chromium
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
@@ -81,7 +81,7 @@ def service(shared_service: Service) -> Service:
         until(lambda: script.get("/api/state").raise_for_status().json()["holder"] is None)  # pages before are gone
         script.post("/api/stop").raise_for_status()
         script.post("/api/reset").raise_for_status()
-        script.put("/api/preferences", json=NEW_HERE.model_dump()).raise_for_status()
+        script.put("/api/preferences", json=DEFAULT_PREFERENCES.model_dump()).raise_for_status()
         script.delete("/api/control").raise_for_status()
     return shared_service
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from backend.errors import RequestRejectedError
 from backend.recording.reader import UnknownSignalError
-from backend.schemas.comparison import AlignBy, ComparisonAsked, DifferencesAsked, StepSignal
+from backend.schemas.comparison import AlignBy, ComparisonRequest, DifferencesRequest, StepSignal
 from backend.schemas.state import MarkKind
 from backend.services.comparison import Curve, compare_runs, compute_differences, stream_curves_file, stream_table_file
 from backend.storage import events, runs
@@ -46,7 +46,7 @@ def test_figures_are_those_of_a_plain_look(
     other["q_ref"] = np.where(np.arange(LENGTH - 200) < steps[1], 0.0, 0.3)
     reference, run = recorded_run(database, one), recorded_run(database, other, lost, first=7)
     begin = 40 if gap == 0 else 0  # its own time counts from its first sample
-    asked = DifferencesAsked(run=[reference, run], by=AlignBy.STEP, step=StepSignal.Q_REF, band=band, points=20000)
+    asked = DifferencesRequest(run=[reference, run], by=AlignBy.STEP, step=StepSignal.Q_REF, band=band, points=20000)
     if set(lost) & set(range(steps[1] - 2, steps[1] + 2)):
         return
     [found] = compute_differences(database, asked).runs
@@ -79,7 +79,7 @@ def test_buckets_hold_the_extremes_of_their_samples_and_stand_still(database: Da
     apart = [np.asarray(values["q"], np.float32).astype(float) for values in (other, one)]
     exact = apart[0] - apart[1]
     for from_s, to_s in ((0.0, 9.0), (0.1234, 1.0)):
-        found = compute_differences(database, DifferencesAsked(run=both, from_s=from_s, to_s=to_s, points=50))
+        found = compute_differences(database, DifferencesRequest(run=both, from_s=from_s, to_s=to_s, points=50))
         width = round(found.width_s / 1e-3)
         first, last = round(from_s * 1e3), min(round(to_s * 1e3), LENGTH)
         assert not found.raw
@@ -101,7 +101,7 @@ def test_what_a_run_lacks_is_said_and_the_others_are_compared(database: Database
     plain = recorded_run(database, signals(1, 100))
     with_step = recorded_run(database, signals(2, 300))
     without = recorded_run(database, signals(3, 10**6))
-    asked = DifferencesAsked(run=[plain, without, with_step], by=AlignBy.STEP)
+    asked = DifferencesRequest(run=[plain, without, with_step], by=AlignBy.STEP)
     with database.reading() as session:
         told = compare_runs(session, asked)
     assert told.runs[1].aligned_at_s is told.runs[1].offset_s is None
@@ -136,7 +136,7 @@ def test_runs_are_aligned_by_an_event_of_each(database: Database) -> None:
                 events.add(session, MarkKind.TUNING, "λ", run_id=found[-1], tick=tick)
             runs.end(session, found[-1], EndState.COMPLETED)
     with database.reading() as session:
-        asked = ComparisonAsked(run=found, by=AlignBy.EVENT, event=MarkKind.TUNING, number=2)
+        asked = ComparisonRequest(run=found, by=AlignBy.EVENT, event=MarkKind.TUNING, number=2)
         told = compare_runs(session, asked).runs
         third = compare_runs(session, asked.model_copy(update={"number": 3})).runs
     assert [run.aligned_at_s for run in told] == pytest.approx([0.3, 0.8])
@@ -147,7 +147,7 @@ def test_runs_are_aligned_by_an_event_of_each(database: Database) -> None:
 def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) -> None:
     one, other = signals(4, 100), signals(5, 250, 900)
     reference, run = recorded_run(database, one), recorded_run(database, other)
-    asked = DifferencesAsked(run=[reference, run], by=AlignBy.STEP)
+    asked = DifferencesRequest(run=[reference, run], by=AlignBy.STEP)
     lines = b"".join(stream_curves_file(database, asked)).decode().splitlines()
     head = [line for line in lines if line.startswith("#")]
     assert "aligned by step 1 of q_ref" in head[0]
@@ -166,7 +166,7 @@ def test_a_file_gives_back_every_sample_and_says_what_it_is(database: Database) 
 
 def test_the_table_tells_what_differs(database: Database) -> None:
     found = [recorded_run(database, signals(seed, 10)) for seed in (1, 2)]
-    lines = b"".join(stream_table_file(database, ComparisonAsked(run=found))).decode().splitlines()
+    lines = b"".join(stream_table_file(database, ComparisonRequest(run=found))).decode().splitlines()
     rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
     assert rows == []  # sessions have no result, and both are set to nothing
     assert f"# run {found[1]}: Session" in "\n".join(lines)

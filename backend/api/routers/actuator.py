@@ -7,7 +7,9 @@ from backend.auth import parse_command_token
 from backend.schemas import (
     ControlRequest,
     FaultList,
+    HandoverReply,
     HandoverRequest,
+    HandoverView,
     Injection,
     Lease,
     ModeRequest,
@@ -22,8 +24,6 @@ from backend.schemas import (
     TriggerOrder,
     TriggerView,
     WallOrder,
-    WishAnswer,
-    WishView,
 )
 from backend.server import ThreadRoute
 from backend.services import apply_fault, clear_faults, describe_faults, set_obstacle
@@ -55,7 +55,7 @@ async def give_up_control(service: ServiceInUse, person: Operator, stamp: Stampe
 @control_router.post("/wishes", status_code=201)
 async def ask_for_control(
     body: HandoverRequest, service: ServiceInUse, person: Operator, stamp: Stamped = None
-) -> WishView:
+) -> HandoverView:
     """Ask whoever holds control for it; `to` offers it to another operator, as the page that holds it."""
     if body.to is None:
         return service.hand_over.ask(person, body.reason)
@@ -64,7 +64,7 @@ async def ask_for_control(
 
 @control_router.post("/wishes/{id}", status_code=204)
 async def answer_wish(
-    id: RowId, body: WishAnswer, service: ServiceInUse, person: Operator, stamp: Stamped = None
+    id: RowId, body: HandoverReply, service: ServiceInUse, person: Operator, stamp: Stamped = None
 ) -> None:
     """Hand over, keep control, do not take it, or take back what was asked or offered."""
     await service.hand_over.answer(person, parse_command_token(stamp), id, body.answer, body.reason)

@@ -11,10 +11,10 @@ from backend.schemas import (
     CheckedStudy,
     DryRunProgress,
     DryRunView,
+    ExperimentCheckRequest,
     ExperimentKindList,
     ExperimentRequest,
     ExperimentText,
-    ExperimentToCheck,
     ExperimentView,
     MapPick,
     OwnExperiment,
@@ -23,7 +23,7 @@ from backend.schemas import (
     QueuePlace,
     QueueView,
     RecordedExperiment,
-    Started,
+    StartedRun,
     StudyDetail,
     StudyList,
     StudyText,
@@ -49,9 +49,9 @@ async def list_experiments(request: Request, service: ServiceInUse, person: Sign
 
 
 @experiments_router.post("", status_code=202)
-async def start_experiment(body: ExperimentRequest, service: ServiceInUse, person: InControl) -> Started:
+async def start_experiment(body: ExperimentRequest, service: ServiceInUse, person: InControl) -> StartedRun:
     """Start an experiment; its progress is in the state, its result under the returned id."""
-    return Started(id=await service.ordered_runs.start_experiment(body, person.name))
+    return StartedRun(id=await service.ordered_runs.start_experiment(body, person.name))
 
 
 @experiments_router.post("/dry-run")
@@ -144,7 +144,7 @@ async def keep_experiment(
 
 @own_experiments_router.post("/check")
 async def check_experiment(
-    request: Request, body: ExperimentToCheck, service: ServiceInUse, person: SignedIn
+    request: Request, body: ExperimentCheckRequest, service: ServiceInUse, person: SignedIn
 ) -> CheckedExperiment:
     """Look an experiment over as a start would, played dry for its peaks where asked; nothing is kept."""
     return await service.ordered_runs.check_experiment(body, person, request.is_disconnected)

@@ -12,7 +12,7 @@ from backend.schemas import (
     RowNumber,
     Trend,
     UndoRequest,
-    UnseenView,
+    ValidationView,
     identification,
 )
 from backend.server import ThreadRoute, in_thread
@@ -24,9 +24,9 @@ router = APIRouter(prefix="/api", tags=["identification"], route_class=ThreadRou
 @router.post("/identifications", status_code=202)
 async def identify(
     body: identification.IdentificationRequest, service: ServiceInUse, person: InControl
-) -> identification.Started:
+) -> identification.StartedRun:
     """Start an identification run; its progress is in the state, its result under the returned id."""
-    return identification.Started(id=await service.ordered_runs.start_identification(body, person.name))
+    return identification.StartedRun(id=await service.ordered_runs.start_identification(body, person.name))
 
 
 @router.put("/identifications/pause")
@@ -73,7 +73,7 @@ def get_identification_curves(id: RowId, service: ServiceInUse, _person: SignedI
 
 
 @router.get("/identifications/{id}/unseen")
-async def get_unseen(id: RowId, of: RowNumber, service: ServiceInUse, _person: SignedIn) -> UnseenView:
+async def get_unseen(id: RowId, of: RowNumber, service: ServiceInUse, _person: SignedIn) -> ValidationView:
     """Set a model beside the record of the run `of`, or the part of its own that it was not fitted to."""
     return await service.identifications.validate(id, of)
 

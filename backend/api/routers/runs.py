@@ -15,9 +15,11 @@ from backend.reports import MOST_RUNS
 from backend.schemas import (
     LONGEST_S,
     SEARCH_NAME_MAX,
-    ComparisonAsked,
+    ChartSheet,
+    ComparisonRequest,
     Differences,
-    DifferencesAsked,
+    DifferencesRequest,
+    EventNote,
     Finite,
     FlightList,
     FlightMoment,
@@ -29,9 +31,8 @@ from backend.schemas import (
     Lineage,
     MetricHistory,
     NoteRequest,
-    Planned,
+    PlannedSignals,
     RecordedValues,
-    Remark,
     ReplayRequest,
     RunComparison,
     RunList,
@@ -42,7 +43,6 @@ from backend.schemas import (
     Schema,
     SearchText,
     SearchWords,
-    SheetToPrint,
     SpectraLine,
     StatisticsLine,
     TagList,
@@ -145,7 +145,7 @@ def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunMarks:
 
 
 @runs_router.get("/{id}/planned")
-async def get_planned(request: Request, id: RowId, service: ServiceInUse, person: SignedIn) -> Planned:
+async def get_planned(request: Request, id: RowId, service: ServiceInUse, person: SignedIn) -> PlannedSignals:
     """Return the references that a run was to follow, from begin to end."""
     return await service.texts.run(person, request.is_disconnected, read_planned_run, service.database, id)
 
@@ -271,7 +271,7 @@ def get_log(
 
 
 @log_router.put("/log/{id}/remark", status_code=204)
-def set_remark(id: RowId, body: Remark, service: ServiceInUse, person: Operator) -> None:
+def set_remark(id: RowId, body: EventNote, service: ServiceInUse, person: Operator) -> None:
     """Say something of an event: a note and tags, in the place of those before."""
     service.timeline.set_remark(id, body, person.name)
 
@@ -344,14 +344,16 @@ def rename_tag(
 
 
 @run_library_router.get("/run-comparison")
-def compare_runs(asked: Annotated[ComparisonAsked, Query()], service: ServiceInUse, _person: SignedIn) -> RunComparison:
+def compare_runs(
+    asked: Annotated[ComparisonRequest, Query()], service: ServiceInUse, _person: SignedIn
+) -> RunComparison:
     """Return metrics and settings of runs beside those of one of them, and how they come onto its time axis."""
     return service.run_library.compare_runs(asked)
 
 
 @run_library_router.get("/run-comparison/differences")
 async def get_differences(
-    request: Request, asked: Annotated[DifferencesAsked, Query()], service: ServiceInUse, _person: SignedIn
+    request: Request, asked: Annotated[DifferencesRequest, Query()], service: ServiceInUse, _person: SignedIn
 ) -> Differences:
     """Return a signal of runs minus that of one of them, and where it leaves a tolerance band."""
     return await run_while_connected(service.downloads.compute_differences(asked), request.is_disconnected)
@@ -360,7 +362,7 @@ async def get_differences(
 @run_library_router.get("/run-comparison/{content}.csv", response_class=Response)
 async def get_comparison_file(
     content: Literal["curves", "table"],
-    asked: Annotated[DifferencesAsked, Query()],
+    asked: Annotated[DifferencesRequest, Query()],
     service: ServiceInUse,
     _person: SignedIn,
 ) -> Response:
@@ -405,7 +407,7 @@ sheets_router = APIRouter(tags=["runs"], route_class=ThreadRoute)
 
 
 @sheets_router.post(SHEETS, response_class=Response, responses={200: {"content": {PDF: {}}}})
-async def print_sheet(request: Request, body: SheetToPrint, service: ServiceInUse, person: SignedIn) -> Response:
+async def print_sheet(request: Request, body: ChartSheet, service: ServiceInUse, person: SignedIn) -> Response:
     """Return a sheet of charts as PDF at its size. Open to viewers: it moves and keeps nothing."""
     return download(await service.sheets.render(body.svg, person, request.is_disconnected), PDF, "sinew-charts.pdf")
 

@@ -6,9 +6,9 @@ from backend.api.dependencies import Operator, ServiceInUse, SignedIn
 from backend.auth import User
 from backend.schemas import (
     Checklist,
-    FreshTokens,
     Health,
     NameRequest,
+    NewTokens,
     PageAddress,
     PageAddressFindings,
     Preferences,
@@ -107,13 +107,13 @@ async def sign_out(request: Request, response: Response) -> None:
 
 
 @session_router.post("/session/tokens/rotate")
-async def rotate_tokens(body: Rotation, request: Request, response: Response, person: Operator) -> FreshTokens:
+async def rotate_tokens(body: Rotation, request: Request, response: Response, person: Operator) -> NewTokens:
     """Replace tokens at once. All sessions that were opened with the old ones end, save that of who asks."""
     roles = list(Role) if body.role is None else [body.role]
     authentication = find_authentication(request)
     tokens = await authentication.rotate(roles, person)
     set_session_cookie(authentication, request, response, person)
-    return FreshTokens(tokens={role: tokens.get(role) for role in roles})
+    return NewTokens(tokens={role: tokens.get(role) for role in roles})
 
 
 @session_router.get("/checklist")

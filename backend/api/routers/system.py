@@ -19,7 +19,7 @@ from backend.schemas import (
     BackupView,
     BringUpView,
     DatabaseCheck,
-    DrivesSwitch,
+    DrivesRequest,
     RecordingsView,
     RemovalRequest,
     StepValues,
@@ -65,7 +65,7 @@ async def cancel_bring_up(service: ServiceInUse, _person: InControl) -> BringUpV
 
 
 @bring_up_router.post("/drives")
-async def switch_drives(body: DrivesSwitch, service: ServiceInUse, person: InControl) -> BringUpView:
+async def switch_drives(body: DrivesRequest, service: ServiceInUse, person: InControl) -> BringUpView:
     """Switch the drives off, at any time, or once no hand is at the rig on, in off and between two steps only."""
     return await service.bring_up.switch_drives(body.on, person.name)
 
