@@ -1,4 +1,4 @@
-"""Builds the report of a run or a series, by its kind, and the files beside it."""
+"""Build the report of a run or a series by its kind, and write its files."""
 
 import json
 from dataclasses import asdict, replace
@@ -42,7 +42,7 @@ from backend.units import AngleUnit, format_angles
 
 # Build ---------------------------------------------------------------------------------------------
 #
-# Which report a run gets.
+# Choice of the report by the kind of run.
 
 
 _BUILDERS = {
@@ -58,7 +58,10 @@ _BUILDERS = {
 
 
 def build_report(source: RunData) -> Report:
-    """Build the report of a run of any kind; what was only recorded gets its curves without a judgement."""
+    """Build the report of a run of any kind.
+
+    A run whose kind has no report of its own gets its curves without criteria.
+    """
     report = _BUILDERS.get(RunKind(source.run.kind), recording_report)(source)
     report = replace(report, facts=(*report.facts, *definitions_facts([source])))
     evidence = build_manifest(source)
@@ -69,7 +72,7 @@ def build_report(source: RunData) -> Report:
 
 
 def hashes_section(evidence: ReportManifest) -> ReportSection:
-    """Return the hashes of what the report's numbers come from, and how they are verified."""
+    """Return the section with the hashes of all inputs and the command to verify them."""
     rows = tuple((name, digest) for name, digest in evidence.hashes.items())
     titles = (Column("Of", number=False), Column("SHA-256", number=False, wide=True))
     words = (
@@ -82,9 +85,10 @@ def hashes_section(evidence: ReportManifest) -> ReportSection:
 
 
 def format_report_angles(report: Report, angles: AngleUnit) -> Report:
-    """Return a report with the angles in its prose as they are read; numbers of tables and axes are so already.
+    """Return the report with the angles in its prose in the display unit.
 
-    What somebody has written or named stays as it was written: what is marked as quoted, or stands between “ and ”.
+    Numbers in tables and axes are converted already. Text that a person has written stays as it is: text marked as
+    quoted, or between “ and ”.
     """
     return replace(
         report,
@@ -122,17 +126,16 @@ def _format_block_angles(block: Block, angles: AngleUnit) -> Block:
 
 # Files ---------------------------------------------------------------------------------------------
 #
-# What a run leaves in a folder: the report to read, the data and the metrics to compute with.
+# Files of a run in a folder: the report for people, the data and the metrics for programs.
 
 
 def write_report_files(
     database: Database, run_id: int, folder: Path, angles: AngleUnit = AngleUnit.DEGREES
 ) -> tuple[Path, ...]:
-    """Write report.html, report.pdf, data.csv and metrics.json, all or none; make the folder where it is missing.
+    """Write report.html, report.pdf, data.csv and metrics.json, either all or none.
 
-    ``angles`` is for the report; data and metrics are in SI. A run that was left behind gets its result first.
-
-    Raises UnknownRecordError, ExportError, OSError.
+    Creates the folder if it is missing. ``angles`` is the display unit of the report; data and metrics are in SI units.
+    A run whose evaluation is still pending is evaluated first. Raises UnknownRecordError, ExportError, OSError.
     """
     evaluate_pending_runs(database, [run_id])
     source = load_source(database, run_id, angles)
@@ -149,7 +152,7 @@ def write_report_files(
 
 
 def build_metrics_document(source: RunData) -> dict[str, Any]:
-    """Return what a program wants to know of a run: figures by name with units, criteria, steps, models."""
+    """Return the metrics document: figures with units, criteria, steps and models."""
     run = source.run
     metrics = source.result.metrics if source.result else None
     criteria = source.result.criteria if source.result else ()

@@ -1,4 +1,4 @@
-"""What a report carries beside what it shows: digests, settings, and what its numbers follow from."""
+"""The manifest embedded in a report: hashes, settings, and inputs of its numbers."""
 
 import hashlib
 import json
@@ -29,19 +29,18 @@ from plant import ErrorCode, SinewError, T_s
 
 # Digests -------------------------------------------------------------------------------------------
 #
-# Content hashes: what a report was made of, so that whoever has the same can tell that it is the
-# same.
+# Content hashes of the inputs of a report, to tell whether two inputs are identical.
 
 
 BLOCK_S = 1.0
-"""Samples have a check sum for each signal and stretch of this length [s]: it says where one was changed."""
+"""Length [s] of the blocks of a signal that have a checksum each; a checksum locates a changed sample."""
 
 HASHED = ("t", *STORED_NAMES)
 _BLOCK = round(BLOCK_S / T_s)
 
 
 def of_samples(columns: Columns) -> str:
-    """Return the SHA-256 of all samples signal by signal: their times, then what is stored of each."""
+    """Return the SHA-256 of all samples: the times, then each stored signal."""
     found = hashlib.sha256()
     for name in _present(columns):
         found.update(_normalise_column(columns, name).tobytes())
@@ -49,7 +48,7 @@ def of_samples(columns: Columns) -> str:
 
 
 def compute_block_hashes(columns: Columns) -> dict[str, list[str]]:
-    """Return for each signal, and their times, the check sum of each stretch of its samples."""
+    """Return the checksums of the blocks of the times and of each signal."""
     size = columns["t"].size
     return {
         name: [_check(stored[start : start + _BLOCK]) for start in range(0, size, _BLOCK)]
@@ -66,50 +65,55 @@ def _check(stored: NDArray[Any]) -> str:
 
 
 def _normalise_column(columns: Columns, name: str) -> NDArray[Any]:
-    """Return times in whole ns, which every format gives back; signals in single precision, with one kind of nan."""
+    """Return a column in the form that is hashed, independent of the file format.
+
+    Times are in whole ns, which all formats preserve. Signals are float32 with a single kind of NaN.
+    """
     if name == "t":
         return np.rint(1e9 * columns["t"]).astype("<f8")
     stored = np.ascontiguousarray(columns[name], dtype="<f4")
     return np.where(np.isnan(stored), np.float32(np.nan), stored).astype("<f4")
 
 
-# Evidence ------------------------------------------------------------------------------------------
+# Manifest ------------------------------------------------------------------------------------------
 #
-# What a report carries beside what it shows: all that its numbers were computed from but the
-# samples, and their sums.
+# The manifest of a report: all inputs of its numbers except the samples, and their hashes.
 #
-# It is the report's own account of itself, read again by ``verification``; hashes tie it to samples
-# kept elsewhere.
+# The manifest describes the report to ``verification``; hashes tie it to samples that are stored elsewhere.
 
 
 FORMAT = 2
-_BEGIN, _END = '<template id="evidence">', "</template>"  # shown nowhere, and no script
+_BEGIN, _END = '<template id="evidence">', "</template>"  # not displayed and not a script
 SINEW, LAYOUT, DRAWING, SETTING = "Sinew", "layout", "matplotlib", "typst"
 _WRITES_PAGES = ("**/*.py", "**/*.toml", "**/*.yaml", "reports/*.*")
 ACCOUNT = "account"
-"""Name of the hash of all the rest that a report carries."""
+"""Name of the hash of the whole manifest."""
 
 
 _UNSEEN: dict[str, Any] = {"station": "", "bank_id": None}
 
 
 def unseen(metrics: dict[str, Any] | None) -> dict[str, Any]:
-    """Return the fields of a run that nothing in a report depends on, as an account carries them.
+    """Return default values for fields of a run on which no part of a report depends.
 
-    What it said of them could not be compared. Why a run was not evaluated is told of one without a result only.
+    Verification could not check these fields. The reason why a run was not evaluated is shown only for a run without a
+    result.
     """
     return _UNSEEN if metrics is None else {**_UNSEEN, "evaluation_problem": ""}
 
 
 class EvidenceError(SinewError, ValueError):
-    """A file that carries no account of itself that can be read."""
+    """A file without a readable manifest."""
 
     category = ErrorCode.BAD_VALUE
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredEstimate:
-    """What was estimated from a run; not when it was stored, nor under which number: that changes with each time."""
+    """The estimate from a run as embedded in a report.
+
+    Time and number are not part of it, because they change each time it is stored.
+    """
 
     kind: str
     data: dict[str, Any]
@@ -123,7 +127,7 @@ class StoredEstimate:
 
 @dataclass(frozen=True)
 class StoredBankSummary:
-    """What gains came from; not when it was stored, nor by whom."""
+    """The entries of a bank of gains, without the time and the author."""
 
     name: str
     version: int
@@ -131,15 +135,16 @@ class StoredBankSummary:
 
     @property
     def digest(self) -> str:
-        """Return the hash of what it says."""
+        """Return the hash of name, version and entries."""
         return document_digest([self.name, self.version, [[entry.S_nominal, entry.model] for entry in self.entries]])
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportManifest:
-    """``hashes`` are by what they are of; ``blocks`` check sums of the samples by signal and second.
+    """The manifest of the report of a run.
 
-    ``missed_before`` ticks were lost before the first sample; those between samples can be counted.
+    ``hashes`` has the hash of each input by its name; ``blocks`` has the checksums of the samples by signal and second.
+    ``missed_before`` is the number of ticks lost before the first sample; ticks missing between samples can be counted.
     """
 
     format: int
@@ -160,7 +165,7 @@ class ReportManifest:
 
 @dataclass(frozen=True)
 class SeriesEvidence:
-    """The accounts of all runs of a series, in its order."""
+    """The manifests of all runs of a series, in the order of the series."""
 
     format: str
     runs: tuple[ReportManifest, ...]
@@ -172,7 +177,7 @@ _SERIES: TypeAdapter[SeriesEvidence] = TypeAdapter(SeriesEvidence)
 
 
 def compute_hashes(evidence: ReportManifest, columns: Columns) -> dict[str, str]:
-    """Return the hash of each thing that the report's numbers come from, by its name."""
+    """Return the hash of each input of the report's numbers by its name."""
     run = evidence.run
     found = {
         "samples": of_samples(columns),
@@ -187,7 +192,7 @@ def compute_hashes(evidence: ReportManifest, columns: Columns) -> dict[str, str]
 
 
 def build_manifest(source: RunData) -> ReportManifest | None:
-    """Return the account of a run; none of a session, of which nothing is computed."""
+    """Return the manifest of a run; None for a session, of which nothing is computed."""
     if source.run.kind == RunKind.SESSION:
         return None
     result, columns = source.result, source.columns
@@ -219,33 +224,33 @@ def to_stored_bank(bank: Bank | None) -> StoredBankSummary | None:
 
 
 def to_stored_estimate(found: NewIdentification) -> StoredEstimate:
-    """Return the part of an estimate that a report embeds, as read from JSON."""
+    """Return the part of an estimate that a report embeds, as read back from JSON."""
     values = {item.name: getattr(found, item.name) for item in fields(StoredEstimate)}
     return StoredEstimate(**json.loads(json.dumps(values)))
 
 
 def made_with() -> dict[str, str]:
-    """Return the versions that the words, the drawings and the PDF of a report depend on."""
+    """Return the versions that determine text, drawings and PDF of a report."""
     return {SINEW: __version__, LAYOUT: layout(), DRAWING: version(DRAWING), SETTING: version(SETTING)}
 
 
 @cache
 def layout() -> str:
-    """Return the hash of the files that the words and the drawings of a page come from.
+    """Return the hash of the files that determine text and drawings of a page.
 
-    Two states of the source code with the same version number may write the same numbers in other words.
+    Two states of the source code with the same version number may phrase the same numbers differently.
     """
     found = hashlib.sha256()
     for package in (backend, plant):
         folder = Path(package.__path__[0])
         for file in sorted({one for pattern in _WRITES_PAGES for one in folder.glob(pattern)}):
-            text = file.read_bytes().replace(b"\r\n", b"\n")  # a checkout may have other ends of lines
+            text = file.read_bytes().replace(b"\r\n", b"\n")  # a checkout may have other line endings
             found.update(f"{package.__name__}/{file.relative_to(folder).as_posix()} {len(text)}\n".encode() + text)
     return found.hexdigest()[:16]
 
 
 def account_hash(evidence: ReportManifest) -> str:
-    """Return the hash of what a report carries, but for itself."""
+    """Return the hash of a manifest without this hash itself."""
     hashes = {name: digest for name, digest in evidence.hashes.items() if name != ACCOUNT}
     return document_digest(_EVIDENCE.dump_python(replace(evidence, hashes=hashes), mode="json"))
 
@@ -257,7 +262,7 @@ def rebuild_run_data(
     criteria: tuple[RunCriterion, ...],
     estimate: StoredEstimate | None,
 ) -> RunData:
-    """Return what a report is made from again, with these samples and this result."""
+    """Return the source data of a report, rebuilt with these samples and this result."""
     run, bank = evidence.run, evidence.bank
     moment = run.started_at
     stored: dict[str, Any] = {"run_id": run.id, "who": run.who, "software": run.software, "id": 0, "created_at": moment}
@@ -278,7 +283,7 @@ def rebuild_run_data(
 
 
 def to_element(evidence: ReportManifest | SeriesEvidence) -> str:
-    """Return the element of a page that carries it; nothing in it can end the element."""
+    """Return the HTML element of the manifest, escaped so that nothing can close it."""
     adapter: TypeAdapter[Any] = _SERIES if isinstance(evidence, SeriesEvidence) else _EVIDENCE
     document = adapter.dump_python(evidence, mode="json")
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
@@ -288,19 +293,19 @@ def to_element(evidence: ReportManifest | SeriesEvidence) -> str:
 
 
 def find_element(page: str) -> str:
-    """Return the element of a page with its manifest, "" where there is none."""
+    """Return the manifest element of a page; "" if there is none."""
     begin = page.find(_BEGIN)
     end = page.find(_END, begin)
     return "" if begin < 0 or end < 0 else page[begin : end + len(_END)]
 
 
 def without_element(page: str) -> str:
-    """Return a page as a person sees it, with the mere place of its account."""
+    """Return a page without its manifest; only the opening tag of the element remains."""
     return page.replace(find_element(page), _BEGIN, 1)
 
 
 def read_accounts(page: str) -> ReportManifest | SeriesEvidence:
-    """Return what a page carries: the account of a run, or of each run of a series. Raises EvidenceError."""
+    """Return the manifest of a page, of a run or of a series. Raises EvidenceError."""
     element = find_element(page)
     if not element:
         raise EvidenceError("it carries no account of its numbers: it is no report of a run, or of an older Sinew")
@@ -322,19 +327,18 @@ def _find_identifications(source: RunData) -> set[int]:
     return {number for number in named if number in source.runs_of}
 
 
-# Set to --------------------------------------------------------------------------------------------
+# Configuration -------------------------------------------------------------------------------------
 #
-# All that a run was set to and computed on, each by what it is called: for what differs between
-# runs. Pure.
+# The configuration of a run by name, for comparing runs. Pure functions.
 
 
 _DIGITS = 12
-"""Of a digest, that tell it from others beside it."""
+"""Number of digits of a hash that distinguish it from the others in a table."""
 
 
 @dataclass(frozen=True)
 class SetTo:
-    """One of it: in SI, ``unit`` "" for what has none."""
+    """One configuration value in SI units; ``unit`` is "" if it has none."""
 
     name: str
     value: Any
@@ -342,7 +346,10 @@ class SetTo:
 
 
 def iterate_configuration(run: Run, bank: Bank | None) -> Iterator[SetTo]:
-    """Yield what a run was set to: plant, software, experiment, ``bank``, machine, settings and parameters."""
+    """Yield the configuration of a run.
+
+    That is plant, software, experiment, ``bank``, machine, settings and parameters.
+    """
     yield SetTo("plant", run.plant)
     yield SetTo("name of the parameters", run.parameters_name)
     yield SetTo("Sinew", run.software)

@@ -70,11 +70,12 @@ from plant import SIDES, ParameterError, T_s, parse_parameters
 
 # Compliance ----------------------------------------------------------------------------------------
 #
-# The report of a compliance run: whether the joint gives way as its stiffness says.
+# The report of a compliance run: whether the joint yields as its stiffness predicts.
 
 
 _LEAST_N = 0.1
-"""Least reach of the axis of a difference of forces: below the load cells' noise there is only rounding to see."""
+"""Minimum half range [N] of the axis of a force difference; below the noise of the load cells only rounding is
+visible."""
 _REST_S = 1.0
 
 _COMPLIANCE_NOTES = (
@@ -89,7 +90,7 @@ _COMPLIANCE_NOTES = (
 
 
 def compliance_report(source: RunData) -> Report:
-    """Build the report; a run without result says why it has none."""
+    """Build the report; for a run without a result it says why."""
     seen = () if source.result is None else (_compliance_figures(source, source.result.metrics),)
     return experiment_report(source, "Compliance experiment", "compliance experiment", seen, _COMPLIANCE_NOTES)
 
@@ -123,7 +124,10 @@ def _compliance_figures(source: RunData, metrics: Metrics) -> ReportSection:
 
 @cached_figure
 def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, name: str, angles: AngleUnit) -> str:
-    """Draw q, measured and expected force, and their difference raw and aligned (figure 8)."""
+    """Draw q, measured and expected force, and their difference (figure 8).
+
+    The difference is drawn raw and with the delay compensated.
+    """
     t = columns["t"]
     measured = columns["F_A"] - columns["F_B"]
     expected = -columns["S_ref"] * columns["q"] / r_j
@@ -151,10 +155,9 @@ def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, 
         return to_svg(drawn, name)
 
 
-# Followed ------------------------------------------------------------------------------------------
+# Paper's law ---------------------------------------------------------------------------------------
 #
-# Beside a run in time-optimal motion: what lambda motion, the paper's law, would have made of its
-# references.
+# For a run in time-optimal motion: the response of lambda motion, the law of the paper, to the same references.
 
 
 Array = NDArray[np.float64]
@@ -170,14 +173,20 @@ GOVERNOR = (
 
 @dataclass(frozen=True)
 class PapersLaw:
-    """The paper's law on the references of a run: ``columns`` q and S, each (n,), over t; empty with a ``reason``."""
+    """The response of the paper's law to the references of a run.
+
+    ``columns`` holds t, q and S, each (n,); it is empty if there is a ``reason``.
+    """
 
     columns: Mapping[str, Array] = field(default_factory=dict)
     reason: str = ""
 
 
 def papers_law(source: RunData) -> PapersLaw | None:
-    """Simulate a run's references under the paper's law; None where that is what the run had, or another law."""
+    """Simulate the references of a run under the paper's law.
+
+    Returns None if the run itself used that law, or a law other than the cascade.
+    """
     settings = source.run.set_to
     if settings.loop.budget == 0.0 or find_control_law(source.run) != Law.CASCADE:
         return None
@@ -210,7 +219,7 @@ def papers_law(source: RunData) -> PapersLaw | None:
 
 
 def make_law_comparison(steps: Sequence[StepFigures], law: PapersLaw, angles: AngleUnit) -> tuple[Table, ...]:
-    """Return a table of each step's time to 90 % as it was measured and as the paper's law would have taken it."""
+    """Return a table of each step's time to 90 %, measured and with the paper's law."""
     if not law.columns or not steps:
         return ()
     rows = []
@@ -240,7 +249,10 @@ def make_law_comparison(steps: Sequence[StepFigures], law: PapersLaw, angles: An
 
 
 def _to_90_percent_s(step: StepFigures, law: PapersLaw) -> float | None:
-    """Return from a step to 90 % of its way [s]; None where it does not get there before the next one."""
+    """Return the time [s] from a step to 90 % of it.
+
+    Returns None if the next step comes first.
+    """
     t = law.columns["t"]
     inside = slice(*np.searchsorted(t, [step.start_s - 1e-9, step.end_s - 1e-9]))
     progress = (law.columns[step.signal][inside] - step.before) / (step.after - step.before)
@@ -250,7 +262,7 @@ def _to_90_percent_s(step: StepFigures, law: PapersLaw) -> float | None:
 
 # Recording -----------------------------------------------------------------------------------------
 #
-# The report of what was done by hand: its curves.
+# The report of a session: its curves.
 
 
 def recording_report(source: RunData) -> Report:
@@ -299,8 +311,7 @@ def _recording_figures(source: RunData) -> ReportSection:
 
 # Robustness ----------------------------------------------------------------------------------------
 #
-# The report of a robustness run: how far a load at the gearbox shaft turns a motor away, and for
-# how long.
+# The report of a robustness run: how far a load at the gearbox shaft turns a motor, and for how long.
 
 
 _ROBUSTNESS_NOTES = (
@@ -314,7 +325,7 @@ _ROBUSTNESS_NOTES = (
 
 
 def robustness_report(source: RunData) -> Report:
-    """Build the report; a run without result says why it has none."""
+    """Build the report; for a run without a result it says why."""
     seen = () if source.result is None else (_robustness_figures(source),)
     return experiment_report(source, "Robustness under a load", "robustness experiment", seen, _ROBUSTNESS_NOTES)
 
@@ -364,8 +375,7 @@ def error_panels(columns: Columns, name: str, angles: AngleUnit) -> str:
 
 # Tracking ------------------------------------------------------------------------------------------
 #
-# The report of a tracking run: what was asked, what came out, against which bounds, from which
-# gains.
+# The report of a tracking run: references, responses, bounds, and the gains used.
 
 
 _TRACKING_NOTES = (
@@ -391,7 +401,7 @@ _NAMES = {
 
 
 def tracking_report(source: RunData) -> Report:
-    """Build the report of a tracking run; a run without result says why it has none."""
+    """Build the report of a tracking run; for a run without a result it says why."""
     metrics = source.result.metrics if source.result else None
     steps = (metrics.steps if metrics else None) or ()
     seen = []
@@ -496,7 +506,7 @@ def _constant(column: Any) -> float | None:
 
 
 def steps_table(steps: Sequence[StepFigures], angles: AngleUnit) -> tuple[Table, ...]:
-    """Return a table of every step, and one of what could not be measured of them."""
+    """Return a table of all steps, and one of the figures that could not be measured."""
     units = {"q": "rad", "S": "N·m/rad"}
     columns = (
         Column("Phase", number=False),
@@ -545,7 +555,7 @@ def _deviation(step: StepFigures, unit: str, angles: AngleUnit) -> str:
 
 
 def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
-    """Return why figures of steps are missing, a line for each step and reason."""
+    """Return a table of the reasons why figures of steps are missing."""
     rows = []
     for step in steps:
         by_reason: dict[str, list[str]] = {}
@@ -574,10 +584,9 @@ def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
     )
 
 
-# Composed ------------------------------------------------------------------------------------------
+# Experiment from data ------------------------------------------------------------------------------
 #
-# The report of an experiment that is data: the figures that go with what it measures, of whatever
-# it plays.
+# The report of an experiment described by data: the figures that belong to its measurements.
 
 
 _COMPOSED_NOTES = (
@@ -607,7 +616,7 @@ _ON = {
 
 
 def composed_report(source: RunData) -> Report:
-    """Build the report; a run without result says why it has none."""
+    """Build the report of an experiment described by data."""
     plan = parse_stored_plan(source.run.kind, source.run.set_to.plan or {})
     if not isinstance(plan, ExperimentPlan):
         raise TypeError(f"run {source.run.id} is of no experiment that is data")
@@ -695,7 +704,7 @@ def _of_measures(source: RunData, plan: ExperimentPlan) -> Iterator[Figure]:
 
 
 def find_frequency_responses(source: RunData) -> tuple[Lines, ...]:
-    """Return the frequency responses of a run that measured them line by line, none of any other."""
+    """Return the frequency responses that a run measured line by line; else none."""
     if source.run.kind != KIND or not source.columns["t"].size:
         return ()
     plan = parse_stored_plan(source.run.kind, source.run.set_to.plan or {})

@@ -70,8 +70,7 @@ from plant import SIDES
 
 # Actuator identification ---------------------------------------------------------------------------
 #
-# The report of an actuator identification: the models, how far they can be trusted, and what the
-# paper found.
+# The report of an actuator identification: models, their quality, and comparison with the paper.
 
 
 _STRUCTURES = {"first": "K/(Ts+1)", "third": "third order", "lags4": "K/(τs+1)⁴"}
@@ -88,7 +87,7 @@ _ACTUATOR_NOTES = (
 
 
 def actuator_identification_report(source: RunData) -> Report:
-    """Build the report; a run without a model says why it gave none."""
+    """Build the report; for a run without a model it says why."""
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
     tension_N = held_N(source)
     sections = []
@@ -127,7 +126,10 @@ def actuator_identification_report(source: RunData) -> Report:
 
 
 def held_N(source: RunData) -> float:
-    """Return the tension [N] that was held. Raises UnreadableDocumentError where the plan does not say."""
+    """Return the tension [N] during the run, from the plan.
+
+    Raises UnreadableDocumentError.
+    """
     tension = (source.run.set_to.plan or {}).get("tension_N")
     if not isinstance(tension, int | float):
         raise UnreadableDocumentError(f"run {source.run.id}: its plan has no tension_N")
@@ -325,7 +327,10 @@ def _actuator_data(found: Identification | None) -> tuple[Block, ...]:
 
 
 def again_command(found: Identification, key: ChannelName) -> str:
-    """Return the command that estimates one channel anew from the exported samples, to the same figures and verdict."""
+    """Return the command that repeats the estimate of a channel from exported samples.
+
+    It gives the same figures and the same verdict.
+    """
     data, channel = found.actuator_record, found.actuator.channel(key)
     known = {"--gain": channel.quality.gain_geometry, "--resolution": channel.quality.y_resolution}
     words = [f"{name} {value!r}" for name, value in known.items() if value is not None]
@@ -341,12 +346,11 @@ def again_command(found: Identification, key: ChannelName) -> str:
 
 # Motor identification ------------------------------------------------------------------------------
 #
-# The report of a motor identification: both estimates of both motors, and how well they describe
-# the steps.
+# The report of a motor identification: both estimates of both motors, and how well they fit the steps.
 
 
 PAPER = MotorConstants(K_m=2.86, T_m=0.22)
-"""The paper's motor: K_m [rad/(V·s)], T_m [s]."""
+"""The motor of the paper: K_m [rad/(V·s)], T_m [s]."""
 
 _MOTOR_NOTES = (
     "Least squares fits K_m, T_m and the Coulomb voltage u_c together, on position, over all steps: "
@@ -360,7 +364,7 @@ _MOTOR_NOTES = (
 
 
 def motor_identification_report(source: RunData) -> Report:
-    """Build the report; a run without a model says why it gave none."""
+    """Build the report; for a run without a model it says why."""
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
     sections = []
     if found is not None:
@@ -507,7 +511,7 @@ def _motor_figures(motors: MotorsResult, angles: AngleUnit) -> tuple[Block, ...]
 
 @cached_figure
 def step_panels(motors: MotorsResult, name: str, angles: AngleUnit) -> str:
-    """Draw every step of both motors, and what the model leaves over."""
+    """Draw every step of both motors and the residual of the model."""
     with figure(2, 2, height_in=4.0, sharex=True, height_ratios=(3, 2)) as (drawn, axes):
         for column, side in enumerate(SIDES):
             turn, left = axes[0][column], axes[1][column]
@@ -529,8 +533,7 @@ def step_panels(motors: MotorsResult, name: str, angles: AngleUnit) -> str:
 
 # Spring identification -----------------------------------------------------------------------------
 #
-# The report of a spring identification: polynomials of several orders, their errors, and which one
-# to use.
+# The report of a spring identification: polynomials of several orders, their errors, and the recommended order.
 
 
 _ORDER_COLOURS = {2: INK, 3: COLOURS["u_B"], 5: COLOURS["u_A"]}
@@ -547,7 +550,7 @@ _SPRING_NOTES = (
 
 
 def spring_identification_report(source: RunData) -> Report:
-    """Build the report; a run without a model says why it gave none."""
+    """Build the report; for a run without a model it says why."""
     found, problem = source.identification, source.result.metrics.problem if source.result else ""
     sections = []
     if found is not None:
@@ -626,12 +629,12 @@ def _spring_figures(springs: Mapping[str, SpringResult]) -> tuple[Block, ...]:
 
 
 SMALL_N = 0.05
-"""Errors that stay below are drawn in mN: a number in N would have no room beside its axis."""
+"""Errors below this limit [N] are drawn in mN, because tick labels in N would be too long for the axis."""
 
 
 @cached_figure
 def spring_panels(springs: Mapping[str, SpringResult], name: str) -> str:
-    """Draw force over elongation of both springs, and the errors of each order (figure 3)."""
+    """Draw force over elongation of both springs, and errors of each order (figure 3)."""
     with figure(2, 2, height_in=4.6, sharex=True, height_ratios=(3, 3)) as (drawn, axes):
         for column, side in enumerate(SIDES):
             force, error = axes[0][column], axes[1][column]

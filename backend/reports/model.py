@@ -1,4 +1,4 @@
-"""A report as plain data, and its renderings as HTML and PDF."""
+"""The document model of a report, and its rendering as HTML."""
 
 import html
 import re
@@ -11,16 +11,14 @@ from backend.units import format_percent
 
 # Document ------------------------------------------------------------------------------------------
 #
-# A report as plain data: what it says, in order. HTML and PDF are two renderings of the same
-# document.
+# A report as plain data in reading order. HTML and PDF are two renderings of the same document.
 #
-# Text may hold symbols in the spelling of the notation, ``S_ref``; the renderings set them as
-# letter and index.
+# Text may contain symbols in the spelling of the notation, ``S_ref``; the renderings set them as letter and index.
 
 
 @dataclass(frozen=True)
 class Fact:
-    """One line of the heading: a label and what it says; what is ``quoted`` are a person's own words."""
+    """One line of the heading: label and text; ``quoted`` marks words of a person."""
 
     label: str
     text: str
@@ -36,9 +34,9 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table; numbers are set flush right; a wide column takes the room that the others leave.
+    """A column of a table.
 
-    In a ``quoted`` one stand a person's own words.
+    Numbers are aligned right. A ``wide`` column takes the remaining width. A ``quoted`` column holds words of a person.
     """
 
     title: str
@@ -50,7 +48,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Cells as text, row by row, as many as there are columns."""
+    """A table of text cells; each row has as many cells as there are columns."""
 
     caption: str
     columns: tuple[Column, ...]
@@ -59,7 +57,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """An SVG drawing with its caption; ``name`` tells it from the others of the report."""
+    """An SVG drawing with its caption; ``name`` is unique within the report."""
 
     name: str
     svg: str
@@ -68,7 +66,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Code:
-    """Lines to copy, set in a fixed-width font letter by letter; ``caption`` says what they are for."""
+    """Lines to copy, in a fixed-width font; ``caption`` says what they are for."""
 
     caption: str
     text: str
@@ -79,7 +77,7 @@ Block = Paragraph | Table | Figure | Code
 
 @dataclass(frozen=True)
 class ReportSection:
-    """A heading and what follows it."""
+    """A heading and the blocks below it."""
 
     heading: str
     blocks: tuple[Block, ...]
@@ -89,8 +87,9 @@ class ReportSection:
 class Report:
     """A whole report.
 
-    ``outcome`` is passed, failed, incomplete or neutral; ``verdict`` says it in a sentence; ``date`` is the run's, so
-    that the same run always gives the same report. ``evidence`` is what the page carries for programs to verify it by.
+    ``outcome`` is passed, failed, incomplete or neutral; ``verdict`` says it in a sentence. ``date`` is that of the
+    run, so that the same run always gives the same report. ``evidence`` is the manifest element for verification by
+    programs.
     """
 
     title: str
@@ -105,11 +104,14 @@ class Report:
 
 
 NO_FIGURE = "–"
-"""Stands in a table where there is no figure; the table's caption says what it means."""
+"""Text of a table cell without a figure; the caption of the table explains it."""
 
 
 def format_measured(value: float | None, digits: int = 3) -> str:
-    """Write a measured number with so many significant digits (whole ones are all kept); a dash stands for none."""
+    """Format a measured number to significant digits; a dash for None and NaN.
+
+    Integer digits are kept up to five.
+    """
     if value is None or value != value:
         return NO_FIGURE
     if value == 0.0:
@@ -121,34 +123,37 @@ def format_measured(value: float | None, digits: int = 3) -> str:
 
 
 def share(value: float | None) -> str:
-    """Write a fit in %: never "100" of less."""
+    """Format a fit in %; a fit below 100 % is never rounded to "100"."""
     return format_measured(value) if value is None or not 99.0 < value < 100.0 else format_percent(value)
 
 
 def exact(value: float) -> str:
-    """Write a number that somebody chose: up to six significant digits, no trailing zeros."""
+    """Format a chosen number: up to six significant digits, no trailing zeros."""
     return f"{value:.6g}".replace("-", "−")
 
 
 # HTML ----------------------------------------------------------------------------------------------
 #
-# A report as one HTML page: nothing loaded from elsewhere, readable on screen and on paper.
+# A report as one HTML page that loads nothing from elsewhere and is readable on screen and on paper.
 
 
 _SYMBOL = r"\b(?P<letter>[A-Za-zθλ])_(?P<index>[A-Za-z0-9]+(?:,ref)?)(?P<hat>_hat)?\b|·10\^(?P<power>−?\d+)"
 _SYMBOLS = re.compile(_SYMBOL)
 _SIZES = 1, 2, 4, 8
-"""How many times as large a figure can be looked at; ``report.css`` has a rule for each."""
+"""Zoom factors of a figure; ``report.css`` has a rule for each."""
 _SYMBOLS_AND_LETTERS = re.compile(_SYMBOL + r"|\b(?P<lone>[qSKTλ])\b")
 
 
 def escape(text: str) -> str:
-    """Return a text as HTML; what nobody sees, or what turns the text around, is written as an escape."""
+    """Return a text as HTML, with invisible characters escaped.
+
+    Characters that change the direction of text are escaped as well.
+    """
     return html.escape(escape_lines(text))
 
 
 def to_html(report: Report) -> str:
-    """Return the page."""
+    """Return the HTML page."""
     style = resources.files("backend.reports").joinpath("report.css").read_text(encoding="utf-8")
     facts = "".join(f"<dt>{_text(fact.label)}</dt><dd>{_text(fact.text)}</dd>" for fact in report.facts)
     numbering = _Numbering()
@@ -205,7 +210,7 @@ def _block(block: Block, numbering: _Numbering) -> str:
 
 
 def _figure(svg: str, caption: str, number: int) -> str:
-    """Return a drawing that can be looked at closely: a page that runs no script zooms by the choice of a size."""
+    """Return a drawing with a choice of zoom factors that works without scripts."""
     drawing = svg.replace("<svg ", f'<svg role="img" aria-label="{escape(caption)}" ', 1)
     sizes = "".join(
         f'<label><input type="radio" name="size-{number}" value="{size}"{" checked" if size == 1 else ""}>'
@@ -236,12 +241,15 @@ def _table(table: Table, number: int) -> str:
 
 
 def _text(text: str) -> str:
-    """Escape text and set symbols in it as letter and index, powers of ten raised."""
+    """Escape text and set symbols as letter and index, powers of ten raised."""
     return _typeset_symbols(text, _SYMBOLS)
 
 
 def _prose(text: str) -> str:
-    """Like ``_text``; lone letters are symbols too. For text in which no person's name stands."""
+    """Like ``_text``, and set single letters as symbols.
+
+    Not for text that contains names of people.
+    """
     return _typeset_symbols(text, _SYMBOLS_AND_LETTERS)
 
 

@@ -1,4 +1,4 @@
-"""Identified models number by number: coefficients with standard errors, as plain text and as code that runs."""
+"""Coefficients of identified models as tables, plain text and runnable code."""
 
 from collections.abc import Iterator, Mapping
 
@@ -25,11 +25,11 @@ _LOWERED = {raised: f"^{chr(digit)}" for digit, raised in _RAISED.items()}
 _OF_THIRD = {"a1": "of the factor a2 s² + a1 s + 1", "a2": "of the factor a2 s² + a1 s + 1"}
 
 Coefficient = tuple[str, float, float | None, int]
-"""Name, value, standard error and power i of s^i that it belongs to; its unit is s^i, but for the gain."""
+"""Name, value, standard error, and the power i of s that it belongs to. Its unit is s^i, except for the gain."""
 
 
 def actuator_blocks(model: ActuatorModel) -> tuple[Block, ...]:
-    """Return the coefficients of G_q and G_S as a table, as text, and as code for python-control."""
+    """Return the coefficients of G_q and G_S as table, text and python-control code."""
     channels: dict[ChannelName, ChannelModel] = {"G_q": model.G_q, "G_S": model.G_S}
     return (
         _coefficient_table(channels),
@@ -39,7 +39,7 @@ def actuator_blocks(model: ActuatorModel) -> tuple[Block, ...]:
 
 
 def motor_blocks(motors: Mapping[Side, IdentifiedMotor]) -> tuple[Block, ...]:
-    """Return the least-squares models of both motors as text, and as code for python-control."""
+    """Return the least-squares models of both motors as text and python-control code."""
     text, code = [], ["import control", ""]
     for side in SIDES:
         model = motors[side]
@@ -59,7 +59,7 @@ def motor_blocks(motors: Mapping[Side, IdentifiedMotor]) -> tuple[Block, ...]:
 
 
 def spring_blocks(springs: Mapping[Side, SpringModel]) -> tuple[Block, ...]:
-    """Return the recommended polynomials as text, and as code for NumPy."""
+    """Return the recommended polynomials as text and NumPy code."""
     text, code = [], ["import numpy as np", ""]
     for side in SIDES:
         model = springs[side]
@@ -123,9 +123,10 @@ def _own(shape: Structure, model: ChannelModel) -> Iterator[Coefficient]:
 
 
 def _of_denominator(shape: Structure, model: ChannelModel) -> Iterator[Coefficient]:
-    """Yield the coefficients of the denominator where the parameters are others: nothing for K/(T s + 1) and free ones.
+    """Yield the denominator coefficients if the parameters are not these already.
 
-    Standard errors by the covariance of the parameters, to first order.
+    Yields nothing for K/(T s + 1) and for structures with free coefficients. Standard errors follow from the covariance
+    of the parameters, to first order.
     """
     if shape.kind in (DenominatorKind.FIRST, DenominatorKind.FREE):
         return
@@ -136,7 +137,10 @@ def _of_denominator(shape: Structure, model: ChannelModel) -> Iterator[Coefficie
 
 
 def _propagate_errors(shape: Structure, at: NDArray[np.float64], model: ChannelModel) -> NDArray[np.float64] | None:
-    """Return the standard errors of the denominator's coefficients [order + 1]; None where no covariance was kept."""
+    """Return the standard errors of the denominator [order + 1].
+
+    Returns None if no covariance was stored.
+    """
     covariance = np.array([[np.nan if one is None else one for one in row] for row in model.covariance])
     if covariance.shape != (at.size, at.size) or not np.isfinite(covariance).all():
         return None

@@ -1,4 +1,4 @@
-"""A report as PDF, set by typst from the report as data; characters that its fonts lack are named."""
+"""A report as PDF, typeset by typst from the document model."""
 
 import json
 from collections.abc import Iterable
@@ -15,22 +15,21 @@ if TYPE_CHECKING:
 
 # Missing letters -----------------------------------------------------------------------------------
 #
-# Letters that the fonts of a PDF do not have: the PDF shows a box for each, and says in a sentence
-# which they are.
+# Characters that the fonts of a PDF lack: the PDF shows a box for each and names them in a sentence.
 #
-# Only fonts that typst carries are used, so that a report looks the same everywhere; they have
-# neither Chinese, Japanese and Korean letters nor emoji.
+# Only the fonts embedded in typst are used, so that a report looks the same everywhere. They have neither Chinese,
+# Japanese and Korean characters nor emoji.
 
 
 BOX = "\u25a1"
 MOST = 5_000
-"""Different letters of one document that are looked at; what is beyond them is taken for missing."""
+"""Maximum number of distinct characters that are checked per document; any others count as missing."""
 
 _NAMED = 30
-"""Missing letters that the sentence names."""
+"""Maximum number of missing characters that the sentence names."""
 
 _NOBODYS = "\U0010ffff"
-"""Has no letter in any font: whatever is drawn like it has none either."""
+"""A character that no font has: any character drawn like it is missing as well."""
 
 _TEMPLATE = b"""
 #set page(width: 40pt, height: 40pt, margin: 4pt)
@@ -39,12 +38,12 @@ _TEMPLATE = b"""
 """
 _RANGES = ((0x20, 0x7F), (0xA0, 0x180), (0x391, 0x3A2), (0x3A3, 0x3CA))
 _PLAIN = frozenset("\n").union(*(map(chr, range(*ends)) for ends in _RANGES))
-"""Letters that the fonts have, as tests/reports/test_missing_letters.py sees."""
+"""Characters that the fonts have, as tests/reports/test_missing_letters.py checks."""
 
 
 def missing_letters(texts: Iterable[str]) -> frozenset[str]:
-    """Return the letters of texts that the fonts do not have."""
-    import typst  # takes its time to load
+    """Return the characters of texts that the fonts lack."""
+    import typst  # slow to import
 
     asked = sorted(set[str]().union(*texts) - _PLAIN)
     if not asked:
@@ -61,7 +60,7 @@ def missing_letters(texts: Iterable[str]) -> frozenset[str]:
 
 
 def with_boxes(document: Any, missing: frozenset[str]) -> Any:
-    """Return a document of mappings, lists and texts with a box for each letter that is missing."""
+    """Return a document of mappings, lists and texts with boxes for ``missing``."""
     if isinstance(document, str):
         return document.translate(dict.fromkeys(map(ord, missing), BOX))
     if isinstance(document, dict):
@@ -70,7 +69,10 @@ def with_boxes(document: Any, missing: frozenset[str]) -> Any:
 
 
 def sentence(missing: frozenset[str], elsewhere: str) -> str:
-    """Return which letters are boxes, and where they can be read; "" where none are."""
+    """Return a sentence that names the characters shown as boxes.
+
+    Returns "" if there are none. ``elsewhere`` says where they can be read.
+    """
     if not missing:
         return ""
     codes = [f"U+{ord(letter):04X}" for letter in sorted(missing)]
@@ -80,7 +82,7 @@ def sentence(missing: frozenset[str], elsewhere: str) -> str:
 
 
 def iterate_texts(document: Any) -> Iterable[str]:
-    """Yield the texts of a document of mappings and lists, but for its drawings."""
+    """Yield the texts of a document of mappings and lists, except its drawings."""
     if isinstance(document, str):
         yield document
     elif isinstance(document, dict):
@@ -94,8 +96,7 @@ def iterate_texts(document: Any) -> Iterable[str]:
 
 # PDF -----------------------------------------------------------------------------------------------
 #
-# A report as PDF, set by typst. The template reads the document as data, so nothing in it is ever
-# markup.
+# A report as PDF, typeset by typst. The template reads the document as data, so that nothing in it acts as markup.
 
 
 _LAYOUTS = (
@@ -104,18 +105,18 @@ _LAYOUTS = (
     *((width, 2.2) for width in (0.96, 0.9, 0.84, 0.78)),
     *((0.88, inset) for inset in (3.0, 3.8, 4.6)),
 )
-"""Widths of figures, as shares of the text's width, and space above and below the rows of tables [pt]; best first."""
+"""Widths of figures as shares of the text width, and space above and below table rows [pt], in order of preference."""
 
 _TOP_MM, _BOTTOM_MM = 22.0, 277.0
-"""Where the text of a page begins and ends, from its upper edge: the margins of the template."""
+"""Top and bottom of the text area from the upper edge of the page [mm]: the margins of the template."""
 
 _LEAST_FILLED = 0.55
-"""Share of the last page that is to be filled; the pages before it fill as figures float and tables break."""
+"""Minimum filled share of the last page. The pages before it fill because figures float and tables break."""
 
 
 def to_pdf(report: Report) -> bytes:
-    """Return the PDF file; only fonts that typst carries are used, so that it looks the same everywhere."""
-    import typst  # takes its time to load
+    """Return the PDF file. It uses only the fonts embedded in typst."""
+    import typst  # slow to import
 
     template, inputs = typeset(report)
     moment = report.date.replace(microsecond=0)
@@ -124,11 +125,12 @@ def to_pdf(report: Report) -> bytes:
 
 
 def typeset(report: Report) -> tuple[bytes, dict[str, str]]:
-    """Return the template and its inputs, with the layout chosen.
+    """Return the template and its inputs, with a layout chosen.
 
-    That is the first of ``_LAYOUTS`` at which the last page is more than half full, else the one that fills it most.
+    The layout is the first of ``_LAYOUTS`` that fills the last page to at least ``_LEAST_FILLED``, or else the one that
+    fills it most.
     """
-    import typst  # takes its time to load
+    import typst  # slow to import
 
     document = {**asdict(report), "date": report.date.isoformat(), "evidence": ""}
     for section, plain in zip(report.sections, document["sections"], strict=True):
@@ -149,7 +151,7 @@ def typeset(report: Report) -> tuple[bytes, dict[str, str]]:
 
 
 def escape_document(document: Any) -> Any:
-    """Return a document with escapes for what nobody sees, or what turns the text around."""
+    """Return a document with invisible and text-direction characters escaped."""
     if isinstance(document, dict):
         return {name: part if name == "svg" else escape_document(part) for name, part in document.items()}
     if isinstance(document, list | tuple):
@@ -158,8 +160,8 @@ def escape_document(document: Any) -> Any:
 
 
 def fonts() -> "typst.Fonts":
-    """Return the fonts that typst carries, and none of the machine."""
-    import typst  # takes its time to load
+    """Return the fonts embedded in typst, without those of the machine."""
+    import typst  # slow to import
 
     return typst.Fonts(include_system_fonts=False)
 
@@ -169,7 +171,7 @@ def _inputs(data: str, figure_width: float, row_inset: float) -> dict[str, str]:
 
 
 def _measure_last_page(end: str) -> float:
-    """Return the share of the last page down to where the text ends; 1 of a report of one page, which is short."""
+    """Return the filled share of the last page; 1 for a report of one page."""
     place = json.loads(end)
     return 1.0 if place["page"] == 1 else (place["y"] - _TOP_MM) / (_BOTTOM_MM - _TOP_MM)
 

@@ -27,7 +27,7 @@ from backend.units import AngleUnit, get_display_unit
 
 # Drawing -------------------------------------------------------------------------------------------
 #
-# How all figures of the reports look, and how they become SVG: same input, same bytes.
+# The style of all figures of the reports, and their export as SVG.
 
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ COLOURS = {
     "u_A": "#56B4E9",
     "u_B": "#D55E00",
 }
-"""Hue of each signal (Okabe-Ito), the same everywhere; a reference is its signal's hue, dashed."""
+"""Colour of each signal (Okabe-Ito), the same everywhere; its reference has the same colour, dashed."""
 
 LIMIT_GREY = "#8c8c8c"
 INK = "#222222"
@@ -58,9 +58,9 @@ _PREFIXES = ("", "m", "µ", "n")
 def figure(
     rows: int, columns: int = 1, *, height_in: float, gap_in: tuple[float, float] = (0.24, 0.6), **layout: Any
 ) -> Iterator[tuple[Figure, Any]]:
-    """Give a figure of the text's width with its axes, in the style of the reports.
+    """Yield a figure of the text width and its axes, in the style of the reports.
 
-    Margins and the gaps below and beside panels [inch] are fixed: measuring every label takes as long as drawing it.
+    Margins and gaps below and between panels [inch] are fixed, because measuring all labels takes as long as drawing.
     """
     left, right, top, bottom = 0.58, 0.06, 0.22, 0.38
     height = (height_in - top - bottom - (rows - 1) * gap_in[0]) / rows
@@ -83,7 +83,10 @@ def figure(
 
 
 def to_svg(drawn: Figure, name: str) -> str:
-    """Return the figure as an SVG element whose ids begin with ``name``, so that several fit on one page."""
+    """Return the figure as an SVG element whose ids begin with ``name``.
+
+    Several figures therefore fit on one page.
+    """
     buffer = io.StringIO()
     with matplotlib.rc_context(fname=_STYLE):
         drawn.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
@@ -95,12 +98,12 @@ def to_svg(drawn: Figure, name: str) -> str:
 
 
 def decimate(t: Array, y: Array) -> tuple[Array, Array]:
-    """Thin (N,) samples to what a page can show, keeping each stretch's smallest and largest sample."""
+    """Reduce samples (N,) to what a page can show: minimum and maximum of each bucket."""
     if t.size <= 2 * _BUCKETS:
         return t, y
     edges = np.linspace(0, t.size, _BUCKETS + 1).astype(np.intp)
     widest = int(np.diff(edges).max())
-    places = np.minimum(edges[:-1, None] + np.arange(widest), edges[1:, None] - 1)  # a stretch's last once more
+    places = np.minimum(edges[:-1, None] + np.arange(widest), edges[1:, None] - 1)  # last one may repeat
     stretches, bare = y[places], np.isnan(y[places])
     lowest = np.where(bare, np.inf, stretches).argmin(axis=1)
     highest = np.where(bare, -np.inf, stretches).argmax(axis=1)
@@ -111,12 +114,12 @@ def decimate(t: Array, y: Array) -> tuple[Array, Array]:
 
 
 def panel_letter(axes: Axes, letter: str) -> None:
-    """Put the panel's letter above its upper left corner."""
+    """Put the letter of the panel above its upper left corner."""
     axes.set_title(letter, loc="left", fontweight="bold", pad=3)
 
 
 def upper_legend(axes: Axes) -> None:
-    """Put the legend, where there is one, in one line above the upper right corner, clear of all curves."""
+    """Put the legend, if any, in one line above the upper right corner."""
     named = len(axes.get_legend_handles_labels()[1])
     if named == 0:
         return
@@ -132,7 +135,7 @@ def upper_legend(axes: Axes) -> None:
 
 
 def limit_line(axes: Axes, value: float, label: str, *, above: bool = False) -> None:
-    """Draw a bound in grey, named at its left end, below it or ``above``."""
+    """Draw a bound in grey with its label at the left end, below it or ``above``."""
     axes.axhline(value, color=LIMIT_GREY, linewidth=0.7, linestyle=(0, (1, 1.5)))
     axes.annotate(
         label,
@@ -148,9 +151,10 @@ def limit_line(axes: Axes, value: float, label: str, *, above: bool = False) -> 
 
 
 def draw_error(axes: Axes, t: Array, error: Array, label: str, unit: str, *, colour: str, reach: float) -> None:
-    """Draw an error over time on a scale from −``reach`` to ``reach``; small ones in m, µ or n of the unit.
+    """Draw an error over time on a scale from −``reach`` to ``reach``.
 
-    A small number in whole units would have no room beside its axis.
+    A small error is drawn in m, µ or n of the unit, because tick labels in the whole unit would be too long for the
+    axis.
     """
     power = 0
     while _NOTHING < reach * 10.0**power < _SMALL:
@@ -163,39 +167,38 @@ def draw_error(axes: Axes, t: Array, error: Array, label: str, unit: str, *, col
 
 
 def frequency_axis(axes: Axes) -> None:
-    """Write frequencies [Hz] at an axis as they are spoken of, at 1, 2 and 5 of each decade."""
+    """Label a frequency axis [Hz] in plain numbers, at 1, 2 and 5 of each decade."""
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda f, _place: f"{f:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def in_unit(values: NDArray[np.float64], unit: str, angles: AngleUnit) -> NDArray[np.float64]:
-    """Return values in SI as they are read."""
+    """Return values in SI units converted to the display unit."""
     return values * get_display_unit(unit, angles).factor
 
 
 def axis_label(symbol: str, unit: str, angles: AngleUnit) -> str:
-    """Return what stands beside an axis: the symbol and the unit in which it is read."""
+    """Return the label of an axis: the symbol and its display unit."""
     return f"{symbol} [{get_display_unit(unit, angles).unit}]"
 
 
-# Drawn once ----------------------------------------------------------------------------------------
+# Cache ---------------------------------------------------------------------------------------------
 #
-# Drawings that are remembered: a page, its PDF and what verifies both would draw the same figures
-# of the same samples.
+# Cache of drawings: a page, its PDF and the verification of both draw the same figures of the same samples.
 #
-# To draw them takes nearly all of the time that a report takes.
+# Drawing takes nearly all of the time of a report.
 
 
 _P = ParamSpec("_P")
 _MOST = 64
-"""Drawings kept, each some hundred kilobytes: those of the last reports."""
+"""Maximum number of cached drawings, each some hundred kilobytes."""
 
 _drawings: dict[bytes, str] = {}
 
 
 def cached_figure(draw: Callable[_P, str]) -> Callable[_P, str]:
-    """Return ``draw``, which makes a drawing of nothing but what it is given, so that it draws the same only once."""
+    """Return ``draw`` with a cache; its result must depend on its arguments only."""
     called = f"{draw.__module__}.{draw.__qualname__}"
 
     @wraps(draw)
@@ -209,23 +212,23 @@ def cached_figure(draw: Callable[_P, str]) -> Callable[_P, str]:
             drawing = draw(*args, **named)
             if len(_drawings) >= _MOST:
                 del _drawings[next(iter(_drawings))]
-        _drawings[of] = drawing  # the one used last stands at the end
+        _drawings[of] = drawing  # the most recently used one is last
         return drawing
 
     return draw_cached
 
 
 def forget_drawings() -> None:
-    """Draw everything anew."""
+    """Clear the cache of drawings."""
     _drawings.clear()
 
 
 def _parts(value: Any) -> Iterator[bytes | memoryview]:
-    """Give all that makes a value what it is, bit by bit."""
+    """Yield the bytes that identify a value."""
     if isinstance(value, np.ndarray):
         yield f"{value.dtype}{value.shape}".encode()
         yield np.ascontiguousarray(value).data.cast("B") if value.size else b""
-    elif isinstance(value, str | int | float | complex | np.generic | slice | None):  # of which enumerations are some
+    elif isinstance(value, str | int | float | complex | np.generic | slice | None):  # includes enumerations
         yield f"{type(value).__name__} {value!r}\0".encode()
     elif isinstance(value, Mapping):
         yield f"{len(value)} named\0".encode()
@@ -245,17 +248,16 @@ def _parts(value: Any) -> Iterator[bytes | memoryview]:
 
 # Identification figures ----------------------------------------------------------------------------
 #
-# Figures of an actuator identification: record and model, frequency and step responses, residual
-# tests.
+# Figures of an actuator identification: record and model, frequency and step responses, residual tests.
 
 
 Complex = NDArray[np.complex128]
 
 WRITTEN: dict[ChannelName, tuple[str, str, str]] = {"G_q": ("q", "$G_q$", "rad"), "G_S": ("S", "$G_S$", "N·m/rad")}
-"""Per transfer function: its output, how it is written, the output's unit."""
+"""Output of each transfer function, its symbol, and the unit of the output."""
 
 STEP_RAD = {AngleUnit.DEGREES: math.radians(10.0), AngleUnit.RADIANS: 1.0}
-"""The step whose response is drawn, round as it is read; the models are linear [rad]."""
+"""The step of the drawn response, a round number in the display unit; the models are linear in rad."""
 
 _DASHES = (0, (4, 2))
 _REST_S = 0.5
@@ -278,7 +280,7 @@ def record_panels(
     name: str,
     angles: AngleUnit,
 ) -> str:
-    """Draw the excitation, both outputs with the models' simulation from rest, and the tensions."""
+    """Draw excitation, both outputs with the simulation from rest, and tensions."""
     begin = max(0, start - round(2.0 / period_s))
     shown = {key: column[begin:] for key, column in columns.items()}
     t = shown["t"] - columns["t"][start]
@@ -311,7 +313,7 @@ def record_panels(
 def bode_panels(
     columns: ReaderColumns, start: int, channels: Mapping[ChannelName, ChannelModel], period_s: float, name: str
 ) -> str:
-    """Draw magnitude and phase of both models, of their first-order reductions, and of the data themselves."""
+    """Draw magnitude and phase of models, first-order reductions and data."""
     omega = np.geomspace(0.1, _OMEGA_MAX, 300)
     with figure(2, 2, height_in=3.4, sharex=True) as (drawn, axes):
         for (top, bottom), (key, (output, label, unit)), letters in zip(
@@ -336,7 +338,10 @@ def bode_panels(
 
 @cached_figure
 def identification_step_panels(channels: Mapping[ChannelName, ChannelModel], name: str, angles: AngleUnit) -> str:
-    """Draw the response of both models and of their first-order reductions to a step of theta_A by STEP_RAD."""
+    """Draw step responses of the models and of their first-order reductions.
+
+    The step of theta_A is ``STEP_RAD``.
+    """
     from scipy.signal import step
 
     with figure(1, 2, height_in=2.1) as (drawn, axes):
@@ -357,7 +362,7 @@ def identification_step_panels(channels: Mapping[ChannelName, ChannelModel], nam
 
 @cached_figure
 def residual_panels(residuals: Mapping[ChannelName, Residuals], name: str) -> str:
-    """Draw the correlation of each residual with itself and with the input, in the bounds of their tests."""
+    """Draw auto- and cross-correlation of the residuals with the bounds of the tests."""
     tests = (
         ("residual with itself", {key: found.whiteness for key, found in residuals.items()}),
         ("residual with input", {key: found.input_correlation for key, found in residuals.items()}),
@@ -385,14 +390,14 @@ def residual_panels(residuals: Mapping[ChannelName, Residuals], name: str) -> st
 
 
 def simulated_from_rest(columns: ReaderColumns, start: int, output: str, model: Model, period_s: float) -> Array:
-    """Simulate the model from rest on the recorded reference; nothing is fitted to make it agree."""
+    """Simulate the model from rest on the recorded reference; nothing is fitted."""
     rest = slice(max(0, start - round(_REST_S / period_s)), start) if start else slice(0, 1)
     u = columns["theta_A_ref"][start:] - columns["theta_A_ref"][rest].mean()
     return model.gain * simulate_response(model.poles.ravel(), period_s, u) + float(columns[output][rest].mean())
 
 
 def _frequency_response(columns: ReaderColumns, start: int, output: str, period_s: float) -> tuple[Array, Complex]:
-    """Estimate the response without a model (Welch), where input and output are coherent enough to tell."""
+    """Estimate the frequency response (Welch) where the coherence is high enough."""
     from scipy.signal import csd, detrend
 
     u, y = detrend(columns["theta_A_ref"][start:]), detrend(columns[output][start:])
@@ -415,8 +420,7 @@ def _bode(top: Axes, bottom: Axes, omega: Array, response: Complex, **style: Any
 
 # Tracking figures ----------------------------------------------------------------------------------
 #
-# Figures of a tracking run: the six panels of the paper's figure 7, tensions, and all steps on one
-# scale.
+# Figures of a tracking run: the six panels of figure 7 of the paper, tensions, and all steps on one scale.
 
 
 Columns = Mapping[str, Array]
@@ -446,9 +450,9 @@ def tracking_panels(
     angles: AngleUnit,
     papers_law: Columns | None = None,
 ) -> str:
-    """Draw q, q − q_ref, S, S − S_ref, u_A and u_B between two times, one below the other (q, S, u: figure 7).
+    """Draw q, q − q_ref, S, S − S_ref, u_A and u_B between two times (figure 7).
 
-    ``papers_law``: t, q and S as the paper's law would have them, drawn behind.
+    Figure 7 has q, S and u. ``papers_law`` has t, q and S under the paper's law, which are drawn behind.
     """
     part = _between(columns, start_s, end_s)
     theirs = _between(papers_law, start_s, end_s) if papers_law else None
@@ -470,7 +474,7 @@ def tracking_panels(
 
 @cached_figure
 def tension_panel(columns: Columns, F_max: float, name: str) -> str:
-    """Draw both tendon tensions over the whole run, one below the other, between slack and the bound of the module."""
+    """Draw both tendon tensions over the whole run, with zero and the tension limit."""
     with figure(2, height_in=2.7, sharex=True, sharey=True) as (drawn, axes):
         for panel, signal, letter in zip(axes, ("F_A", "F_B"), "AB", strict=True):
             panel.plot(*decimate(columns["t"], columns[signal]), color=COLOURS[signal], label=_NAMES[signal])
@@ -487,9 +491,9 @@ def tension_panel(columns: Columns, F_max: float, name: str) -> str:
 def tracking_step_panels(
     columns: Columns, steps: Sequence[StepFigures], lam: Mapping[str, float | None], name: str
 ) -> str:
-    """Draw all steps of q and of S on one scale, from 0 to 1, over the response that λ was chosen for.
+    """Draw all steps of q and of S, scaled to 0 to 1, over the design response of λ.
 
-    Below them what is left of each step, on the scale of the band in which it counts as settled.
+    The panels below show the remaining error of each step, on the scale of the settling band.
     """
     with figure(2, 2, height_in=3.6, gap_in=(0.3, 0.2), sharex="col", sharey="row") as (drawn, axes):
         for column, signal in enumerate(("q", "S")):
@@ -534,7 +538,7 @@ def _plot_tracking(axes: Axes, part: Columns, signal: str, angles: AngleUnit) ->
 
 
 def _error(axes: Axes, part: Columns, signal: str, angles: AngleUnit) -> None:
-    """Draw a signal minus its reference; beyond the panel it is on its way to another reference."""
+    """Draw the error of a signal, on the scale of its error after the steps."""
     apart = part[signal] - part[f"{signal}_ref"]
     reading = get_display_unit(_UNITS[signal], angles)
     reach = reading.factor * largest_error(signal, apart, part[f"{signal}_ref"])
@@ -543,16 +547,17 @@ def _error(axes: Axes, part: Columns, signal: str, angles: AngleUnit) -> None:
 
 
 def largest_error(signal: str, error: Array, reference: Array) -> float:
-    """Return the largest |error| (N,) where the signal is not on its way to a reference that has stepped.
+    """Return the largest |error| (N,) outside the transients after reference steps.
 
-    It is on its way from a step of the reference, or from the first sample, until its error is for the first time below
-    2 % of the step or of what it rests within. Without a step all of it counts. 0 where nothing is left.
+    A transient lasts from a step of the reference, or from the first sample, until the error is for the first time
+    below 2 % of the step or below the rest tolerance of the signal. Without a step all samples count. Returns 0 if none
+    are left.
     """
     jumps = np.abs(np.diff(reference))
     finite = reference[np.isfinite(reference)]
     steps: list[int] = (np.flatnonzero(jumps > 0.02 * np.ptp(finite)) + 1).tolist() if finite.size else []
     sizes = [abs(reference[step] - reference[step - 1]) for step in steps]
-    if error.size and abs(error[0]) > 0.0:  # it begins on the way to its first reference
+    if error.size and abs(error[0]) > 0.0:  # it begins with a transient to its first reference
         steps, sizes = [0, *steps], [abs(error[0]), *sizes]
     known = np.isfinite(error)
     for start, end, size in zip(steps, [*steps, error.size][1:], sizes, strict=True):
@@ -570,7 +575,7 @@ def _voltage(axes: Axes, part: Columns, signal: str, u_max: float) -> None:
 
 
 def _design(axes: Axes, left: Axes, lam: float | None, longest: float) -> None:
-    """Draw 1/(λ s + 1)², unless λ changed during the run, and what is left of it."""
+    """Draw 1/(λ s + 1)² and its remaining error, unless λ changed during the run."""
     if lam is None or longest == 0.0:
         return
     t = np.linspace(0.0, longest, 400)

@@ -1,4 +1,4 @@
-"""What all reports share: provenance, verdict, metrics, and how to reproduce a run."""
+"""Parts that all reports share: provenance, verdict, metrics and reproduction."""
 
 import json
 import shlex
@@ -40,8 +40,7 @@ from plant import SHIPPED, SIMULATED, SIMULATOR, load_parameters
 
 # Provenance ----------------------------------------------------------------------------------------
 #
-# What every report says of where a run comes from: who, when, on what, with which settings, gains
-# and parameters.
+# The origin of a run in a report: who, when, plant, settings, gains and parameters.
 
 
 S_NOTE = (
@@ -50,7 +49,7 @@ S_NOTE = (
     "20 % stiffer than identified, S is 14.4 N·m/rad while 12 is asked for and shown, and no law based on angles can "
     "notice."
 )
-"""Said wherever S is shown as measured."""
+"""Note for all places that show S as measured."""
 
 END_STATES = {
     EndState.RUNNING: "still running",
@@ -63,13 +62,13 @@ END_STATES = {
 
 
 def subtitle(source: RunData) -> str:
-    """Return one line that tells this run from all others."""
+    """Return one line that identifies the run."""
     run = source.run
     return f"Run {run.id} · {run.started_at:%Y-%m-%d %H:%M} UTC · {run.plant}, parameters “{run.parameters_name}”"
 
 
 def facts(source: RunData) -> tuple[Fact, ...]:
-    """Return what heads every report: who, when, on what, how it ended, with which software."""
+    """Return the heading of a report: who, when, plant, end and software."""
     run = source.run
     ended = END_STATES[EndState(run.end_state)] + (f": {run.end_detail}" if run.end_detail else "")
     lines = [
@@ -98,13 +97,13 @@ _CONTROLLERS = {
     Law.MOTOR_STEPS: ("steps of voltage; between them the motor loops alone", ""),
     Law.TENSION_SWEEP: ("motor loops alone: they follow a sweep of the tension", ""),
 }
-"""What a law without the outer loops of the cascade is, and what it knows of the plant."""
+"""Description of each law without the outer loops of the cascade, and the part of the plant that it knows."""
 
 _KNOWN = "the identified geometry, springs and motors (K_m, T_m), not their friction"
 
 
 def tuning_facts(source: RunData) -> tuple[Fact, ...]:
-    """Return the parts of the tuning that the law uses, λ as the samples have it, and the seed of the simulator."""
+    """Return the tuning that the law uses, λ as recorded, and the simulator's seed."""
     loop, law = source.run.set_to.loop, find_control_law(source.run)
     used = USED[law]
     parts = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S") if f"lam_{name}" in used]
@@ -122,7 +121,7 @@ def tuning_facts(source: RunData) -> tuple[Fact, ...]:
 
 
 def _cascade_in_words(source: RunData, law: Law) -> str:
-    """Return where the cascade's gains come from, and how it follows references and answers pushes."""
+    """Return the origin of the cascade's gains, the motion, and the push rejection."""
     loop, bank = source.run.set_to.loop, source.bank
     words = "cascade, " if law == Law.CASCADE else "cascade with the position loop open, "
     words += f"gains of bank “{bank.name}” version {bank.version}" if bank else "gains from geometry, 20 N point"
@@ -147,12 +146,12 @@ def _lam_text(source: RunData, name: str) -> str:
 
 
 def settings_table(source: RunData) -> Table:
-    """Return the settings of the plan, and those of the loop that its law uses, with their units."""
+    """Return the settings of the plan, and those of the loop that its law uses."""
     return make_settings_table(() if source.run.set_to.declared is None else select_used_settings(source.run), source)
 
 
 def make_settings_table(declared: Sequence[DeclaredValue], source: RunData) -> Table:
-    """Return settings with their units."""
+    """Return a table of settings with their units."""
     rows = tuple(
         (
             item.meaning,
@@ -172,9 +171,9 @@ def make_settings_table(declared: Sequence[DeclaredValue], source: RunData) -> T
 
 
 def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
-    """Return where the gains came from: the entries of the bank with their identifications.
+    """Return the origin of the gains: bank entries with their identifications.
 
-    Nothing for a law that uses none of these gains.
+    Returns nothing for a law that uses none of these gains.
     """
     if "bank" not in USED[find_control_law(source.run)]:
         return ()
@@ -217,7 +216,7 @@ def _came_from(source: RunData, entry: BankEntry) -> str:
 
 
 def _fits(source: RunData, entry: BankEntry) -> tuple[str, ...]:
-    """Return how good both models of an entry are; an imported one came without that."""
+    """Return the fits of both models of an entry; an imported one has none."""
     fits = source.fits.get(entry.identification_id or 0)
     return ("not known", "not known") if fits is None else tuple(fits[name].in_words() for name in CHANNELS)
 
@@ -245,7 +244,7 @@ def parameter_section(source: RunData) -> ReportSection:
 
 
 def format_setting(value: Any, unit: str, angles: AngleUnit) -> str:
-    """Return a number that somebody chose, or a list of such, as it is read."""
+    """Return a chosen number, or a list of them, in the display unit."""
     if isinstance(value, list):
         return "; ".join(format_setting(item, unit, angles) for item in value)
     if isinstance(value, bool):
@@ -256,14 +255,13 @@ def format_setting(value: Any, unit: str, angles: AngleUnit) -> str:
 
 
 def shown_unit(unit: str, angles: AngleUnit) -> str:
-    """Return a unit as it is printed; counts have none."""
+    """Return a unit for display; counts have none."""
     return "" if unit == "1" else get_display_unit(unit, angles).unit
 
 
 # Verdict -------------------------------------------------------------------------------------------
 #
-# What a run came to, in one word and one sentence: the same in report, page, dry run and command
-# line. Pure.
+# The verdict on a run in one word and one sentence, the same in report, page, dry run and command line. Pure functions.
 
 
 __all__ = ["SEEN", "Outcome", "RunVerdict", "judge_stored_run"]
@@ -271,14 +269,17 @@ __all__ = ["SEEN", "Outcome", "RunVerdict", "judge_stored_run"]
 
 @dataclass(frozen=True)
 class RunVerdict:
-    """The outcome, and the sentence that says it."""
+    """The outcome and a sentence that states it."""
 
     outcome: Outcome
     sentence: str
 
 
 def judge_stored_run(metrics: Metrics | None, criteria: Sequence[RunCriterion], problem: str = "") -> RunVerdict:
-    """Judge a run by its stored metrics and criteria; ``problem`` says why it has none."""
+    """Judge a run by its stored metrics and criteria.
+
+    ``problem`` is the reason if there are no metrics.
+    """
     if metrics is None:
         return RunVerdict(judge_run(metrics, criteria), f"No result: {problem or 'the run has not been evaluated'}.")
     if not metrics.complete:
@@ -292,7 +293,7 @@ def judge_stored_run(metrics: Metrics | None, criteria: Sequence[RunCriterion], 
 
 
 SEEN = {"<": "at least this", ">": "at most this"}
-"""What a figure is that was not seen whole, by the relation to its bound."""
+"""Meaning of a figure that was measured in part, by the relation to its bound."""
 
 
 def _describe_verdict(criteria: Sequence[RunCriterion]) -> str:
@@ -313,7 +314,7 @@ def _titles(criteria: Sequence[RunCriterion], *, passed: bool | None) -> list[st
 
 # Judgement -----------------------------------------------------------------------------------------
 #
-# What a run came to: its criteria, its figures, and a sentence that says it.
+# The result of a run: criteria, figures, and a sentence.
 
 
 OUTCOMES = {Grade.USABLE: "passed", Grade.CAUTION: "incomplete", Grade.UNUSABLE: "failed"}
@@ -324,7 +325,7 @@ _WORDS = {True: "pass", False: "fail", None: NOT_MEASURED}
 
 
 def verdict(source: RunData) -> tuple[str, str]:
-    """Return the outcome (passed, failed, incomplete or neutral) and the sentence that heads the report."""
+    """Return the outcome (passed, failed, incomplete or neutral) and its sentence."""
     result = source.result
     found = (
         judge_stored_run(None, (), source.run.evaluation_problem)
@@ -335,7 +336,10 @@ def verdict(source: RunData) -> tuple[str, str]:
 
 
 def definitions_facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
-    """Return a line that names the runs whose results are of other definitions than this version's; none for none."""
+    """Return a line that names runs evaluated by other than the present definitions.
+
+    Returns nothing if there are none.
+    """
     of = {source.run.id: source.result.metrics.definitions for source in sources if source.result is not None}
     others = {number: version for number, version in of.items() if version != DEFINITIONS}
     if not others:
@@ -351,12 +355,12 @@ def definitions_facts(sources: Sequence[RunData]) -> tuple[Fact, ...]:
 
 
 def format_figure(value: float | None, digits: int = 3) -> str:
-    """Write a figure, or that it was not measured."""
+    """Format a figure, or "not measured"."""
     return NOT_MEASURED if value is None else format_measured(value, digits)
 
 
 def read_or_none(value: float | None, unit: str, angles: AngleUnit) -> float | None:
-    """Return a figure in SI as it is read; none where none was measured."""
+    """Return a figure in the display unit; None if it was not measured."""
     return None if value is None else convert_to_display(value, unit, angles)
 
 
@@ -398,12 +402,12 @@ def criteria_table(criteria: Sequence[RunCriterion], angles: AngleUnit) -> Table
 
 
 def measured_figures(source: RunData) -> tuple[Table, ...]:
-    """Return the table of figures; none for a run without a result."""
+    """Return the table of figures; nothing for a run without a result."""
     return () if source.result is None else (figures_table(source.result.metrics, source.angles),)
 
 
 def figures_table(metrics: Metrics, angles: AngleUnit) -> Table:
-    """Return the figures of a result, each with unit and definition."""
+    """Return the figures of a result with units and definitions."""
     columns = (
         Column("Quantity", number=False),
         Column("Value"),
@@ -435,7 +439,7 @@ def _with_reason(text: str, reason: str, seen: str) -> str:
 
 # Reproduction --------------------------------------------------------------------------------------
 #
-# How to play a run of the simulator again: a command to copy, with the files that it needs.
+# Reproduction of a simulated run: a command to copy, and the files that it needs.
 
 
 _IDENTIFY = {
@@ -446,11 +450,11 @@ _IDENTIFY = {
 _PARAMETERS_FILE, _EXPERIMENT_FILE = "parameters.toml", "experiment.json"
 _FOLDER = "reproduced"
 _LINE = 92
-"""Longest line of a command [characters], so that it fits between the margins of a page."""
+"""Maximum length of a command line [characters], so that it fits between the margins of a page."""
 
 
 def reproduction(source: RunData) -> tuple[Block, ...]:
-    """Return the command that plays a run again, and its files; a paragraph with the reason where there is none."""
+    """Return the command that repeats a run and its files, or the reason for none."""
     if reason := _not_again(source):
         return (Paragraph(f"No command plays this run again: {reason}."),)
     return tuple(_blocks(source))
@@ -497,7 +501,7 @@ def _blocks(source: RunData) -> Iterator[Block]:
 
 
 def _wrap_words(words: Sequence[str]) -> Iterator[str]:
-    """Yield lines of as many words as fit; one with lines of its own stands alone."""
+    """Yield lines of as many words as fit; a word with line breaks stands alone."""
     line = ""
     for word in words:
         if line and ("\n" in line + word or len(line) + len(word) >= _LINE):
@@ -526,7 +530,10 @@ def _caption(source: RunData, files: bool) -> str:
 
 
 def _ready_made(experiment: str) -> str:
-    """Return the name of the experiment that Sinew holds with the same text, "" where there is none."""
+    """Return the name of the built-in experiment with the same text.
+
+    Returns "" if there is none.
+    """
     name = str(json.loads(experiment).get("name", ""))
     if name not in PAPER_EXPERIMENTS and name not in experiments_by_name():
         return ""
@@ -543,7 +550,7 @@ def _quote_option(name: str, value: Value) -> str:
 
 
 def _is_shipped(source: RunData) -> bool:
-    """Whether the numbers of the plant are those of a set that comes with Sinew."""
+    """Return whether the parameters equal those of a set that is part of Sinew."""
     name = source.run.parameters_name
     return name in SHIPPED and load_parameters(name).to_document() == source.run.parameters
 
@@ -553,7 +560,7 @@ def _indent_json(document: object) -> str:
 
 
 def _toml(source: RunData) -> str:
-    """Return a parameter set as a TOML file, whose strings are written as those of JSON."""
+    """Return a parameter set as TOML; its strings are escaped as in JSON."""
     lines = []
     for section, entries in PLANT_NUMBERS.read(source.run.parameters, f"run {source.run.id}").items():
         lines.append(f"[{section}]")
@@ -570,15 +577,16 @@ def _quote_toml(words: str) -> str:
 
 # Experiment ----------------------------------------------------------------------------------------
 #
-# What the reports of all judged experiments have in common: the order in which one is read.
+# The common structure of the reports of all experiments with criteria.
 
 
 def experiment_report(
     source: RunData, title: str, name: str, seen: Iterable[ReportSection], notes: tuple[str, ...]
 ) -> Report:
-    """Build the report of an experiment: verdict and criteria, how it was made, what was ``seen``, notes, parameters.
+    """Build the report of an experiment.
 
-    ``name`` is what the footer calls the experiment. A run without result says why it has none.
+    It has verdict and criteria, origin, figures (``seen``), notes and parameters. ``name`` is the name of the
+    experiment in the footer. The report of a run without a result says why.
     """
     outcome, sentence = verdict(source)
     return Report(

@@ -1,6 +1,6 @@
 """Renders the report of a run or of a series as a file, in a worker process.
 
-Drawing and typesetting load with the first report: the service only names these functions.
+Drawing and typesetting are imported with the first report, not when the service starts.
 """
 
 from collections.abc import Sequence

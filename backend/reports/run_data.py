@@ -1,4 +1,4 @@
-"""What a report is made from: the run as stored, its result, its samples, the bank it used."""
+"""Source data of a report: the stored run, its result, its samples and its bank."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,12 +23,11 @@ from backend.units import AngleUnit
 
 @dataclass(frozen=True)
 class RunData:
-    """A run with all that its report says.
+    """A run with all data of its report, in SI units.
 
-    ``columns`` are its samples, t [s] from the first; of a session, which may last hours, as many as can be drawn.
-    ``runs_of`` gives by the number of a stored estimate the run that the identification is named by, ``fits`` how good
-    the models of the bank's entries are. All numbers are in SI; ``angles`` says how whoever asked for the report reads
-    angles.
+    ``columns`` are its samples, t [s] from the first one; for a session, which may last hours, only as many as can be
+    drawn. ``runs_of`` maps the number of a stored estimate to the run that the identification is named after. ``fits``
+    maps it to the quality of the models of the bank's entries. ``angles`` is the display unit of angles in the report.
     """
 
     run: Run
@@ -42,7 +41,7 @@ class RunData:
 
 
 def load_source(database: Database, run_id: int, angles: AngleUnit = AngleUnit.DEGREES) -> RunData:
-    """Gather what is stored of a run: its newest result and identification, the bank it used, its samples.
+    """Load a run, its newest result and identification, its bank and its samples.
 
     Raises UnknownRecordError.
     """

@@ -1,4 +1,4 @@
-"""Sections that several reports share: frequency responses, rest, impacts, pushes, timing."""
+"""Sections shared by reports: frequency responses, rest, impacts, pushes."""
 
 from collections.abc import Iterator, Sequence
 
@@ -57,12 +57,11 @@ from plant import SIDES, T_s
 
 # Bode ----------------------------------------------------------------------------------------------
 #
-# Frequency responses in a report: gain and phase as measured beside the predicted ones, and each
-# line in a table.
+# Frequency responses in a report: measured and predicted gain and phase, and a table of all lines.
 
 
 MOST_NAMED = 8
-"""More runs than this are not named beside their curves: their colours tell the order."""
+"""Maximum number of runs with a label at their curves; for more, the colours show the order."""
 
 _PER_DECADE = 120
 _BELOW_DB = -60.0
@@ -99,7 +98,11 @@ def _bode_blocks(found: Sequence[Lines]) -> Iterator[Block]:
 
 
 def line_table(lines: Lines) -> Table:
-    """Return each line: frequency, gain and phase measured and predicted, repeatability, why it is not measured."""
+    """Return a table of all lines.
+
+    Each has its frequency, gain and phase as measured and predicted, the repeatability, and the reason if it was not
+    measured.
+    """
     columns = (
         Column("f", "Hz"),
         Column("Gain", "dB"),
@@ -134,7 +137,7 @@ def line_table(lines: Lines) -> Table:
 
 @cached_figure
 def bode_panels(found: Sequence[Lines], name: str) -> str:
-    """Draw gain [dB] and phase [°] of each response over frequency [Hz], with what was predicted."""
+    """Draw measured and predicted gain [dB] and phase [°] over frequency [Hz]."""
     with figure(2, height_in=4.4, sharex=True, height_ratios=(1, 1)) as (drawn, axes):
         for lines in found:
             colour, is_measured = COLOURS[lines.signal], lines.measured
@@ -162,7 +165,7 @@ def bode_panels(found: Sequence[Lines], name: str) -> str:
 
 @cached_figure
 def overlay_bode(runs: Sequence[tuple[int, Sequence[Lines]]], name: str) -> str:
-    """Draw gain and phase of q and of S, of all runs on the same axes, with what was predicted of each."""
+    """Draw measured and predicted gain and phase of q and S of all runs."""
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.85, len(runs)))
     with figure(2, 2, height_in=4.4, sharex=True) as (drawn, axes):
         for column, signal in enumerate(("q", "S")):
@@ -208,9 +211,9 @@ def _format_fixed(value: float, digits: int) -> str:
     return f"{0.0:.{digits}f}" if float(text) == 0.0 else text.replace("-", "−")
 
 
-# Held ----------------------------------------------------------------------------------------------
+# Rest ----------------------------------------------------------------------------------------------
 #
-# Rest in a report: each stretch that was held, as it looks in counts and volts, and in a table.
+# Rest in a report: each hold window as curves in counts and volts, and in a table.
 
 
 HOLD_NOTES = (
@@ -224,7 +227,10 @@ HOLD_NOTES = (
 
 
 def holds_section(columns: Columns, found: Sequence[HoldWindow], count: float, angles: AngleUnit) -> ReportSection:
-    """Return figure and table; ``found`` is not empty, ``count`` [rad] is the joint encoder's, 0 where it is exact."""
+    """Return figure and table of hold windows; ``found`` is not empty.
+
+    ``count`` [rad] is the resolution of the joint encoder, 0 if it is exact.
+    """
     return ReportSection("Rest", tuple(_hold_blocks(columns, found, count or JOINT_STEP, angles)))
 
 
@@ -239,7 +245,7 @@ def _hold_blocks(columns: Columns, found: Sequence[HoldWindow], count: float, an
 
 
 def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
-    """Return each stretch with its swings, its distance from the reference, and how much the motors moved."""
+    """Return a table of windows: ranges, distance from the reference, motor motion."""
     angle = get_display_unit("rad", angles).unit
     columns = (
         Column("From", "s"),
@@ -277,7 +283,7 @@ def hold_table(found: Sequence[HoldWindow], angles: AngleUnit) -> Table:
 
 @cached_figure
 def hold_panels(columns: Columns, found: Sequence[HoldWindow], count: float, name: str) -> str:
-    """Draw each stretch over the time since its beginning."""
+    """Draw each window over the time since its start."""
     with figure(4, height_in=5.0, sharex=True) as (drawn, axes):
         for place, one in enumerate(found):
             window = slice(round(one.start_s / T_s), round(one.end_s / T_s) + 1)
@@ -302,9 +308,9 @@ def hold_panels(columns: Columns, found: Sequence[HoldWindow], count: float, nam
         return to_svg(drawn, name)
 
 
-# Identified ----------------------------------------------------------------------------------------
+# Identifications -----------------------------------------------------------------------------------
 #
-# What the identifications of a series came to, each kind in tables of its own.
+# Results of the identifications of a series, with tables for each kind.
 
 
 _RUN, _GRADE = Column("Run"), Column("Grade", number=False)
@@ -312,7 +318,10 @@ _UNITS = {"G_q": "", "G_S": "N·m/rad²"}
 
 
 def identifications_section(sources: Sequence[RunData]) -> tuple[ReportSection, ...]:
-    """Return one section of all identifications among the runs; none where there is none."""
+    """Return one section with all identifications of the runs.
+
+    Returns nothing if there are none.
+    """
     found = [source.identification for source in sources if source.identification is not None]
     if not found:
         return ()
@@ -383,7 +392,10 @@ def _actuators(found: Sequence[Identification]) -> Iterator[Table]:
 
 
 def _friction(sources: Sequence[RunData]) -> tuple[Paragraph, ...]:
-    """Return what actuator identifications say together of the friction over the load; nothing without any."""
+    """Return the load-dependent friction estimated from all actuator identifications.
+
+    Returns nothing if there are none.
+    """
     if not sources:
         return ()
     found = estimate_run_friction([(source.run, source.columns) for source in sources])
@@ -396,8 +408,7 @@ def _with_error(value: float | None, std: float | None) -> str:
 
 # Impact --------------------------------------------------------------------------------------------
 #
-# What a report shows of impacts: each hit in a table, its force over time, what giving way changes
-# of it.
+# Impacts in a report: a table of hits, their force over time, and the effect of the contact reaction.
 
 
 CAPTION = (
@@ -406,18 +417,21 @@ CAPTION = (
 )
 
 _BEFORE = 20
-"""Samples before the touch that are drawn."""
+"""Number of samples drawn before the contact."""
 
 _HUES = tuple(COLOURS.values())
 
 
 def impact_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]:
-    """Return every hit, and those with reaction beside those without, where there are both."""
+    """Return a table of all hits, and one of pairs without and with reaction.
+
+    The second table is left out if there are no such pairs.
+    """
     return hits_table(hits, angles), *reaction_tables(hits, angles)
 
 
 def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
-    """Return every hit, in order."""
+    """Return a table of all hits in order."""
     columns = (
         Column("At", "s"),
         Column("S_ref", get_display_unit("N·m/rad", angles).unit),
@@ -459,7 +473,10 @@ def _ms(time_s: float, hit: Hit) -> str:
 
 
 def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]:
-    """Return hits with reaction beside those without, of one stiffness and speed; none where there are none."""
+    """Return pairs of hits without and with reaction at equal stiffness and speed.
+
+    Returns nothing if there are none.
+    """
     pairs, _ = pair_hits(hits)
     if not pairs:
         return ()
@@ -491,7 +508,7 @@ def reaction_tables(hits: Sequence[Hit], angles: AngleUnit) -> tuple[Table, ...]
 
 @cached_figure
 def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: AngleUnit) -> str:
-    """Draw the force of each hit from its touch on, and peak and impulse over the speed of approach."""
+    """Draw the force of each hit from contact on, and peak and impulse over speed."""
     force = np.abs(columns["F_wall"])
     groups = sorted({(hit.reacts, round(hit.S_ref, 6)) for hit in hits})
     stiffnesses = sorted({S for _, S in groups})
@@ -529,10 +546,10 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
         return to_svg(drawn, name)
 
 
-# Pushed --------------------------------------------------------------------------------------------
+# Pushes --------------------------------------------------------------------------------------------
 #
-# Pushes in a report: each beside what the gains in use let expect and what its stiffness alone
-# would give.
+# Pushes in a report: the measured response, the response expected with the gains in use, and the static deflection of
+# the stiffness alone.
 
 
 PUSH_NOTES = (
@@ -545,7 +562,7 @@ PUSH_NOTES = (
 
 
 def pushes_section(columns: Columns, found: Sequence[MeasuredPush], angles: AngleUnit) -> ReportSection:
-    """Return figure and table; ``found`` is not empty."""
+    """Return figure and table of pushes; ``found`` is not empty."""
     return ReportSection("Pushes", tuple(_push_blocks(columns, found, angles)))
 
 
@@ -563,7 +580,7 @@ def _push_blocks(columns: Columns, found: Sequence[MeasuredPush], angles: AngleU
 
 
 def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
-    """Return each push with its peak, the expected and the static one, and how soon the joint was back."""
+    """Return a table of pushes: measured, expected and static peak, and recovery time."""
     angle = get_display_unit("rad", angles).unit
     columns = (
         Column("Push", number=False),
@@ -607,7 +624,7 @@ def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
 
 @cached_figure
 def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angles: AngleUnit) -> str:
-    """Draw force, deviation of the joint with what was expected, and deviation of the stiffness."""
+    """Draw force, deviation of the joint with the expected one, and of the stiffness."""
     first, last = found[0].window.pushed.start, max(one.window.until for one in found)
     window = slice(max(first - round(1.0 / T_s), 0), min(last, columns["t"].size))
     t = columns["t"][window]
@@ -634,7 +651,7 @@ def push_panels(columns: Columns, found: Sequence[MeasuredPush], name: str, angl
         axes[1].set_ylabel(axis_label("deviation", "rad", angles))
         off_S = columns["S"][window] - columns["S_ref"][window]
         steps = np.flatnonzero(np.diff(columns["S_ref"][window]) != 0.0)
-        if steps.size:  # the steps themselves are none of the deviation
+        if steps.size:  # the steps themselves do not count as deviation
             reach = 1.2 * max(max(one.peak_S for one in found), 1e-3)
             axes[3].set_ylim(-reach, reach)
         axes[3].plot(*decimate(t, off_S), color=COLOURS["S"], label="$S$")

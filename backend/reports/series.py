@@ -35,24 +35,24 @@ from backend.units import AngleUnit, convert_to_display
 
 # Series figures ------------------------------------------------------------------------------------
 #
-# Figures of a series: its metrics from run to run, and the curves of all runs on the same axes.
+# Figures of a series: its metrics from run to run, and the curves of all runs on shared axes.
 
 
 _COLUMNS = 3
 _ROW_IN = 1.25
 _UNITS = {"q": "rad", "S": "N·m/rad"}
 _LEGEND = 8
-"""Runs that are named beside the curves; of more, first and last."""
+"""Maximum number of runs with a label at their curves; if there are more, only the first and the last have one."""
 
 
 def is_partial(item: MeasuredFigure | None) -> bool:
-    """Whether a figure has a value that was not measured whole."""
+    """Return whether a figure has a value that was measured only in part."""
     return item is not None and item.value is not None and item.reason != ""
 
 
 @cached_figure
 def metric_panels(metrics: Sequence[Sequence[MeasuredFigure | None]], angles: AngleUnit) -> str:
-    """Draw each metric over the places of the runs in their list, from 1 on, one panel each."""
+    """Draw each metric over the position of the runs in their list, one panel each."""
     rows = -(-len(metrics) // _COLUMNS)
     with figure(rows, _COLUMNS, height_in=0.6 + rows * _ROW_IN, gap_in=(0.42, 0.5), squeeze=False) as (drawn, axes):
         for panel, items in zip(axes.flat, metrics, strict=False):
@@ -120,15 +120,14 @@ def _short(label: str) -> str:
 
 # Series --------------------------------------------------------------------------------------------
 #
-# The report of a series: runs beside each other, what differs between them, their metrics and their
-# curves.
+# The report of a series: runs in columns, their differences, metrics and curves.
 
 
 _MAX_COLUMNS = 5
-"""Runs that stand beside each other in one table: as many as fit a page."""
+"""Maximum number of runs in the columns of one table, so that it fits a page."""
 
 _MARK = " *"
-"""Stands behind a figure that was not measured whole."""
+"""Marks a figure that was measured only in part."""
 
 _VERDICT_TEXTS = {
     Outcome.PASSED: "passed all criteria",
@@ -140,7 +139,7 @@ _WORST = (Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL, Outcome.PASSED)
 
 
 def series_report(sources: Sequence[RunData]) -> Report:
-    """Build the report of two runs or more, none of them a session; differences are to the first."""
+    """Build the report of two or more runs, no sessions; differences are to the first."""
     evidence = SeriesEvidence(format=SERIES, runs=tuple(one for one in map(build_manifest, sources) if one is not None))
     if len(evidence.runs) != len(sources) or len(sources) < 2:
         raise ValueError("a series is of two runs or more, of each of which something was computed")
@@ -219,7 +218,7 @@ def _runs_table(sources: Sequence[RunData]) -> Table:
 
 
 def _make_difference_tables(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Block]:
-    """Give tables of what the runs were set to, and of their parameters, where not all have the same."""
+    """Yield tables of settings and parameters that differ between the runs."""
     each = [dict(_set_to(source, angles)) for source in sources]
     rows = []
     for name in dict.fromkeys(name for one in each for name in one):
@@ -247,7 +246,7 @@ def _make_run_tables(
     first: tuple[Column, ...],
     rows: Sequence[tuple[tuple[str, ...], Sequence[str]]],
 ) -> Iterator[Table]:
-    """Give tables with a column for each run, as many runs in each as fit."""
+    """Yield tables with a column for each run, as many runs per table as fit."""
     numbers = [source.run.id for source in sources]
     for start in range(0, len(numbers), _MAX_COLUMNS):
         part = slice(start, start + _MAX_COLUMNS)
@@ -259,7 +258,10 @@ def _make_run_tables(
 
 
 def _metrics(sources: Sequence[RunData]) -> dict[str, list[MeasuredFigure | None]]:
-    """Return by name the figures of all runs; None where a run has none of this name in this unit."""
+    """Return the figures of all runs by name.
+
+    The value is None for a run that has no figure of this name and unit.
+    """
     each = [
         {} if source.result is None else {item.name: item for item in source.result.metrics.figures}
         for source in sources
@@ -300,7 +302,10 @@ def _difference(value: float | None, reference: float | None) -> str:
 
 
 def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
-    """Return how far each metric spreads over the runs that measured it whole; the others are counted apart."""
+    """Return the spread of each metric over the runs that measured it completely.
+
+    Other runs are counted separately.
+    """
     columns = (
         Column("Quantity", number=False, wide=True),
         Column("Unit", number=False),
@@ -331,7 +336,7 @@ def _spread(sources: Sequence[RunData], angles: AngleUnit) -> Table:
 
 
 def _partial(sources: Sequence[RunData]) -> Iterator[Paragraph]:
-    """Say why each marked figure was not measured whole."""
+    """Explain why each marked figure was measured only in part."""
     texts: dict[str, list[str]] = {}
     for items in _metrics(sources).values():
         for source, item in zip(sources, items, strict=True):

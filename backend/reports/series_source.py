@@ -1,4 +1,4 @@
-"""The runs of a series, loaded: as many and as long as one report can hold."""
+"""Loads the runs of a series, limited in number and length."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -12,13 +12,13 @@ from plant import ErrorCode
 
 MOST_RUNS = 100
 MOST_SAMPLES = 3_000_000
-"""All runs together: their samples are in memory at once, 50 minutes of them."""
+"""Limit for all runs together, 50 minutes: their samples are in memory at the same time."""
 
 
 def load_series(database: Database, numbers: Sequence[int], angles: AngleUnit) -> list[RunData]:
-    """Gather what is stored of each run; one that was left behind gets its result first.
+    """Load the data of each run; pending evaluations are done first.
 
-    Raises RequestRejectedError, UnknownRecordError, before samples are read.
+    Raises RequestRejectedError or UnknownRecordError before samples are read.
     """
     chosen = list(dict.fromkeys(numbers))
     if not 2 <= len(chosen) <= MOST_RUNS:
@@ -29,7 +29,7 @@ def load_series(database: Database, numbers: Sequence[int], angles: AngleUnit) -
     with database.reading() as session:
         for number in chosen:
             run = runs.get(session, number)
-            with suppress(UnknownRecordError):  # of a run that ended before its first sample there is no recording
+            with suppress(UnknownRecordError):  # a run that ended before its first sample has no recording
                 samples += recordings.extent(session, number).count
             if run.kind == RunKind.SESSION:
                 raise RequestRejectedError(

@@ -1,4 +1,4 @@
-"""Sheets of charts and maps of studies as PDF and SVG."""
+"""Sheets of charts as PDF."""
 
 import re
 from dataclasses import dataclass, field
@@ -13,28 +13,26 @@ from plant import ErrorCode
 
 # Sheet ---------------------------------------------------------------------------------------------
 #
-# A sheet of charts that the page has drawn, as PDF at its size: letters stay letters, lines stay
-# lines.
+# A sheet of charts drawn by the page, as PDF at its size; text stays text and lines stay lines.
 #
-# What comes is never handed on: it is read by a parser that takes no document type, so that no
-# entity grows and nothing is fetched, and the few elements that a sheet is made of are written anew
-# with what is known of their attributes.
+# The received SVG is never passed on. A parser that accepts no document type reads it, so that no entity expands and
+# nothing is fetched. The few elements that a sheet consists of are written anew with known attributes.
 #
-# Each of them is counted before anything is drawn: the costliest sheet that is accepted takes some
-# seconds, and runs in a process of its own (backend.services.background_work).
+# The elements are counted before anything is drawn. The most expensive sheet that is accepted takes some seconds and
+# runs in a process of its own (backend.services.background_work).
 
 
 SVG = "http://www.w3.org/2000/svg"
 LONGEST_MM = 5000.0
-"""Of a side: no reader shows a page of more than 5080 mm."""
+"""Limit of a side [mm]: no reader shows a page of more than 5080 mm."""
 MOST_ELEMENTS = 20_000
 DEEPEST = 8
 MOST_TEXTS = 4_000
 MOST_LETTERS_OF_A_TEXT = 500
-"""The time that a text takes grows with the square of its letters."""
+"""The time for a text grows with the square of its length."""
 MOST_LETTERS = 40_000
 MOST_OF_A_PATH = 512 * 1024
-"""Characters of the way of one path: a curve of 4000 points takes about 40 000."""
+"""Characters of the data of one path: a curve of 4000 points takes about 40 000."""
 MOST_OF_A_TITLE = 500
 
 _NUMBER = r"-?[0-9]{1,6}(?:\.[0-9]{1,6})?"
@@ -46,7 +44,7 @@ _PLAIN: dict[str, str] = {
     "height": _NUMBER,
     "font-size": _NUMBER,
     "stroke-width": _NUMBER,
-    # shorter dashes would be more than can be drawn
+    # shorter dashes would be too many to draw
     "stroke-dasharray": r"[1-9][0-9]{0,2}(?:[ ,][1-9][0-9]{0,2}){0,11}",
     "stroke-linejoin": "round",
     "fill": _COLOUR,
@@ -56,7 +54,7 @@ _PLAIN: dict[str, str] = {
     "xml:space": "preserve",
     "d": r"[MLHVZmlhvz0-9 ,.-]*",
 }
-"""What may stand in the attributes that are drawn."""
+"""Allowed values of the attributes that are drawn."""
 _ROOT: dict[str, str] = {
     "xmlns": re.escape(SVG),
     "viewBox": rf"{_NUMBER}(?:[ ,]{_NUMBER}){{3}}",
@@ -67,13 +65,13 @@ _ROOT: dict[str, str] = {
 _DRAWN = ("g", "rect", "path", "text")
 _UNDRAWN = ("title",)
 _IGNORED = re.compile(r"data-[a-z-]+|font-family")
-"""Data for programs, and fonts: those of the reports are the same everywhere."""
+"""Data for programs, and fonts: the fonts of reports are the same everywhere."""
 _MAX_TEXT = 40
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A sheet of so many millimetres, as it was written anew."""
+    """A sheet with its size [mm], as written anew."""
 
     svg: str
     width_mm: float
@@ -83,11 +81,11 @@ class Sheet:
 
 
 def render_sheet_pdf(svg: str) -> bytes:
-    """Return the sheet as PDF of one page, as large as the drawing says.
+    """Return the sheet as PDF of one page of the size of the drawing.
 
-    Raises RequestRejectedError for what is no sheet.
+    Raises RequestRejectedError if it is no valid sheet.
     """
-    import typst  # takes its time to load
+    import typst  # slow to import
 
     sheet = read_sheet(svg)
     missing = missing_letters([sheet.letters, sheet.title])
@@ -107,7 +105,10 @@ def render_sheet_pdf(svg: str) -> bytes:
 
 
 def read_sheet(svg: str) -> Sheet:
-    """Read a drawing that somebody sent. Raises RequestRejectedError, which says what of it has no place on a sheet."""
+    """Read a received drawing.
+
+    Raises RequestRejectedError, which names what is not allowed.
+    """
     reading = _Reading()
     parser = expat.ParserCreate("utf-8")
     parser.StartDoctypeDeclHandler = _refuse_document_type
@@ -124,7 +125,7 @@ def read_sheet(svg: str) -> Sheet:
 
 @dataclass
 class _Reading:
-    """What was read so far, written anew."""
+    """The state of the parser and the SVG written so far."""
 
     parts: list[str] = field(default_factory=list)
     titles: list[str] = field(default_factory=list)
@@ -149,7 +150,7 @@ class _Reading:
             raise _refusal(f"it has an element <{_short(name)}>; allowed in a sheet are only {allowed}")
         if name == "text":
             self.texts += 1
-            if "text" not in self.open:  # what stands in a text is drawn as a part of it
+            if "text" not in self.open:  # a child of a text is drawn as a part of it
                 self.letters_of_text = 0
             _require_few("texts", self.texts, MOST_TEXTS, "draw fewer panels or marks on one sheet")
         path_data = attributes.get("d", "")
@@ -209,7 +210,7 @@ def _refuse_instruction(target: str, _data: str) -> None:
 
 
 def _require_few(what: str, number: int, most: int, remedy: str) -> None:
-    """Raise RequestRejectedError for more than ``most`` of something; as it is counted, the ``number`` is of so far."""
+    """Raise RequestRejectedError if ``number``, the count so far, exceeds ``most``."""
     if number > most:
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE,

@@ -20,17 +20,15 @@ if TYPE_CHECKING:
 
 # Signing key ---------------------------------------------------------------------------------------
 #
-# The key by which an installation signs its reports, and the public halves by which anybody
-# verifies them.
+# The private key with which an installation signs its reports, and the public keys for verification.
 #
-# Public halves are written as OpenSSH writes them, so that ``ssh-keygen -lf`` gives the same
-# fingerprint.
+# Public keys are in OpenSSH format, so that ``ssh-keygen -lf`` gives the same fingerprint.
 
 
 FILE_NAME = "signing-key"
 KIND = "ssh-ed25519"
 _HEAD = b"\x00\x00\x00\x0bssh-ed25519\x00\x00\x00\x20"
-"""What stands before the 32 bytes of a public half (RFC 8709)."""
+"""Header before the 32 bytes of a public key (RFC 8709)."""
 _RAW = 32
 _TEXT_MAX = 64 * 1024
 _FINGERPRINT = "SHA256:"
@@ -44,24 +42,24 @@ class SigningKeyError(SinewError, ValueError):
 
 @dataclass(frozen=True)
 class PublicKey:
-    """A public half; ``raw`` is its 32 bytes."""
+    """A public key; ``raw`` is its 32 bytes."""
 
     raw: bytes
 
     @property
     def text(self) -> str:
-        """Return it as OpenSSH writes it, without a comment."""
+        """Return the key in OpenSSH format, without a comment."""
         return f"{KIND} {base64.b64encode(_HEAD + self.raw).decode()}"
 
     @property
     def fingerprint(self) -> str:
-        """Return its SHA-256 as OpenSSH writes it."""
+        """Return its SHA-256 in OpenSSH format."""
         digest = hashlib.sha256(_HEAD + self.raw).digest()
         return _FINGERPRINT + base64.b64encode(digest).decode().rstrip("=")
 
 
 def parse_public_key(text: str) -> PublicKey:
-    """Return the public half that a text gives: "ssh-ed25519 AAAA...", and a comment. Raises SigningKeyError."""
+    """Parse a public key: "ssh-ed25519 AAAA..." and a comment. Raises SigningKeyError."""
     words = text.split()
     if len(words) >= 2 and words[0] == KIND:
         with suppress(ValueError):
@@ -74,7 +72,7 @@ def parse_public_key(text: str) -> PublicKey:
 
 
 def find_public_key(file_or_text: str) -> PublicKey:
-    """Return the public half in a file, or in the text itself. Raises SigningKeyError."""
+    """Return the public key in a file, or in the text itself. Raises SigningKeyError."""
     text = file_or_text.strip()
     if not text.startswith(f"{KIND} "):
         try:
@@ -90,9 +88,9 @@ def find_public_key(file_or_text: str) -> PublicKey:
 
 
 def load_or_make_signing_key(data: Path) -> "Ed25519PrivateKey":
-    """Return the private key of a data folder, readable by its owner only; made at its first use.
+    """Return the private key of a data folder; created when it is first needed.
 
-    Raises SigningKeyError, OSError.
+    Only its owner can read the file. Raises SigningKeyError, OSError.
     """
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
@@ -117,7 +115,7 @@ def load_or_make_signing_key(data: Path) -> "Ed25519PrivateKey":
 
 
 def load_own_public_key(data: Path) -> PublicKey | None:
-    """Return the public half of a data folder's key; None where there is none that this account can read."""
+    """Return the public key of a data folder; None if it is missing or unreadable."""
     path = data / FILE_NAME
     try:
         return derive_public_key(_load(path)) if path.is_file() else None
@@ -126,7 +124,7 @@ def load_own_public_key(data: Path) -> PublicKey | None:
 
 
 def derive_public_key(key: "Ed25519PrivateKey") -> PublicKey:
-    """Return the public half of a private key."""
+    """Return the public key of a private key."""
     return PublicKey(key.public_key().public_bytes_raw())
 
 
@@ -149,17 +147,16 @@ def _load(path: Path) -> "Ed25519PrivateKey":
 
 # Signature -----------------------------------------------------------------------------------------
 #
-# The signature of a page: which key signed exactly these bytes, in an element beside the page's
-# account.
+# The signature of a page, in an element directly after the manifest. It states which key signed exactly these bytes.
 #
-# What is signed are the bytes of the page without that element, behind a heading with all else that
-# the element says.
+# The signed message is a heading with the other fields of the element, followed by the page without the element.
 
 
 _BEGIN, _END = b'<template id="signature">', b"</template>"
 _ACCOUNT = b'<template id="evidence">'
 _HEADING = "Sinew report signature 1"
-"""Of nothing else that a key may ever sign: no signature of another document is one of a report."""
+"""Begins no other message that a key may sign, so that the signature of another document is never valid for a
+report."""
 ALGORITHM = "Ed25519"
 NAME_MAX = 80
 _ELEMENT_MAX = 4096
@@ -172,7 +169,7 @@ class UnsignableError(SinewError, ValueError):
 
 
 class KeyOwner(StrEnum):
-    """Whose key signed a page."""
+    """The owner of the key that signed a page."""
 
     GIVEN = "given"
     OWN = "own"
@@ -181,7 +178,10 @@ class KeyOwner(StrEnum):
 
 @dataclass(frozen=True)
 class Signature:
-    """Who signed a page: the public half of the key, and the name that its installation gives itself."""
+    """The signer of a page: public key, and the name of the installation.
+
+    The installation chooses its name itself.
+    """
 
     key: PublicKey
     name: str
@@ -189,9 +189,10 @@ class Signature:
 
 @dataclass(frozen=True)
 class SignedPage:
-    """A page without the element of its signature; ``problem`` says why the signature is broken, "" where it is valid.
+    """A page without its signature element.
 
-    ``signature`` is None where there is none, or none that can be read.
+    ``signature`` is None if there is none or it is unreadable. ``problem`` says why the signature is invalid, "" if it
+    is valid.
     """
 
     page: bytes
@@ -200,11 +201,11 @@ class SignedPage:
 
     @property
     def is_valid(self) -> bool:
-        """Whether the key that it names signed exactly this page."""
+        """Return whether the named key signed exactly this page."""
         return self.signature is not None and not self.problem
 
     def whose(self, expected: PublicKey | None, own: PublicKey | None) -> KeyOwner | None:
-        """Return whose key signed it; None without a valid signature."""
+        """Return whose key signed the page; None without a valid signature."""
         if self.signature is None or self.problem:
             return None
         if self.signature.key == expected:
@@ -213,7 +214,10 @@ class SignedPage:
 
 
 def sign_page(page: bytes, key: "Ed25519PrivateKey", name: str) -> bytes:
-    """Return a page with a signature, which takes the place of one that it has. Raises UnsignableError."""
+    """Return a page with a new signature in place of any old one.
+
+    Raises UnsignableError.
+    """
     begin, end = _span(page)
     unsigned = page[:begin] + page[end:]
     place = _place(unsigned)
@@ -226,7 +230,7 @@ def sign_page(page: bytes, key: "Ed25519PrivateKey", name: str) -> bytes:
 
 
 def read_signature(page: bytes) -> SignedPage:
-    """Return a page without its signature, and what was found of that; nothing but the page is needed for it."""
+    """Return a page without its signature, and the signature with its check."""
     begin, end = _span(page)
     if begin == end:
         return SignedPage(page)
@@ -243,12 +247,12 @@ def read_signature(page: bytes) -> SignedPage:
 
 
 def apply_signature_check(found: Verified, signed: SignedPage, wanted: PublicKey | None = None) -> Verified:
-    """Return what was found of a page, with a broken signature, or one by another key than is wanted, as difference."""
+    """Return the verification result with signature problems added as differences."""
     return replace(found, differences=(*signature_differences(signed, wanted), *found.differences)[:MOST])
 
 
 def signature_differences(signed: SignedPage, wanted: PublicKey | None = None) -> tuple[ReportDifference, ...]:
-    """Return what differs: a signature that is broken, or none by the key that is wanted."""
+    """Return the differences of an invalid signature, or one not made by ``wanted``."""
     by = "none" if signed.signature is None else f"one by {signed.signature.key.fingerprint}"
     if signed.problem:
         return (ReportDifference("signature", by, signed.problem),)
@@ -258,7 +262,7 @@ def signature_differences(signed: SignedPage, wanted: PublicKey | None = None) -
 
 
 def _span(page: bytes) -> tuple[int, int]:
-    """Return where the element of the signature begins and ends; two equal places where there is none."""
+    """Return start and end of the signature element; equal if there is none."""
     begin = page.find(_BEGIN)
     if begin < 0:
         return 0, 0
@@ -267,7 +271,7 @@ def _span(page: bytes) -> tuple[int, int]:
 
 
 def _place(unsigned: bytes) -> int | None:
-    """Return where the signature of a page stands: behind its account."""
+    """Return the position of the signature in a page: after its manifest."""
     begin = unsigned.find(_ACCOUNT)
     end = unsigned.find(_END, begin)
     return None if begin < 0 or end < 0 else end + len(_END)
@@ -282,7 +286,7 @@ def _element(fields: dict[str, str], value: bytes) -> bytes:
 
 
 def _json(document: dict[str, Any]) -> str:
-    """Return the one way in which a document is written; nothing in it can end the element."""
+    """Return the canonical text of a document; nothing in it can close the element."""
     text = json.dumps(document, separators=(",", ":"))
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
@@ -294,9 +298,9 @@ def _message(fields: dict[str, str], unsigned: bytes) -> bytes:
 
 
 def _parse(element: bytes) -> tuple[Signature, bytes]:
-    """Return what an element says, and the value of its signature; it has to be written as this module writes it.
+    """Return the fields of an element and its signature value.
 
-    Raises ValueError, KeyError, TypeError.
+    The element must have exactly the form that this module writes. Raises ValueError, KeyError, TypeError.
     """
     if len(element) > _ELEMENT_MAX:
         raise ValueError(f"more than {_ELEMENT_MAX} bytes")

@@ -1,4 +1,4 @@
-"""A map of a study as a picture: one figure over two axes, each cell with its number where there is room."""
+"""A map of a study as a picture: a figure over two axes, with numbers in cells."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,10 +9,10 @@ from backend.reports.plotting import figure
 from backend.units import count_range_digits, format_number
 
 _MAX_LABELS = 12
-"""Cells along an axis up to which each has its number written into it."""
+"""Maximum number of cells along an axis with a number written into each."""
 
 _LEAST_RANGE = 0.05
-"""The colours range over this share of the largest magnitude at least: what is alike looks alike."""
+"""Minimum range of the colours as a share of the largest magnitude, so that similar values look similar."""
 
 
 def draw_map(
@@ -23,10 +23,11 @@ def draw_map(
     file: Path,
     notes: Sequence[Sequence[str]] = (),
 ) -> None:
-    """Write a picture of ``cells``, by place of y, then of x; ``x`` and ``y`` are an axis and its values in words.
+    """Write a picture of ``cells`` [y][x].
 
-    ``notes`` by the same places are written below the numbers, where there is room for these. The ending of ``file``
-    says its form: png, svg or pdf. Raises OSError, ValueError for another ending.
+    ``x`` and ``y`` have the name of an axis and its values. ``notes`` [y][x] are written below the numbers, if there is
+    room for these. The suffix of ``file`` is the format: png, svg or pdf. Raises OSError, and ValueError for another
+    suffix.
     """
     table = np.array([[np.nan if value is None else value for value in row] for row in cells], np.float64)
     with figure(1, height_in=4.2) as (drawn, axes):
@@ -54,7 +55,10 @@ def draw_map(
 
 
 def colour_range(values: Sequence[float]) -> tuple[float, float]:
-    """Return the numbers at the ends of the colours: least and largest, and further apart where these are alike."""
+    """Return the values at the ends of the colour range: minimum and maximum.
+
+    The range is widened to at least ``_LEAST_RANGE`` of the largest magnitude.
+    """
     low, high = min(values, default=0.0), max(values, default=1.0)
     wide = _LEAST_RANGE * max(abs(low), abs(high))
     if high - low >= wide and high > low:
@@ -64,7 +68,10 @@ def colour_range(values: Sequence[float]) -> tuple[float, float]:
 
 
 def ink_on(colour: Sequence[float]) -> str:
-    """Return black or white, whichever is read better on a ``colour`` (red, green, blue from 0 to 1; WCAG 2.1)."""
+    """Return black or white, whichever has more contrast on ``colour``.
+
+    ``colour`` is red, green and blue from 0 to 1; the contrast is that of WCAG 2.1.
+    """
     linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in colour[:3]]
     luminance = float(np.dot((0.2126, 0.7152, 0.0722), linear))
     return "black" if (luminance + 0.05) ** 2 > 1.05 * 0.05 else "white"

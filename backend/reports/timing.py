@@ -1,4 +1,4 @@
-"""How well a run kept its time: lateness, missed deadlines, gaps. From the run's own samples."""
+"""The timing of a run from its samples: lateness, missed deadlines, gaps."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from backend.storage import EndState
 
 
 def timing_section(source: RunData) -> tuple[ReportSection, ...]:
-    """Return a section with the timing of the recorded samples; nothing for a run without any."""
+    """Return a section with the timing of the samples; nothing for a run without any."""
     columns = source.columns
     if columns["t"].size == 0:
         return ()
@@ -50,7 +50,10 @@ def timing_section(source: RunData) -> tuple[ReportSection, ...]:
 
 
 def granted_rows(granted: StoredRealTimeStatus | None) -> list[tuple[str, str, str, str]]:
-    """Return what the machine granted to the loop; nothing for a run that kept to no clock, or of an older Sinew."""
+    """Return rows of what the machine granted to the loop.
+
+    Returns nothing for a run without a real-time clock, or of an older Sinew.
+    """
     if granted is None:
         return []
     scheduling = f"SCHED_FIFO {granted.priority}" if granted.priority else "ordinary"

@@ -1,4 +1,4 @@
-"""Verifies a report: computes everything in it again from the samples that it names, and compares."""
+"""Verifies a report: recomputes all of it from its samples and compares."""
 
 import json
 import math
@@ -62,24 +62,24 @@ from plant import ErrorCode, SinewError, parse_parameters
 
 # Differences ---------------------------------------------------------------------------------------
 #
-# What does not hold of a report, and how two documents are compared number by number.
+# Differences between a report and its recomputation, and the comparison of two documents.
 
 
 LIKE = 1e-9
-"""Share by which a number may differ where another machine has computed it again."""
+"""Relative tolerance of numbers that another machine recomputed."""
 
 LIKE_ESTIMATE = 1e-4
-"""The same of what an optimizer ends at: its standard errors are known to five digits."""
+"""The same for results of an optimizer; their standard errors are known to five digits."""
 
 MOST = 50
-"""Differences that are told; who finds so many needs no more."""
+"""Maximum number of differences in a verification result."""
 
 EVERYTHING = "every number, criterion, parameter and hash"
 
 
 @dataclass(frozen=True)
 class ReportDifference:
-    """What does not hold: its name, what the report says, and what was found."""
+    """A difference: its name, the reported value, and the value found."""
 
     name: str
     said: str
@@ -87,13 +87,13 @@ class ReportDifference:
 
     @property
     def sentence(self) -> str:
-        """Say it."""
+        """Return the difference as a sentence."""
         return f"{self.name}: the report says {self.said}, found {self.found}"
 
 
 @dataclass(frozen=True)
 class Verified:
-    """What was ``compared``: differences, and what could not be compared with the reason."""
+    """The result of a verification: differences, omissions with reasons, and scope."""
 
     differences: tuple[ReportDifference, ...]
     left_out: tuple[str, ...]
@@ -101,23 +101,23 @@ class Verified:
 
     @property
     def holds(self) -> bool | None:
-        """Whether all of it holds; None where nothing differs, but something was not compared."""
+        """Return whether the report holds; None if nothing differs but parts were omitted."""
         if self.differences:
             return False
         return None if self.left_out else True
 
 
 def not_made(name: str, wanted: str, error: Exception) -> ReportDifference:
-    """Return the difference that something of a report cannot be made again, whatever is wrong with it."""
+    """Return the difference for a part of a report that cannot be recomputed."""
     return ReportDifference(name, wanted, f"{type(error).__name__}: {error}"[:200])
 
 
 def compare_documents(
     name: str, reported: Any, found: Any, like: float = LIKE, floor: float = 1e-15
 ) -> Iterator[ReportDifference]:
-    """Compare two documents, part by part; parts of lists are called by their own name, where they have one.
+    """Compare two documents recursively; list items are named by their own "name".
 
-    Numbers may differ by the share ``like`` of themselves, those of a list of the largest, and by ``floor``.
+    Numbers may differ by the relative tolerance ``like`` (in a list, relative to its largest number) and by ``floor``.
     """
     if isinstance(reported, Mapping) and isinstance(found, Mapping):
         for part in dict.fromkeys([*reported, *found]):
@@ -139,7 +139,7 @@ def _is_close(reported: Any, found: Any, like: float, floor: float) -> bool:
     numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (reported, found))
     try:
         return math.isclose(reported, found, rel_tol=like, abs_tol=floor) if numbers else bool(reported == found)
-    except OverflowError:  # a whole number beyond any float
+    except OverflowError:  # an integer beyond the range of floats
         return bool(reported == found)
 
 
@@ -149,7 +149,7 @@ def _short(value: Any) -> str:
 
 # Page comparison -----------------------------------------------------------------------------------
 #
-# A page as it is read beside the one that is made again: line by line, drawing by drawing.
+# Comparison of a page with its recomputed version, by lines and drawings.
 
 
 _TAG = re.compile(r"<[^<>]*>")
@@ -157,7 +157,7 @@ _SET = re.compile(r"</?(?:i|b|sub|sup)>")
 _OPEN, _CLOSE = "<svg", "</svg>"
 _PLACE = "<svg/>"
 _LINE = 2000
-"""Letters of a line of which a difference is told: what is longer is a forged page's."""
+"""Maximum number of characters of a line in a difference; longer lines occur only in forged pages."""
 _DRAWING_OF = "drawing of figure"
 _VERIFIED_PARTS = "figures, criteria, models, parameters and hashes that it carries, but not the page as it is read"
 
@@ -183,7 +183,7 @@ _DRAWS: dict[str, set[str]] = {
     "dc:format": set(),
     "title": set(),
 }
-"""Elements that a drawing of a report has, with their attributes: none covers the page or fetches anything."""
+"""Elements and attributes in drawings of a report. None of them covers the page or fetches anything."""
 _STYLES = {
     *("fill", "fill-opacity", "fill-rule", "stroke", "stroke-width", "stroke-linecap", "stroke-linejoin", "opacity"),
     *("stroke-opacity", "stroke-dasharray", "stroke-dashoffset", "stroke-miterlimit", "image-rendering"),
@@ -192,9 +192,9 @@ _STYLE_SHEET = "*{stroke-linejoin: round; stroke-linecap: butt}"
 
 
 def compare_pages(page: str, evidence: ReportManifest | SeriesEvidence, make_again: Callable[[], str]) -> Verified:
-    """Compare a page, whose account was read from it, with the same page made here.
+    """Compare a page, from which the manifest was read, with the page made anew.
 
-    The versions that the account names decide nothing, as anybody can change them: they only explain why a page that
+    The versions in the manifest decide nothing, because anybody can change them. They only explain why a page that
     differs may have been written by another version. Such a page is not verified; it does not hold.
     """
     here = made_with()
@@ -222,7 +222,7 @@ def compare_pages(page: str, evidence: ReportManifest | SeriesEvidence, make_aga
 
 
 def _foreign(page: str) -> Iterator[ReportDifference]:
-    """Name what stands in the drawings of a page and is none of a report's: elements, attributes, styles, addresses."""
+    """Yield foreign elements, attributes, styles and addresses of drawings of a page."""
     for number, drawing in enumerate(_drawings(page), start=1):
         found = next(_strangers(drawing), None)
         if found is not None:
@@ -265,14 +265,14 @@ def _is_harmless(element: str, attribute: str, value: str) -> bool:
 
 
 def _account(page: str, evidence: ReportManifest | SeriesEvidence) -> Iterator[ReportDifference]:
-    """Compare the account as it is written with what was read of it: nothing else may stand in it."""
+    """Compare the manifest text with the parsed manifest; nothing else may be in it."""
     reported, found = find_element(page), to_element(evidence)
     if reported != found:
         yield ReportDifference("the account as it is written", *where_they_differ(reported, found))
 
 
 def _pages(page: str, again: str) -> Iterator[ReportDifference]:
-    """Compare what a person sees, line by line, and drawing by drawing."""
+    """Compare the visible page by lines and drawings."""
     reported, found = without_element(page), without_element(again)
     drawn = [list(_drawings(text)) for text in (reported, found)]
     counts = [len(each) for each in drawn]
@@ -292,7 +292,7 @@ def _pages(page: str, again: str) -> Iterator[ReportDifference]:
 
 
 def _drawings(text: str) -> Iterator[str]:
-    """Return the drawings of a page in turn; one look over the page, whatever stands in it."""
+    """Yield the drawings of a page in order, in a single pass."""
     for begin, end in _places(text):
         yield text[begin:end]
 
@@ -328,7 +328,10 @@ def _plain(line: str) -> str:
 
 
 def where_they_differ(one: str, other: str) -> tuple[str, str]:
-    """Return what stands around the first difference of two lines: as a person reads them, else with their markup."""
+    """Return the text around the first difference of two lines.
+
+    Markup is removed, unless only the markup differs.
+    """
     first = next(place for place, (left, right) in enumerate(zip_longest(one, other)) if left != right)
     near = slice(max(0, first - _LINE), first + _LINE)
     reported, found = _plain(one[near]), _plain(other[near])
@@ -341,7 +344,7 @@ def where_they_differ(one: str, other: str) -> tuple[str, str]:
 
 # Samples file --------------------------------------------------------------------------------------
 #
-# Samples of a run read back from a file that was exported, as they are stored.
+# Samples of a run read back from an exported file.
 
 
 SUFFIXES = tuple(f".{kind}" for kind in DataFormat)
@@ -354,9 +357,9 @@ class SamplesFileError(SinewError, ValueError):
 
 
 def read_samples_file(file: Path) -> tuple[Columns, tuple[ReportDifference, ...]]:
-    """Return the columns of an export, ``t`` [s] and every stored signal, and how the file is not as it was exported.
+    """Return the columns of an export, and how the file differs from its export.
 
-    Raises SamplesFileError.
+    The columns are ``t`` [s] and every stored signal. Raises SamplesFileError.
     """
     try:
         facts, batches = read_export(file)
@@ -368,7 +371,7 @@ def read_samples_file(file: Path) -> tuple[Columns, tuple[ReportDifference, ...]
         raise SamplesFileError(f"{file}: the column {missing[0]} is missing; it is no export of a run's samples")
     names = ("t", *(name for name in STORED_NAMES if name in facts.names))
     columns = {name: np.concatenate([part[name] for part in parts]).astype(np.float64) for name in names}
-    # What an older version did not store was not measured; where the account has its check sum, that differs.
+    # A signal that an older version did not store was not measured; it differs if the manifest has its checksum.
     columns |= {name: np.full(columns["t"].size, np.nan) for name in missing}
     return columns, tuple(_problems(file, facts, parts))
 
@@ -392,15 +395,14 @@ def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Repo
 
 # Stored samples ------------------------------------------------------------------------------------
 #
-# The stored run that a report was made of, found by what it holds: another installation may number
-# it otherwise.
+# The stored run of a report, found by its content, because another installation may number it differently.
 
 
 def read_stored_samples(database: Database, evidence: ReportManifest) -> tuple[Columns | None, int | None]:
-    """Return the samples of the stored run that an account speaks of and its number here, None where there is none.
+    """Return the stored samples of the run of a manifest and its number here.
 
-    Of runs that began at the same moment it is the one whose samples have the hash; else the first, so that it can be
-    told what differs.
+    Both are None if there is none. Among runs that began at the same moment it is the one with the hash of the samples,
+    else the first one, so that the differences can be listed.
     """
     with database.reading() as session:
         began = runs.began_at(session, evidence.run.started_at)
@@ -415,11 +417,9 @@ def read_stored_samples(database: Database, evidence: ReportManifest) -> tuple[C
 
 # Verification --------------------------------------------------------------------------------------
 #
-# Whether a report holds: everything in it is computed again from the samples that it names, and
-# compared.
+# Whether a report holds: all of it is recomputed from the samples that it names, and compared.
 #
-# What differs is told by its name: a figure, a criterion, a parameter, a sample, a hash, a version,
-# a line of the page.
+# Each difference has a name: a figure, a criterion, a parameter, a sample, a hash, a version, or a line of the page.
 
 
 _NO_RESULT = (
@@ -432,7 +432,7 @@ _Result = tuple[Metrics | None, tuple[RunCriterion, ...], StoredEstimate | None]
 
 @dataclass(frozen=True)
 class AccompanyingFiles:
-    """What else holds numbers of a report: the text of metrics.json, and the samples of the stored run under a name."""
+    """Other sources to compare: metrics.json as text, and stored samples by name."""
 
     metrics: str | None = None
     stored: Columns | None = None
@@ -443,9 +443,9 @@ NO_FILES = AccompanyingFiles()
 
 
 def verify_report(page: str, columns: Columns | None, files: AccompanyingFiles = NO_FILES) -> Verified:
-    """Compare a report with its own account, and both with samples; without them the numbers cannot be computed again.
+    """Compare a report with its manifest, and both with samples and ``files``.
 
-    What is ``files`` them is compared as well. Raises EvidenceError for a page without an account.
+    Raises EvidenceError for a page without a manifest, and if there are no samples.
     """
     evidence = _of_a_run(page)
     return _verify_files(*_verify_page(page, evidence, columns), evidence, files)
@@ -454,7 +454,7 @@ def verify_report(page: str, columns: Columns | None, files: AccompanyingFiles =
 def _verify_files(
     found: Verified, source: RunData | None, evidence: ReportManifest, files: AccompanyingFiles
 ) -> Verified:
-    """Return what was found, with what differs of metrics.json and of the stored run."""
+    """Return the result with differences of metrics.json and of the stored run added."""
     differences = list(found.differences)
     left_out = list(found.left_out)
     if files.stored is not None:
@@ -468,7 +468,10 @@ def _verify_files(
 
 
 def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Iterator[ReportDifference]:
-    """Compare metrics.json with what is written of the same run here; words only where the same version wrote them."""
+    """Compare metrics.json with the same document made here.
+
+    Texts are compared only if the same version wrote them.
+    """
     try:
         reported = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -485,7 +488,7 @@ def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Itera
         for name in words:
             document.pop(name, None)
         if isinstance(document.get("identification"), dict):
-            document["identification"].pop("estimate", None)  # its number where it is stored
+            document["identification"].pop("estimate", None)  # its number in storage
             if not same:
                 document["identification"] = _without_sentences(document["identification"])
     yield from compare_documents(
@@ -494,7 +497,7 @@ def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Itera
 
 
 def _metrics_in_present_form(document: dict[str, Any], source: RunData) -> dict[str, Any]:
-    """Return what metrics.json says with its documents in the form that is read."""
+    """Return metrics.json with its documents upgraded to the present form."""
     estimate, found = document.get("identification"), source.identification
     if isinstance(estimate, dict) and found is not None:
         quality = upgrades.upgrade_quality(found.kind, estimate.get("model"), estimate.get("quality"))
@@ -507,7 +510,7 @@ def _metrics_in_present_form(document: dict[str, Any], source: RunData) -> dict[
 
 
 def _verify_page(page: str, evidence: ReportManifest, columns: Columns | None) -> tuple[Verified, RunData | None]:
-    """Return what was compared, and what the report is made from again."""
+    """Return the result of the comparison, and the recomputed source data."""
     if columns is None:
         raise EvidenceError(
             "the samples that it was made of are not here: name their file with --samples, or the folder with their run"
@@ -519,16 +522,16 @@ def _verify_page(page: str, evidence: ReportManifest, columns: Columns | None) -
 
 
 def join_verified(*found: Verified) -> Verified:
-    """Return what was compared one after the other, the page last, as one."""
+    """Return several results as one; the scope is that of the last, the page."""
     differences = tuple(one for each in found for one in each.differences)
     left_out = dict.fromkeys(one for each in found for one in each.left_out)
     return Verified(differences[:MOST], tuple(left_out), found[-1].compared)
 
 
 def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: AccompanyingFiles = NO_FILES) -> Verified:
-    """Verify the page that a PDF stands beside, and then whether the PDF is the one that its numbers give.
+    """Verify the page that belongs to a PDF, then the PDF against its recomputation.
 
-    A PDF carries no account; it is made again and compared byte by byte. Raises EvidenceError.
+    A PDF has no manifest; it is made again and compared byte by byte. Raises EvidenceError.
     """
     evidence = _of_a_run(page)
     verified, source = _verify_page(page, evidence, columns)
@@ -555,9 +558,9 @@ def _of_a_run(page: str) -> ReportManifest:
 
 
 def computed_again(evidence: ReportManifest, columns: Columns) -> tuple[Verified, RunData | None]:
-    """Compare an account with samples; return what differs, and what the report is made from again.
+    """Compare a manifest with samples; return differences and recomputed source data.
 
-    None where it cannot be computed again, whatever is wrong with what it says of its run.
+    The source data is None if recomputing fails for any reason.
     """
     differences: list[ReportDifference] = []
     columns = _without_unrecorded(evidence, columns)
@@ -581,9 +584,9 @@ def computed_again(evidence: ReportManifest, columns: Columns) -> tuple[Verified
 
 
 def _in_present_form(evidence: ReportManifest) -> ReportManifest:
-    """Return an account with its documents in the form that is read.
+    """Return a manifest with its documents upgraded to the present form.
 
-    Its hashes are those of the documents as it carries them.
+    Its hashes remain those of the documents as they were embedded.
     """
     estimate = evidence.identification
     if estimate is not None:
@@ -599,7 +602,7 @@ def _in_present_form(evidence: ReportManifest) -> ReportManifest:
 
 
 def _older(evidence: ReportManifest) -> tuple[str, ...]:
-    """Say that a result is of other definitions than those that this version computes by; empty where it is not."""
+    """Return the reason why a result of older definitions is not compared; else empty."""
     if evidence.metrics is None or evidence.metrics.get("definitions", 0) == DEFINITIONS:
         return ()
     definitions = evidence.metrics.get("definitions", 0)
@@ -612,7 +615,10 @@ def _older(evidence: ReportManifest) -> tuple[str, ...]:
 
 
 def _unseen(evidence: ReportManifest) -> tuple[str, ...]:
-    """Name what an account says of its run that no page shows and no sample tells; reports of today leave it out."""
+    """Return the fields of the run that neither pages nor samples show.
+
+    Reports of the present version omit them.
+    """
     missing = [name for name, nothing in unseen(evidence.metrics).items() if getattr(evidence.run, name) != nothing]
     return (f"{', '.join(missing)} of the run: nothing in the report depends on it",) if missing else ()
 
@@ -643,7 +649,7 @@ def _again(evidence: ReportManifest, columns: Columns) -> _Result:
 
 
 def _normalise_result(evidence: ReportManifest) -> _Result:
-    """Return the result as a report says it: where it holds, a last digit of another machine changes no hash."""
+    """Return the result as the report has it, so that rounding changes no hash."""
     metrics, of = evidence.metrics, f"run {evidence.run.id}"
     criteria = CRITERIA.read(evidence.criteria, of)
     return None if metrics is None else METRICS.read(metrics, of), criteria, evidence.identification
@@ -655,13 +661,13 @@ def _results(evidence: ReportManifest, again: _Result) -> Iterator[ReportDiffere
     yield from compare_documents("metrics", evidence.metrics, None if metrics is None else METRICS.write(metrics), like)
     yield from compare_documents("criteria", evidence.criteria, CRITERIA.write(criteria))
     reported, found = _document(evidence.identification), _document(estimate)
-    if evidence.made_with.get(LAYOUT) != made_with()[LAYOUT]:  # another state of the code may say it otherwise
+    if evidence.made_with.get(LAYOUT) != made_with()[LAYOUT]:  # another state of the code may phrase it differently
         reported, found = _without_sentences(reported), _without_sentences(found)
     yield from compare_documents("identification", reported, found, like)
 
 
 def _without_sentences(document: Any) -> Any:
-    """Return a document without the texts that have more than one word; names and grades have one."""
+    """Return a document without texts of several words; names and grades are one word."""
     if isinstance(document, Mapping):
         return {name: _without_sentences(part) for name, part in document.items()}
     if isinstance(document, list):
@@ -674,7 +680,10 @@ def _document(estimate: StoredEstimate | None) -> dict[str, Any] | None:
 
 
 def _without_unrecorded(evidence: ReportManifest, columns: Columns) -> Columns:
-    """Leave out signals without a single value that the report has no check sums of: an export adds them as nan."""
+    """Return columns without all-NaN signals that have no checksum in the report.
+
+    An export adds such signals.
+    """
     return {
         name: column
         for name, column in columns.items()
@@ -700,16 +709,16 @@ def _samples(evidence: ReportManifest, columns: Columns) -> Iterator[ReportDiffe
 
 # Series verification -------------------------------------------------------------------------------
 #
-# Whether the report of a series holds: each of its runs is computed again from where it is stored,
-# then the page.
+# Verification of the report of a series: each of its runs is recomputed from its stored samples, then the page.
 
 
 def verify_series_report(
     page: str, evidence: SeriesEvidence, find: Callable[[ReportManifest], Columns | None]
 ) -> Verified:
-    """Compare the accounts of a series with the samples that ``find`` has of each run, and its page with one made anew.
+    """Compare the report of a series with the samples that ``find`` returns.
 
-    Raises EvidenceError where the samples of a run are not there.
+    Each manifest is compared with the samples of its run, then the page with the same page made anew. Raises
+    EvidenceError if the samples of a run are missing.
     """
     if len(evidence.runs) < 2 or any(one.run.kind == RunKind.SESSION for one in evidence.runs):
         raise EvidenceError("its account is of no series: that is of two runs or more, none of them a session")
