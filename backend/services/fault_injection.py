@@ -1,4 +1,4 @@
-"""Break a simulated plant, or a link of the safety chain, to see each reaction of the loop."""
+"""Injection of faults into a simulated plant or the safety chain, to test the reactions of the control loop."""
 
 from backend.auth import ControlLease
 from backend.errors import RequestRejectedError
@@ -8,9 +8,9 @@ from backend.services.actuator import ActuatorService
 from plant import ONLY_OF_A_CARD, Breakage, Broken, ErrorCode, PlantChoice, PlantKind, Sensor
 
 SERVICE_SILENT_S = 1.0
-"""How long the service falls silent [s]: the loop waits for 0.34 s."""
+"""Time without heartbeat of the service [s]; the control loop stops after 0.34 s."""
 
-LEADS_TO: dict[Fault, Injection] = {
+INJECTIONS: dict[Fault, Injection] = {
     Fault.FORCE_LIMIT: Injection(kind=Breakage.DRIFT_UP, sensor=Sensor.F_A),
     Fault.JOINT_LIMIT: Injection(kind=Breakage.DRIFT_UP, sensor=Sensor.Q),
     Fault.SLACK: Injection(kind=Breakage.DRIFT_DOWN, sensor=Sensor.F_A),
@@ -28,9 +28,9 @@ LEADS_TO: dict[Fault, Injection] = {
     Fault.MOTOR_REVERSED: Injection(kind=Breakage.SWAPPED_MOTORS),
     Fault.SENSOR_SATURATED: Injection(kind=Breakage.SATURATION, sensor=Sensor.F_A),
 }
-"""What brings a fault about while the joint moves."""
+"""Injection that leads to each fault while the joint moves."""
 
-OF_A_CARD: tuple[tuple[Injection, tuple[Fault, ...]], ...] = (
+CARD_INJECTIONS: tuple[tuple[Injection, tuple[Fault, ...]], ...] = (
     (Injection(kind=Breakage.DEVICE_GONE), (Fault.PLANT_ERROR,)),
     (Injection(kind=Breakage.BUFFER_OVERRUN), (Fault.PLANT_ERROR,)),
     (Injection(kind=Breakage.LOST_SAMPLE), (Fault.PLANT_ERROR,)),
@@ -41,66 +41,57 @@ OF_A_CARD: tuple[tuple[Injection, tuple[Fault, ...]], ...] = (
     (Injection(kind=Breakage.SWAPPED_ENCODERS), (Fault.MOTOR_REVERSED, Fault.IMPLAUSIBLE, Fault.SENSOR_STUCK)),
     (Injection(kind=Breakage.SWAPPED_MOTORS), (Fault.MOTOR_REVERSED,)),
 )
-"""What can be broken of a virtual card and its wires, and the faults it may end in while the joint moves."""
+"""Injections into a virtual card and its wiring, each with the faults that it may lead to while the joint moves."""
 
-BY_HAND: dict[Fault, str] = {
+MANUAL_CAUSES: dict[Fault, str] = {
     Fault.STOP_PRESSED: "press STOP",
     Fault.SERVICE_ENDED: "end the service, by Ctrl+C or a signal",
     Fault.INTERNAL_ERROR: "not to be brought about: it is a mistake of the program",
 }
-"""How the faults come about that nothing has to be broken for."""
+"""How the faults without injection are caused."""
 
-
-_NEEDS_A_CARD = "only with the virtual card: start with --plant rig --virtual-card"
+_CARD_NEEDED = "only with the virtual card: start with --plant rig --virtual-card"
 
 
 def describe_faults(plant: PlantChoice) -> FaultList:
-    """Return all faults with their words and what brings them about on a plant."""
-    virtual = plant.kind is PlantKind.VIRTUAL_CARD
+    """Return all faults with their explanation and the injection that leads to them on a plant."""
+    has_virtual_card = plant.kind is PlantKind.VIRTUAL_CARD
 
-    def offered(fault: Fault) -> Injection | None:
-        injection = LEADS_TO.get(fault)
-        return None if injection is None or (_needs_a_card(injection) and not virtual) else injection
+    def find_injection(fault: Fault) -> Injection | None:
+        injection = INJECTIONS.get(fault)
+        return None if injection is None or (_needs_card(injection) and not has_virtual_card) else injection
 
     return FaultList(
         faults=[
             FaultKind(
                 code=fault,
-                message=told.message,
-                remedy=told.remedy,
-                injection=offered(fault),
-                by_hand="" if offered(fault) else BY_HAND.get(fault, _NEEDS_A_CARD),
+                message=EXPLANATIONS[fault].message,
+                remedy=EXPLANATIONS[fault].remedy,
+                injection=find_injection(fault),
+                by_hand="" if find_injection(fault) else MANUAL_CAUSES.get(fault, _CARD_NEEDED),
             )
-            for fault, told in ((fault, EXPLANATIONS[fault]) for fault in FAULTS if fault is not Fault.NONE)
+            for fault in FAULTS
+            if fault is not Fault.NONE
         ],
         card=[
-            CardFault(injection=injection, says=_broken(injection).words, leads_to=list(leads_to))
-            for injection, leads_to in (OF_A_CARD if virtual else ())
+            CardFault(injection=injection, says=_build_plant_fault(injection).words, leads_to=list(leads_to))
+            for injection, leads_to in (CARD_INJECTIONS if has_virtual_card else ())
         ],
     )
 
 
-def _broken(injection: Injection) -> Broken:
-    return Broken(Breakage(injection.kind), injection.sensor)
-
-
-def _needs_a_card(injection: Injection) -> bool:
-    return injection.kind in ONLY_OF_A_CARD
-
-
 async def apply_fault(actuator: ActuatorService, control: ControlLease, injection: Injection, who: str) -> None:
-    """Break what is asked for.
+    """Inject a fault.
 
-    Raises RequestRejectedError where the plant is not simulated, as nobody breaks a rig on purpose, and for what only
-    a card has where there is none.
+    Raises RequestRejectedError for a real plant, and for a fault of the card on a plant without virtual card.
     """
     plant = actuator.live_state.plant
     if not plant.simulated:
         message = f"faults are injected only into what is simulated, and what is driven is the {plant.name}"
         raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="not_a_simulator")
-    if _needs_a_card(injection) and plant.kind is not PlantKind.VIRTUAL_CARD:
+    if _needs_card(injection) and plant.kind is not PlantKind.VIRTUAL_CARD:
         raise RequestRejectedError(
-            ErrorCode.NOT_NOW, f"{_broken(injection).words}: {_NEEDS_A_CARD}", code="no_virtual_card"
+            ErrorCode.NOT_NOW, f"{_build_plant_fault(injection).words}: {_CARD_NEEDED}", code="no_virtual_card"
         )
     match injection.kind:
         case SilentPart.SERVICE_SILENT:
@@ -108,9 +99,17 @@ async def apply_fault(actuator: ActuatorService, control: ControlLease, injectio
         case SilentPart.PAGE_SILENT:
             control.ignore_pings()
         case _:
-            await actuator.inject_fault(_broken(injection), who)
+            await actuator.inject_fault(_build_plant_fault(injection), who)
 
 
 async def clear_faults(actuator: ActuatorService, who: str) -> None:
-    """Mend whatever is broken."""
+    """Clear all injected faults of the plant."""
     await actuator.inject_fault(None, who)
+
+
+def _build_plant_fault(injection: Injection) -> Broken:
+    return Broken(Breakage(injection.kind), injection.sensor)
+
+
+def _needs_card(injection: Injection) -> bool:
+    return injection.kind in ONLY_OF_A_CARD

@@ -1,4 +1,4 @@
-"""The player of a recording in place of a plant."""
+"""Replay of a recording: its description and the commands of its player."""
 
 import math
 import re
@@ -17,23 +17,24 @@ from backend.services.lineage import load_marks
 from backend.storage import Database, EventKind, UnknownRecordError, runs
 from plant import ErrorCode, RecordedSamples, Signal, T_s, load_replay
 
-# Played recording ----------------------------------------------------------------------------------
+# Recording -----------------------------------------------------------------------------------------
 #
-# What a file says of the recording in it: which run it is, and what happened in it.
+# Title, run and events of a recording file.
 
 
 _RUN = re.compile(r"run (\d{1,15})")
 
 
 def describe_recording(path: str | Path, database: Database) -> PlayedRecording:
-    """Return what a recording is and what happened in it.
+    """Return title, run, duration and event marks of a recording.
 
-    That is last_move by the log where its run is stored here, else by its columns. Raises PlantError for another file.
+    The marks come from the event log if the run is stored in ``database``, else from the columns for mode and fault.
+    Raises PlantError for an invalid file.
     """
     recording = load_replay(path)
     facts = _read_facts(Path(path))
-    named = None if facts is None else _RUN.fullmatch(facts.of)
-    number = None if named is None else int(named[1])
+    match = None if facts is None else _RUN.fullmatch(facts.of)
+    number = None if match is None else int(match[1])
     stored = None if facts is None or number is None else _load_marks(database, number, facts)
     return PlayedRecording(
         title=facts.of if facts is not None and facts.of else Path(path).name,
@@ -47,11 +48,11 @@ def _read_facts(path: Path) -> Facts | None:
     try:
         return writers.read_parquet(path)[0] if path.suffix == ".parquet" else writers.read_csv(path)[0]
     except (ImportRefusedError, UnicodeDecodeError):
-        return None  # a file that another program wrote, or one cut to a part: it says of itself nothing that holds
+        return None  # a file of another program, or a truncated one: it has no valid facts
 
 
 def _load_marks(database: Database, number: int, facts: Facts) -> list[RunMark] | None:
-    """Return what the log tells of the run; None where the run of that number here is another one."""
+    """Return the marks of the stored run; None if the run of this number in the database is another one."""
     try:
         with database.reading() as session:
             if runs.get(session, number).started_at.isoformat() != facts.started_at:
@@ -62,6 +63,7 @@ def _load_marks(database: Database, number: int, facts: Facts) -> list[RunMark] 
 
 
 def _derive_marks(recording: RecordedSamples) -> list[RunMark]:
+    """Return marks at the changes of mode and fault, sorted by time."""
     columns = recording.columns
     marks = []
     if "mode" in columns:
@@ -77,14 +79,14 @@ def _derive_marks(recording: RecordedSamples) -> list[RunMark]:
 
 
 def _find_changes(codes: Signal) -> list[int]:
-    """Return the places of samples with another code than the one before them."""
-    found: list[int] = (np.flatnonzero(np.diff(codes) != 0.0) + 1).tolist()
-    return found
+    """Return the indices of samples whose code differs from the one before."""
+    indices: list[int] = (np.flatnonzero(np.diff(codes) != 0.0) + 1).tolist()
+    return indices
 
 
 def _look_up_name(names: tuple[Any, ...], code: float) -> str:
-    known = np.isfinite(code) and 0 <= code < len(names)
-    return str(names[int(code)]) if known else f"mode {code:g}"
+    is_known = np.isfinite(code) and 0 <= code < len(names)
+    return str(names[int(code)]) if is_known else f"mode {code:g}"
 
 
 def _build_mark(at: int, kind: EventKind, text: str) -> RunMark:
@@ -93,8 +95,8 @@ def _build_mark(at: int, kind: EventKind, text: str) -> RunMark:
 
 # Player --------------------------------------------------------------------------------------------
 #
-# The player of a recording: where it stands, by what the loop last_move of it last, and what it is asked
-# for.
+# Position and commands of the player. The player itself runs in the control loop, which reports each
+# change of its motion.
 
 
 NO_COMMANDS = (
@@ -104,57 +106,58 @@ NO_COMMANDS = (
 
 
 class RecordingPlayer:
-    """Plays ``recording`` by what ``command`` has the loop do; None where what is driven is no recording."""
+    """Commands the player of a recording and shows its position."""
 
     def __init__(
         self,
         recording: PlayedRecording | None,
-        command: Callable[[Command], Awaitable[Accepted]],
+        send: Callable[[Command], Awaitable[Accepted]],
         on_change: Callable[[], None],
     ) -> None:
-        self._recording, self._command, self._on_change = recording, command, on_change
+        """Send commands to the control loop with ``send``; ``recording`` is None for another plant."""
+        self._recording, self._send, self._on_change = recording, send, on_change
         self._last_move: PlayerMoved | None = None
 
     @property
     def has_recording(self) -> bool:
-        """Whether a recording is in the place of a plant."""
+        """Whether a recording is replayed in place of a plant."""
         return self._recording is not None
 
     @property
     def recording(self) -> PlayedRecording:
-        """What is played. Raises RequestRejectedError where nothing is."""
+        """The replayed recording. Raises RequestRejectedError for another plant."""
         if self._recording is None:
             message = "no recording is played: sinew serve --plant replay --recording FILE plays one"
             raise RequestRejectedError(ErrorCode.NOT_NOW, message, code="no_recording")
         return self._recording
 
     def handle_event(self, event: PlayerMoved) -> None:
-        """Take in where the player is from a tick on."""
+        """Store the position and speed of the player from a tick on."""
         self._last_move = event
         self._on_change()
 
     def view(self, tick: int) -> PlayerView | None:
-        """Return where it stands in ``tick``; None where nothing is played, or the loop has not last_move yet."""
-        last_move, recording = self._last_move, self._recording
-        if last_move is None or recording is None:
+        """Return the position at ``tick``; None for another plant, or before the first report of the control loop."""
+        move, recording = self._last_move, self._recording
+        if move is None or recording is None:
             return None
-        gone = max(0, tick - last_move.tick) * last_move.speed if last_move.playing else 0.0
-        last = last_move.samples - 1
-        sample = min(last_move.sample + gone, last)
+        played = max(0, tick - move.tick) * move.speed if move.playing else 0.0
+        last = move.samples - 1
+        sample = min(move.sample + played, last)
         return PlayerView(
             title=recording.title,
             t=math.floor(sample) * T_s,
             tick=tick,
             duration_s=last * T_s,
-            playing=last_move.playing and sample < last,
+            playing=move.playing and sample < last,
             ended=sample >= last,
-            speed=last_move.speed,
+            speed=move.speed,
             speed_min=SPEED_MIN,
             speed_max=SPEED_MAX,
         )
 
     async def apply(self, order: PlayerOrder) -> None:
-        """Play, pause, set the speed, go to a time. Raises RequestRejectedError, OutOfRangeError."""
+        """Play or pause, set the speed, or go to a time. Raises RequestRejectedError, OutOfRangeError."""
         duration_s = self.recording.duration_s
         sample = None
         if order.speed is not None:
@@ -162,9 +165,9 @@ class RecordingPlayer:
         if order.t is not None:
             check_range("t", order.t, 0.0, duration_s, "s", words="time in the recording")
             sample = round(order.t / T_s)
-        await self._command(PlayRecording(order.playing, order.speed, sample))
+        await self._send(PlayRecording(order.playing, order.speed, sample))
 
     def require_no_recording(self) -> None:
-        """Raise RequestRejectedError while a recording is played: it takes no other commands."""
+        """Raise RequestRejectedError for a replayed recording, which takes no other commands."""
         if self.has_recording:
             raise RequestRejectedError(ErrorCode.NOT_NOW, NO_COMMANDS, code="recording_played")

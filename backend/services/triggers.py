@@ -1,4 +1,4 @@
-"""The trigger as an operator arms it: checked, told in the log and in the state."""
+"""Commands of the trigger: arms and disarms it, and logs that."""
 
 import asyncio
 from datetime import UTC, datetime
@@ -14,24 +14,27 @@ from plant import ErrorCode, T_s
 
 
 class Triggers:
-    """Arms and disarms the one ``trigger`` of the station."""
+    """Arms and disarms the trigger of the service."""
 
     def __init__(self, trigger: Trigger, actuator: ActuatorService, event_log: EventLog, database: Database) -> None:
         self._trigger, self._actuator, self._event_log, self._database = trigger, actuator, event_log, database
         self._command_lock = asyncio.Lock()
-        left = load_armed_trigger(database)
-        if left is not None:
-            says = left.get("says") or Condition(left["signal"], left["kind"], left["level"], left["upper"]).describe()
+        armed = load_armed_trigger(database)
+        if armed is not None:
+            says = (
+                armed.get("says")
+                or Condition(armed["signal"], armed["kind"], armed["level"], armed["upper"]).describe()
+            )
             event_log.add_entry(
-                EventKind.NOTE, f"trigger disarmed, as the service was started anew: {says}, armed by {left['who']}"
+                EventKind.NOTE, f"trigger disarmed, as the service was started anew: {says}, armed by {armed['who']}"
             )
 
     def view(self) -> TriggerView | None:
-        """Return what was armed last since the service started; None where nothing was."""
-        standing = self._trigger.status
-        if standing is None:
+        """Return the last armed trigger with its progress; None if none was armed since the service started."""
+        status = self._trigger.status
+        if status is None:
             return None
-        armed, condition = standing.armed, standing.armed.condition
+        armed, condition = status.armed, status.armed.condition
         return TriggerView(
             signal=condition.signal,
             condition=condition.kind,
@@ -44,23 +47,20 @@ class Triggers:
             says=condition.describe(),
             who=armed.who,
             at=armed.at,
-            phase="ended" if standing.ended else "capturing" if standing.left else "armed",
-            captured=standing.captured,
-            left_s=standing.left * T_s,
-            ended=standing.ended,
+            phase="ended" if status.ended else "capturing" if status.left else "armed",
+            captured=status.captured,
+            left_s=status.left * T_s,
+            ended=status.ended,
         )
 
     async def arm(self, order: TriggerOrder, who: str) -> TriggerView:
-        """Wait for a condition.
-
-        Raises RequestRejectedError while another is waited for, or where the order makes no sense.
-        """
-        condition = _possible(order, await asyncio.to_thread(self._derived))
+        """Arm the trigger with a condition. Raises RequestRejectedError if it is armed or the order is invalid."""
+        condition = _build_condition(order, await asyncio.to_thread(self._load_derived_signals))
         async with self._command_lock:
-            standing = self._trigger.status
-            if standing is not None and self._trigger.is_armed:
-                told = f"{standing.armed.who} has armed it: {standing.armed.condition.describe()}; disarm it first"
-                raise RequestRejectedError(ErrorCode.NOT_NOW, f"the trigger is armed. {told}", code="trigger_armed")
+            status = self._trigger.status
+            if status is not None and self._trigger.is_armed:
+                reason = f"{status.armed.who} has armed it: {status.armed.condition.describe()}; disarm it first"
+                raise RequestRejectedError(ErrorCode.NOT_NOW, f"the trigger is armed. {reason}", code="trigger_armed")
             before, after = round(order.before_s / T_s), round(order.after_s / T_s)
             self._trigger.arm(
                 Armed(
@@ -77,31 +77,32 @@ class Triggers:
             except StorageError:
                 self._trigger.disarm("it could not be put on record")
                 raise
-        made = "once" if order.captures == 1 else f"{order.captures} times"
-        kept = f"{order.before_s:g} s before and {order.after_s:g} s after, {made}"
-        self._note(f"trigger armed: {condition.describe()}; {kept}", who)
+        times = "once" if order.captures == 1 else f"{order.captures} times"
+        captured = f"{order.before_s:g} s before and {order.after_s:g} s after, {times}"
+        self._add_mark(f"trigger armed: {condition.describe()}; {captured}", who)
         view = self.view()
         assert view is not None
         return view
 
     async def disarm(self, who: str) -> None:
-        """Wait for nothing any more; a capture under way ends here and is kept."""
+        """Disarm the trigger; a capture in progress ends and is stored."""
         async with self._command_lock:
             if not self._trigger.is_armed:
                 return
             self._trigger.disarm(f"{who} disarmed it")
             await asyncio.to_thread(self._trigger.save_armed, who)
-        self._note("trigger disarmed", who)
+        self._add_mark("trigger disarmed", who)
 
-    def _derived(self) -> dict[str, Derived]:
+    def _load_derived_signals(self) -> dict[str, Derived]:
         with self._database.reading() as session:
             return {one.name: build_derived_signal(one) for one in formulas.find(session)}
 
-    def _note(self, text: str, who: str) -> None:
+    def _add_mark(self, text: str, who: str) -> None:
         self._event_log.add_mark(MarkKind.NOTE, text, self._actuator.live_state.tick, who)
 
 
-def _possible(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:
+def _build_condition(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:
+    """Return a checked condition; ``derived`` are the derived signals by name. Raises RequestRejectedError."""
     if order.signal not in UNIT_BY_SIGNAL and order.signal not in derived:
         message = f"there is no signal {order.signal!r}: the nearest is {find_nearest_name(order.signal)}"
         raise RequestRejectedError(

@@ -10,7 +10,7 @@ from backend.auth.control_lease import ControlLease
 from backend.errors import RequestRejectedError
 from backend.faults import FAULTS, Fault
 from backend.services.actuator import ActuatorService
-from backend.services.fault_injection import BY_HAND, LEADS_TO, apply_fault, describe_faults
+from backend.services.fault_injection import INJECTIONS, MANUAL_CAUSES, apply_fault, describe_faults
 from plant.errors import ErrorCode
 from plant.interface import ONLY_OF_A_CARD, SIMULATOR, PlantChoice, PlantKind
 from tests.api.conftest import once_told, problem, until, wait_for
@@ -27,8 +27,8 @@ ONLY_HERE = [
 
 
 def test_every_fault_has_its_injection_or_a_button() -> None:
-    assert set(LEADS_TO) == set(FAULTS) - {Fault.NONE, *BY_HAND}
-    assert set(BY_HAND) == {Fault.STOP_PRESSED, Fault.SERVICE_ENDED, Fault.INTERNAL_ERROR}
+    assert set(INJECTIONS) == set(FAULTS) - {Fault.NONE, *MANUAL_CAUSES}
+    assert set(MANUAL_CAUSES) == {Fault.STOP_PRESSED, Fault.SERVICE_ENDED, Fault.INTERNAL_ERROR}
 
 
 def test_what_only_a_card_has_is_offered_on_the_virtual_card_only() -> None:
@@ -36,10 +36,10 @@ def test_what_only_a_card_has_is_offered_on_the_virtual_card_only() -> None:
     assert here.card == []
     assert {fault.injection.kind.value for fault in there.card} >= set(ONLY_OF_A_CARD)
     assert all(fault.leads_to for fault in there.card)
-    lacking = {fault.code for fault in here.faults if fault.injection is None} - set(BY_HAND)
+    lacking = {fault.code for fault in here.faults if fault.injection is None} - set(MANUAL_CAUSES)
     assert lacking == {Fault.SENSOR_SATURATED, Fault.MOTOR_REVERSED}
     assert all("--virtual-card" in fault.by_hand for fault in here.faults if fault.code in lacking)
-    assert {fault.code for fault in there.faults if fault.injection is None} == set(BY_HAND)
+    assert {fault.code for fault in there.faults if fault.injection is None} == set(MANUAL_CAUSES)
 
 
 def test_a_simulator_has_no_card_to_break(off: httpx.Client) -> None:
@@ -62,7 +62,7 @@ def test_the_list_tells_words_and_injections(viewer: httpx.Client) -> None:
 @pytest.mark.parametrize("fault", ONLY_HERE)
 def test_an_injected_fault_is_latched_and_told(off: httpx.Client, fault: Fault) -> None:
     off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
-    off.post("/api/faults/injection", json=LEADS_TO[fault].model_dump(mode="json")).raise_for_status()
+    off.post("/api/faults/injection", json=INJECTIONS[fault].model_dump(mode="json")).raise_for_status()
     wait_for(off, "mode", "tripped")
     state = once_told(off, "stop_proof")  # an event, which comes a moment after the sample
     told = state["fault"]
@@ -121,13 +121,13 @@ class _RigActuator:
     live_state = _RigState()
 
 
-@pytest.mark.parametrize("fault", LEADS_TO)
+@pytest.mark.parametrize("fault", INJECTIONS)
 def test_nothing_is_injected_into_a_rig(fault: Fault) -> None:
     rig, control = cast(ActuatorService, _RigActuator()), cast(ControlLease, None)
     with pytest.raises(
         RequestRejectedError, match="only into what is simulated, and what is driven is the rig"
     ) as error:
-        asyncio.run(apply_fault(rig, control, LEADS_TO[fault], "Ana"))
+        asyncio.run(apply_fault(rig, control, INJECTIONS[fault], "Ana"))
     assert error.value.category is ErrorCode.NOT_NOW
 
 
