@@ -1,4 +1,4 @@
-"""Commissioning from the page: steps, their results, and what takes effect of them."""
+"""Commissioning of the rig from the page: steps, their results, and their effect on the control loop."""
 
 import asyncio
 import logging
@@ -40,13 +40,13 @@ from plant import (
     wiring_fingerprint,
 )
 
-# Bring up view -------------------------------------------------------------------------------------
+# Views ---------------------------------------------------------------------------------------------
 #
-# How the steps of the bring-up are shown.
+# The steps of the commissioning (page label: bring-up) as the page shows them.
 
 
 def build_inapplicable_view(why_not: str) -> BringUpView:
-    """Return the steps where there is no rig to be brought up."""
+    """Return the steps for a plant that needs no commissioning, with the reason ``why_not``."""
     never = StepStatus(StepState.NEVER, why_not)
     return BringUpView(
         applies=False,
@@ -65,7 +65,7 @@ def build_step_view(
     blocked: str,
     running: RunningStep | None,
 ) -> BringUpStep:
-    """Return one step, with its newest result."""
+    """Return one step with its newest result; ``blocked`` is the reason why it cannot start, or empty."""
     return BringUpStep(
         id=step.id,
         title=step.title,
@@ -84,10 +84,10 @@ def _build_result(stored: StoredStepResult) -> StepResult:
     return StepResult(passed=stored.passed, text=stored.text, figures=figures, who=stored.who, at=stored.at)
 
 
-# Findings ------------------------------------------------------------------------------------------
+# Results -------------------------------------------------------------------------------------------
 #
-# What the steps of the bring-up come to in the service: kept, put in force, and taken back where it
-# proved wrong.
+# Stores the results of the steps, activates them in the control loop, and revokes the directions of
+# the motors if the control loop disproves them.
 
 
 NOT_YET = "takes effect at the next start of the loop: do it again in off, or start the service anew"
@@ -96,10 +96,12 @@ _log = logging.getLogger(__name__)
 
 
 class CommissioningResults:
-    """Belongs to the service's event loop. ``problem`` tells what could not be kept, or is not in force yet."""
+    """Stores and activates results. Runs in the event loop of the service."""
 
     def __init__(self, actuator: ActuatorService, supervisor: Supervisor, database: Database) -> None:
         self.problem = ""
+        """Which result could not be stored or is not active yet; empty for none."""
+
         self._actuator = actuator
         self._supervisor = supervisor
         self._database = database
@@ -107,19 +109,22 @@ class CommissioningResults:
         supervisor.listen(self._handle_event)
 
     def explain_not_applicable(self) -> str:
-        """Return why there is nothing to be brought up; empty where there is."""
+        """Return why the plant needs no commissioning; empty if it does."""
         plant = self._actuator.live_state.plant
         if plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
             return ""
         return f"a rig is brought up; what is driven here is the {plant.name}"
 
     async def close(self) -> None:
-        """Wait until what was found wrong is kept."""
+        """Wait until disproved directions are stored."""
         if self._storing:
             await asyncio.wait(self._storing)
 
     async def store(self, step: StepId, wiring: Wiring, finding: StepFinding, who: str) -> None:
-        """Store what a step came to; each start of the loop from here on goes by it, the next one at once if needed."""
+        """Store the result of a step for all later loop processes.
+
+        Restarts the control loop if the result contains calibrations, so that they take effect now.
+        """
         await asyncio.to_thread(status.store_result, self._database, step, wiring, finding, who)
         brought_up = await asyncio.to_thread(status.load_brought_up, self._database, wiring)
         self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
@@ -131,16 +136,16 @@ class CommissioningResults:
             self.problem = f"What {STEP[step].title} of the bring-up has measured {NOT_YET} ({error})."
 
     def _handle_event(self, event: Event | LoopExited) -> None:
-        """Take a motor that turned the wrong way for what it is: the directions are disproved, for later starts too."""
+        """Revoke the directions, also for later loop processes, if a motor has turned the wrong way."""
         if isinstance(event, Stopped) and event.fault is Fault.MOTOR_REVERSED and not self.explain_not_applicable():
-            keeping = asyncio.create_task(self._store_wrong_directions(event.detail))
-            self._storing.add(keeping)
-            keeping.add_done_callback(self._storing.discard)
+            task = asyncio.create_task(self._store_wrong_directions(event.detail))
+            self._storing.add(task)
+            task.add_done_callback(self._storing.discard)
 
-    async def _store_wrong_directions(self, seen: str) -> None:
+    async def _store_wrong_directions(self, detail: str) -> None:
         try:
             wiring = await asyncio.to_thread(self.load_wiring)
-            finding = StepFinding(False, f"the loop has stopped: {seen}")
+            finding = StepFinding(False, f"the loop has stopped: {detail}")
             await self.store(StepId.DIRECTION, wiring, finding, "the loop")
         except Exception as error:
             _log.exception("The service could not store that the directions are wrong.")
@@ -149,11 +154,14 @@ class CommissioningResults:
             self._actuator.publish_change()
 
     def load_wiring(self) -> Wiring:
-        """Return the wiring as its file says it now. Raises PlantError."""
+        """Return the current content of the wiring file. Raises PlantError."""
         return load_wiring_choice(self._actuator.live_state.plant)
 
     def explain_changed_wiring(self, wiring: Wiring) -> str:
-        """Return why no step can be played: it would be kept for the file of now, and be found with another."""
+        """Return why no step can run with a wiring file that differs from that of the loop; empty if it is the same.
+
+        The result would be stored for the new file, although it was measured with the old one.
+        """
         if wiring_fingerprint(wiring) == self._supervisor.started_with.wired:
             return ""
         return (
@@ -161,30 +169,33 @@ class CommissioningResults:
         )
 
 
-# Bring up ------------------------------------------------------------------------------------------
+# Commissioning service -----------------------------------------------------------------------------
 #
-# Bringing the rig up from the page: one step at a time, its results kept, what it has measured put
-# in force.
+# Runs one step at a time, and stores and activates its result.
 
 
 _SHOWN_S = 0.2
+"""Longest wait [s] until the card shows that the drives were switched."""
 
 
 @dataclass
 class _RunningStep:
-    """The step under way; ``confirmed`` is what it waits for, None for nothing; ``over`` once its result is kept."""
+    """The step in progress."""
 
     step: StepId
     phase: str = "starting"
-    ask: str = ""
+    prompt: str = ""
+    """Text that asks the operator for a confirmation; empty while none is needed."""
+
     confirmed: asyncio.Future[None] | None = None
-    began_s: float = field(default_factory=lambda: asyncio.get_running_loop().time())
+    started_s: float = field(default_factory=lambda: asyncio.get_running_loop().time())
     task: asyncio.Task[None] | None = None
-    over: bool = False
+    is_over: bool = False
+    """Whether the procedure has ended, and only its result is being stored."""
 
 
 class CommissioningService:
-    """Belongs to the service's event loop."""
+    """Runs the steps of the commissioning. Runs in the event loop of the service."""
 
     def __init__(
         self,
@@ -201,19 +212,19 @@ class CommissioningService:
         self._drive_lockout = drive_lockout
         self._results = CommissioningResults(actuator, supervisor, database)
         self._running: _RunningStep | None = None
-        self._started = actuator.live_state.starts, datetime.now(UTC)
+        self._loop_start = actuator.live_state.starts, datetime.now(UTC)  # number and time of the newest loop process
 
     @property
     def problem(self) -> str:
-        """What of it could not be kept, or is not in force yet."""
+        """Which result could not be stored or is not active yet; empty for none."""
         return self._results.problem
 
     def set_parameters(self, parameters: PlantParameters) -> None:
-        """Work by these parameters from now on."""
+        """Use other parameters from the next step on."""
         self._parameters = parameters
 
     async def view(self) -> BringUpView:
-        """Return all steps and how each stands."""
+        """Return all steps with their status."""
         why_not = self._results.explain_not_applicable()
         if why_not:
             return build_inapplicable_view(why_not)
@@ -223,26 +234,26 @@ class CommissioningService:
             why_not = self._results.explain_changed_wiring(wiring)
         except PlantError as error:
             why_not = str(error)
-        kept = await asyncio.to_thread(status.load_results, self._database)
-        states, results = self._compute_states(kept, wiring), kept.results
+        stored = await asyncio.to_thread(status.load_results, self._database)
+        statuses = self._determine_statuses(stored, wiring)
         steps = [
             build_step_view(
                 step,
-                states[step.id],
-                results.get(step.id),
-                why_not or self._find_blocker(step, states),
+                statuses[step.id],
+                stored.results.get(step.id),
+                why_not or self._explain_blocked(step, statuses),
                 self._view_running(step.id),
             )
             for step in STEPS
-            if step.id in states
+            if step.id in statuses
         ]
-        left = self._drive_lockout.previous_lock
+        earlier = self._drive_lockout.previous_lock
         return BringUpView(
             applies=True,
             why_not="",
             drives_on=self._supervisor.card.state().drive_enabled if self._supervisor.is_alive else None,
             drives_locked=self._supervisor.setup.drives_off,
-            drives_left=None if left is None else EarlierLockout(who=left.who, at=left.at),
+            drives_left=None if earlier is None else EarlierLockout(who=earlier.who, at=earlier.at),
             steps=steps,
         )
 
@@ -250,16 +261,16 @@ class CommissioningService:
         running = self._running
         if running is None or running.step is not step:
             return None
-        elapsed_s = asyncio.get_running_loop().time() - running.began_s
-        return RunningStep(phase=running.phase, elapsed_s=elapsed_s, confirm=running.ask)
+        elapsed_s = asyncio.get_running_loop().time() - running.started_s
+        return RunningStep(phase=running.phase, elapsed_s=elapsed_s, confirm=running.prompt)
 
     async def start(self, step: StepId, values: dict[str, float], who: str) -> BringUpView:
-        """Start a step. Raises RequestRejectedError where it cannot be started now, OutOfRangeError."""
+        """Start a step with the entered ``values``. Raises RequestRejectedError, OutOfRangeError."""
         why_not = self._results.explain_not_applicable()
         if why_not:
             raise RequestRejectedError(ErrorCode.NOT_NOW, why_not)
         try:
-            wanted = collect_values(step, values)
+            complete_values = collect_values(step, values)
             wiring = await asyncio.to_thread(self._results.load_wiring)
         except InvalidValueError:
             raise
@@ -268,21 +279,21 @@ class CommissioningService:
         except PlantError as error:
             raise RequestRejectedError(ErrorCode.NOT_NOW, str(error)) from None
         async with self._actuator.start_lock:
-            kept = await asyncio.to_thread(status.load_results, self._database)
-            blocked = self._results.explain_changed_wiring(wiring) or self._find_blocker(
-                STEP[step], self._compute_states(kept, wiring)
+            stored = await asyncio.to_thread(status.load_results, self._database)
+            blocked = self._results.explain_changed_wiring(wiring) or self._explain_blocked(
+                STEP[step], self._determine_statuses(stored, wiring)
             )
             if blocked:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, blocked)
             self._results.problem = ""
             running = self._running = _RunningStep(step)
             self._set_occupied(running)
-            running.task = asyncio.create_task(self._run(running, wiring, wanted, who))
+            running.task = asyncio.create_task(self._run(running, wiring, complete_values, who))
         self._actuator.publish_change()
         return await self.view()
 
     async def confirm(self) -> BringUpView:
-        """Go on with the step under way. Raises RequestRejectedError where nothing waits for it."""
+        """Give the confirmation that the running step waits for. Raises RequestRejectedError if it waits for none."""
         running = self._running
         if running is None or running.confirmed is None or running.confirmed.done():
             raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up waits for a confirmation")
@@ -290,11 +301,11 @@ class CommissioningService:
         return await self.view()
 
     async def cancel(self) -> BringUpView:
-        """Give up the step under way. Raises RequestRejectedError where there is none."""
+        """Cancel the running step. Raises RequestRejectedError without one, or while its result is being stored."""
         running = self._running
         if running is None or running.task is None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up is under way")
-        if running.over:  # given up now, it would leave a loop that is starting to itself
+        if running.is_over:  # a cancellation now could interrupt a restart of the control loop
             title = STEP[running.step].title
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW, f"{title} is over, and its result is being kept: wait a moment"
@@ -304,68 +315,64 @@ class CommissioningService:
         return await self.view()
 
     async def switch_drives(self, on: bool, who: str) -> BringUpView:
-        """Take the drives away or give them back, between two steps.
-
-        Raises RequestRejectedError where that cannot be now.
-        """
+        """Enable the drives between two steps, or disable them. Raises RequestRejectedError, LoopExitedError."""
         why_not = self._results.explain_not_applicable()
         if why_not:
             raise RequestRejectedError(ErrorCode.NOT_NOW, why_not)
         await self._actuator.switch_drives(on, who)
-        shown = self._supervisor.card.state
-        with suppress(TimeoutError, LoopExitedError):  # of a rig it is shown with the next write
-            await self._supervisor.advance_until(lambda: shown().drive_enabled is on, _SHOWN_S)
+        read_card = self._supervisor.card.state
+        with suppress(TimeoutError, LoopExitedError):  # the control loop reports a real card with its next write
+            await self._supervisor.advance_until(lambda: read_card().drive_enabled is on, _SHOWN_S)
         return await self.view()
 
     async def close(self) -> None:
-        """Give up what is under way, at the end of the service; a result that is being kept is kept first."""
+        """Cancel the running step at the end of the service; waits for a result that is being stored."""
         await self._results.close()
         running = self._running
         if running is not None and running.task is not None:
-            if not running.over:
+            if not running.is_over:
                 running.task.cancel()
             await asyncio.wait((running.task,))
 
     async def _run(self, running: _RunningStep, wiring: Wiring, values: dict[str, float], who: str) -> None:
-        async def confirmed(words: str) -> None:
-            running.ask, running.confirmed = words, asyncio.get_running_loop().create_future()
+        async def request_confirmation(prompt: str) -> None:
+            running.prompt, running.confirmed = prompt, asyncio.get_running_loop().create_future()
             self._actuator.publish_change()
             try:
                 await running.confirmed
             finally:
-                running.ask, running.confirmed = "", None
+                running.prompt, running.confirmed = "", None
                 self._actuator.publish_change()
 
-        def phase(name: str) -> None:
+        def report_phase(name: str) -> None:
             running.phase = name
             self._actuator.publish_change()
 
-        # What is stored, in force already or not: a tare measures volts, and keeps the slope it is given.
+        # With the stored calibrations, active or not: a tare measures volts and keeps the stored slope.
         calibrated = apply_calibration(wiring, self._supervisor.setup.brought_up.calibrations)
-        computed = self._actuator.live_state.plant.simulated
-        work = ProcedureContext(
+        context = ProcedureContext(
             self._supervisor,
             calibrated,
             self._parameters,
             values,
-            is_simulated=computed,
-            request_confirmation=confirmed,
+            is_simulated=self._actuator.live_state.plant.simulated,
+            request_confirmation=request_confirmation,
             set_drives=lambda on: switch_drives(self._supervisor, self._drive_lockout, on, who),
-            report_phase=phase,
+            report_phase=report_phase,
         )
         try:
             try:
-                finding = await run_step(running.step, work)
-            except LoopExitedError as died:
-                finding = StepFinding(False, str(died))
-            running.over = True
-            phase("keeping the result")
+                finding = await run_step(running.step, context)
+            except LoopExitedError as error:
+                finding = StepFinding(False, str(error))
+            running.is_over = True
+            report_phase("keeping the result")
             await self._results.store(running.step, wiring, finding, who)
         except Exception as error:
-            _log.exception("Step %s of the bring-up failed.", running.step)
+            _log.exception("Step %s of the commissioning failed.", running.step)
             title = STEP[running.step].title
             self._results.problem = f"{title} of the bring-up was given up, and has to be done again: {error}"
-            if running.step is StepId.DIRECTION:  # what is not kept does not count for this loop either
+            if running.step is StepId.DIRECTION:  # a result that is not stored is not valid for the running loop either
                 with suppress(LoopExitedError):
                     await self._supervisor.send(ProveDirections(proven=False))
         finally:
@@ -373,25 +380,28 @@ class CommissioningService:
             self._set_occupied(None)
             self._actuator.publish_change()
 
-    def _compute_states(self, kept: StoredResults, wiring: Wiring | None) -> dict[StepId, StepStatus]:
+    def _determine_statuses(self, stored: StoredResults, wiring: Wiring | None) -> dict[StepId, StepStatus]:
         starts = self._actuator.live_state.starts
-        if starts != self._started[0]:
-            self._started = starts, datetime.now(UTC)
-        found = status.determine_statuses(kept, wiring, self._started[1])
+        if starts != self._loop_start[0]:
+            self._loop_start = starts, datetime.now(UTC)
+        statuses = status.determine_statuses(stored, wiring, self._loop_start[1])
         if self._supervisor.started_with.calibrations != self._supervisor.setup.brought_up.calibrations:
             for step in (StepId.TARE, StepId.CALIBRATE):
-                if found[step].state is StepState.CURRENT:
-                    found[step] = found[step]._replace(state=StepState.OUT_OF_DATE, why=f"what was measured {NOT_YET}")
-        return found
+                if statuses[step].state is StepState.CURRENT:
+                    statuses[step] = statuses[step]._replace(
+                        state=StepState.OUT_OF_DATE, why=f"what was measured {NOT_YET}"
+                    )
+        return statuses
 
     def _set_occupied(self, running: _RunningStep | None) -> None:
-        """Say in the state what has the rig for itself, and which trip it provokes."""
+        """Set in the live state which step occupies the rig, and which fault it provokes."""
         live_state = self._actuator.live_state
         live_state.occupied_by = "" if running is None else f"{STEP[running.step].title} of the bring-up is under way"
-        tries_module = running is not None and running.step is StepId.SAFETY_MODULE
-        live_state.provoked_fault = Fault.SAFETY_MODULE if tries_module else Fault.NONE
+        provokes_trip = running is not None and running.step is StepId.SAFETY_MODULE
+        live_state.provoked_fault = Fault.SAFETY_MODULE if provokes_trip else Fault.NONE
 
-    def _find_blocker(self, step: CommissioningStep, states: dict[StepId, StepStatus]) -> str:
+    def _explain_blocked(self, step: CommissioningStep, statuses: dict[StepId, StepStatus]) -> str:
+        """Return why a step cannot start now; empty if it can."""
         live_state = self._actuator.live_state
         if self._running is not None:
             return f"{STEP[self._running.step].title} is under way"
@@ -399,4 +409,4 @@ class CommissioningService:
             return f"run {live_state.task.run} is under way"
         if live_state.mode is not Mode.OFF:
             return f"the mode is {live_state.mode}: bring it to off first"
-        return find_blocking_steps(step, states)
+        return find_blocking_steps(step, statuses)

@@ -175,7 +175,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
         bring_up = CommissioningService(
             parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
         )
-        bring_up._started = 1, datetime.min.replace(tzinfo=UTC)  # the zero is this loop's
+        bring_up._loop_start = 1, datetime.min.replace(tzinfo=UTC)  # the zero is this loop's
         await parts.supervisor.advance(0.01)
         assert rig.unproven == ""
         await bring_up.start(StepId.DIRECTION, {}, "Ada")
@@ -222,7 +222,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         bring_up = CommissioningService(
             parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
         )
-        bring_up._started = 1, datetime.min.replace(tzinfo=UTC)
+        bring_up._loop_start = 1, datetime.min.replace(tzinfo=UTC)
         await parts.supervisor.advance(0.01)
         request = ActuatorRequest(tension_N=20.0, bits=6)
         run = asyncio.create_task(parts.ordered_runs.start_identification(request, "Ada"))
