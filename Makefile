@@ -1,18 +1,32 @@
-# make run    installs, builds, migrates and starts Sinew on the simulator; prints the sign-in link
-# make test   installs what the tests need (a browser too) and runs what each change has to pass, in lanes: tests/lanes.py
-# Further: check, format, test-thorough (all tests, for a version), test-newest (the tests on the newest Python), fuzz (junk at every door), bench, soak (attacks and long runs),
-# mutate (whether the tests notice when something is computed wrongly; an hour),
-# figures (the tables of the documents, computed anew), screenshots, lock (the newest packages that pyproject.toml allows, with their hashes). Everything made stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static.
-# ARGS goes to sinew serve, pytest, the soak or the mutants; EXTRAS=rig or postgres adds what these need, from the first install on.
+# make run    installs, builds, migrates and starts Sinew on the simulator, and prints the sign-in link
+# make test   installs the test dependencies (including a browser) and runs the tests that every change must pass, in
+#             parallel lanes (tests/lanes.py)
+#
+# Further targets:
+#   check          linters and type checkers
+#   format         formatters
+#   test-thorough  all tests, before a release
+#   test-newest    the tests on the newest supported Python
+#   fuzz           random requests to all API operations
+#   bench          benchmarks
+#   soak           attacks and long runs
+#   mutate         mutation tests of the numerical code; takes an hour
+#   figures        recompute the tables of the documentation
+#   screenshots    renew the screenshots of the documentation
+#   lock           pin the newest packages that pyproject.toml allows, with their hashes
+#
+# All output stays in .venv, .venv-newest, .cache, frontend/node_modules and backend/static. ARGS is passed to sinew
+# serve, pytest, soak or mutate. EXTRAS=rig or EXTRAS=postgres installs optional dependencies; set it from the first
+# install on.
 
 VENV := .venv
 BIN := $(VENV)/bin
 NPM := $(BIN)/python frontend/build.py
 ARGS ?=
 EXTRAS ?=
-# What is imported is compiled to bytecode once, whatever is set for this shell: all that starts later starts sooner.
+# Bytecode is cached regardless of the environment of the shell, so that later starts are faster.
 unexport PYTHONDONTWRITEBYTECODE
-# Generated requests for each operation and kind of token, and the seed that they are made from.
+# Number of generated requests per operation and kind of token, and the seed of the generator.
 EXAMPLES ?= 120
 SEED ?= 1
 
@@ -45,7 +59,7 @@ check: install-dev packages
 	$(BIN)/python -m backend.api.export --check frontend/src/wire
 	$(NPM) check
 
-# The types of the interface, for an editor and for tsc: they are not committed.
+# Types of the API for editors and tsc; not committed.
 types: install-dev packages
 	$(BIN)/python -m backend.api.export frontend/src/wire
 	$(NPM) types
@@ -75,7 +89,7 @@ screenshots: install-dev frontend
 	.ci/provide browser
 	$(BIN)/python -m tests.e2e.screenshots
 
-# A stamp per set of packages: a second make finds it newer than its sources and goes straight on.
+# One stamp file per set of packages: make skips an installation whose stamp is newer than its sources.
 install: $(VENV)/.installed
 install-dev: $(VENV)/.installed-dev
 install-newest: install-dev frontend
@@ -105,6 +119,6 @@ lock: install
 frontend: install
 	@$(NPM) build
 
-# What only the checks and tests of the page need.
+# Packages that only the checks and tests of the page need.
 packages: install-dev
 	@$(NPM) packages
