@@ -15,10 +15,10 @@ from backend.errors import RequestRejectedError
 from backend.schemas import (
     ErrorDetail,
     ErrorResponse,
-    error_message,
-    form_error_body,
-    printable_refused_value,
-    replace_unsendable,
+    build_error_detail,
+    build_request_error,
+    limit_rejected_value,
+    replace_invalid_text,
 )
 from backend.server import is_page_request, missing_page_message, render_message_page
 from backend.units import AngleUnit
@@ -84,7 +84,7 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
     async def refused(request: Request, error: SinewError) -> JSONResponse:
         if error.category is None:
             return await unexpected(request, error)
-        return await answer(request, STATUS[error.category], partial(error_message, error), _headers(error))
+        return await answer(request, STATUS[error.category], partial(build_error_detail, error), _headers(error))
 
     @app.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
@@ -112,7 +112,7 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
 
 def answer_to(error: RequestRejectedError) -> JSONResponse:
     """Return the answer that a refusal is."""
-    return _answer(STATUS[error.category], error_message(error), _headers(error))
+    return _answer(STATUS[error.category], build_error_detail(error), _headers(error))
 
 
 def _headers(error: SinewError) -> dict[str, str]:
@@ -122,10 +122,10 @@ def _headers(error: SinewError) -> dict[str, str]:
 
 def _form_problem(request: Request, error: Mapping[str, Any], angles: AngleUnit) -> ErrorDetail:
     wanted = getattr(request.scope.get("route"), "body_field", None) if error["loc"][:1] == ("body",) else None
-    problem = form_error_body(error, None if wanted is None else wanted.field_info.annotation, angles)
-    return problem.model_copy(update={"value": printable_refused_value(problem.value)})
+    problem = build_request_error(error, None if wanted is None else wanted.field_info.annotation, angles)
+    return problem.model_copy(update={"value": limit_rejected_value(problem.value)})
 
 
 def _answer(status: int, problem: ErrorDetail, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    body = replace_unsendable(ErrorResponse(error=problem).model_dump(exclude_none=True))
+    body = replace_invalid_text(ErrorResponse(error=problem).model_dump(exclude_none=True))
     return JSONResponse(body, status_code=status, headers=dict(headers or {}))
