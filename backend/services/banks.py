@@ -1,4 +1,4 @@
-"""Stored banks: built from identifications, compared, taken out and brought in."""
+"""Stored banks: build, compare, export and import."""
 
 import asyncio
 from collections.abc import Callable, Collection, Sequence
@@ -33,33 +33,33 @@ from plant import PlantParameters
 
 
 class TuningContext(Protocol):
-    """What a bank is compared with and judged at."""
+    """The active tuning, with which banks are compared and evaluated."""
 
     @property
     def parameters(self) -> PlantParameters:
-        """Those of the plant."""
+        """Parameters of the plant."""
         ...
 
     @property
     def lambdas(self) -> TuningParameters:
-        """The tuning parameters and b."""
+        """Tuning parameters λ and b."""
         ...
 
     @property
     def previewer(self) -> TuningPreviewer:
-        """What predicts the loops on the models in use."""
+        """Predicts the loops with the models in use."""
         ...
 
     @property
     def bank(self) -> Bank | None:
-        """The bank in use, None for gains from geometry."""
+        """The active bank, None for geometric gains."""
         ...
 
 
 class StoredBanks:
-    """Reads and writes banks; what takes long is computed in the process for such work.
+    """Reads and writes banks; long computations run in the worker process.
 
-    Plain methods wait for the database: the event loop calls them in a thread.
+    Methods that are not coroutines wait for the database: the event loop calls them in a thread.
     """
 
     def __init__(self, database: Database, worker: WorkerProcess, tuning: Callable[[], TuningContext]) -> None:
@@ -68,7 +68,7 @@ class StoredBanks:
         self._tuning = tuning
 
     def preload(self) -> None:
-        """Load what looks at banks, in the process for such work; called in the event loop."""
+        """Import the evaluation of banks in the worker process; called in the event loop."""
         self._worker.preload(compute_entry_figures, *NUMERIC_LIBRARIES)
 
     def list_banks(self) -> list[BankView]:
@@ -87,22 +87,28 @@ class StoredBanks:
             return build_bank_view(bank, identifications.find_estimate_runs(session), positions, self._get_active_id())
 
     def load_stored_bank(self, bank_id: int) -> Bank:
-        """Return one version of a bank as it is stored. Raises UnknownRecordError."""
+        """Return one version of a bank as stored. Raises UnknownRecordError."""
         with self._database.reading() as session:
             return banks.get(session, bank_id)
 
     def find_existing(self, numbers: Collection[int]) -> list[Bank]:
-        """Return the banks of these numbers that there are."""
+        """Return the banks with these numbers that exist."""
         with self._database.reading() as session:
             return [bank for bank in banks.find(session) if bank.id in numbers]
 
     def build_bank(self, name: str, run_ids: Sequence[int], who: str) -> BankView:
-        """Build the next version of a bank from identification runs. Raises BankError, UnknownRecordError."""
+        """Build the next version of a bank from identification runs.
+
+        Raises BankError, UnknownRecordError.
+        """
         parameters = self._tuning().parameters
         return self.load_bank(builder.build_bank(self._database, parameters, name, run_ids, who).id)
 
     async def compute_detail(self, bank_id: int) -> BankDetail:
-        """Return gains, M_s at the λ in force, and lineage of every entry. Raises UnknownRecordError, TuningError."""
+        """Return gains, M_s at the active λ, and lineage of every entry.
+
+        Raises UnknownRecordError, TuningError.
+        """
         tuning = self._tuning()
         bank, lineage = await asyncio.to_thread(self._load_with_lineage, bank_id)
         figures = await self._worker.run(compute_entry_figures, tuning.parameters, tuning.lambdas, bank.entries)
@@ -117,9 +123,9 @@ class StoredBanks:
     async def compute_difference(
         self, bank_id: int | None, other: int | None, run_ids: Sequence[int]
     ) -> BankDifference:
-        """Compare a bank, None for gains from geometry, with another one or with itself after identifying again.
+        """Compare a bank with another one, or with itself after new identifications.
 
-        Raises UnknownRecordError, BankError, TuningError.
+        ``bank_id`` None stands for geometric gains. Raises UnknownRecordError, BankError, TuningError.
         """
         tuning = self._tuning()
         before, after = await asyncio.to_thread(self._load_compared_entries, bank_id, other, run_ids)
@@ -131,7 +137,7 @@ class StoredBanks:
         )
 
     def export_bank(self, bank_id: int) -> BankFile:
-        """Return a bank as a file. Raises UnknownRecordError."""
+        """Return a bank in its file format. Raises UnknownRecordError."""
         return BankFile.model_validate(builder.build_bank_document(self.load_stored_bank(bank_id)))
 
     def import_bank(self, file: BankFile, who: str) -> BankView:
@@ -140,7 +146,7 @@ class StoredBanks:
         return self.load_bank(builder.import_bank(self._database, self._tuning().parameters, document, who).id)
 
     def _build_view(self, bank: Bank, runs_of: dict[int, int | None], positions: dict[int, float]) -> BankView:
-        """Return a bank as the list shows it: one that cannot be read says so, and the others are there."""
+        """Return a bank for the list; an unreadable one has the reason as its note."""
         try:
             return build_bank_view(bank, runs_of, positions, self._get_active_id())
         except UnreadableDocumentError as error:
@@ -164,7 +170,7 @@ class StoredBanks:
             return before, merge_entries(before, again)
 
     def _build_geometric_entries(self) -> tuple[BankEntry, ...]:
-        """Return the models in use without a bank, as entries to compare with."""
+        """Return the models in use without a bank as entries, for the comparison."""
         return tuple(
             BankEntry(point.S_nominal, {name: getattr(point, name) for name in MODEL_NAMES})
             for point in self._tuning().previewer.points

@@ -1,4 +1,4 @@
-"""Comparisons of runs: alignment, differences of signals, metrics, files."""
+"""Comparisons of runs: alignment, metrics, differences of signals, CSV files."""
 
 import csv
 import io
@@ -60,22 +60,24 @@ from plant import ErrorCode
 
 # Alignment -----------------------------------------------------------------------------------------
 #
-# Which moment of each run is brought to one: its begin, a step of a reference, an event of the
-# journal.
+# Runs are aligned at their starts, at a step of a reference, or at an event of the log.
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """The moment ``at_s`` [s] of a run, and what its times are shifted by; None and why where there is none."""
+    """The moment ``at_s`` [s] at which a run is aligned, and the offset of its times.
+
+    Both are None with a ``reason`` if the run cannot be aligned.
+    """
 
     at_s: float | None
     offset_s: float | None
     reason: str
 
 
-def align_runs(session: Session, numbers: list[int], reference: int, asked: ComparisonRequest) -> dict[int, Alignment]:
-    """Return by run how it comes onto the time axis of the reference. Raises UnknownRecordError."""
-    moments = {number: _find_moment(session, number, asked) for number in numbers}
+def align_runs(session: Session, numbers: list[int], reference: int, query: ComparisonRequest) -> dict[int, Alignment]:
+    """Return the alignment of each run with the reference. Raises UnknownRecordError."""
+    moments = {number: _find_moment(session, number, query) for number in numbers}
     own, why = moments[reference]
     found = {}
     for number, (at_s, reason) in moments.items():
@@ -87,25 +89,25 @@ def align_runs(session: Session, numbers: list[int], reference: int, asked: Comp
     return found
 
 
-def _find_moment(session: Session, run_id: int, asked: ComparisonRequest) -> tuple[float | None, str]:
-    """Return the moment [s from the run's first sample], or None and why there is none."""
+def _find_moment(session: Session, run_id: int, query: ComparisonRequest) -> tuple[float | None, str]:
+    """Return the moment [s from the run's first sample], or None and the reason."""
     runs.get(session, run_id)
     try:
         recordings.span(session, run_id)
     except UnknownRecordError:
         return None, f"run {run_id} has no samples"
-    match asked.by:
+    match query.by:
         case AlignBy.BEGIN:
             return 0.0, ""
         case AlignBy.STEP:
-            at_s, count = find_jump(session, run_id, asked.step, asked.number)
-            what = f"step of {asked.step}"
+            at_s, count = find_jump(session, run_id, query.step, query.number)
+            what = f"step of {query.step}"
         case AlignBy.EVENT:
-            times = [mark.t for mark in load_marks(session, run_id).marks if mark.kind == asked.event]
+            times = [mark.t for mark in load_marks(session, run_id).marks if mark.kind == query.event]
             count = len(times)
-            at_s = times[asked.number - 1] if count >= asked.number else None
-            what = f"event of the kind {asked.event}"
-    return at_s, "" if at_s is not None else f"run {run_id} has {_format_count(count, what)}, not {asked.number}"
+            at_s = times[query.number - 1] if count >= query.number else None
+            what = f"event of the kind {query.event}"
+    return at_s, "" if at_s is not None else f"run {run_id} has {_format_count(count, what)}, not {query.number}"
 
 
 def _format_count(count: int, what: str) -> str:
@@ -117,9 +119,7 @@ def _plural(what: str) -> str:
     return f"{first}s {rest}"
 
 
-# Comparison ----------------------------------------------------------------------------------------
-#
-# Runs beside each other by their metrics, and one metric over the dates of its runs.
+# Metrics -------------------------------------------------------------------------------------------
 
 
 MAX_RUNS = 20
@@ -127,12 +127,12 @@ MAX_POINTS = 5000
 _ABSENT = "the run has no such metric"
 
 
-def select_runs(asked: ComparisonRequest) -> tuple[list[int], int]:
-    """Return the runs that are compared, each once, and which of them is the reference.
+def select_runs(query: ComparisonRequest) -> tuple[list[int], int]:
+    """Return the compared runs without duplicates, and the reference.
 
     Raises OutOfRangeError, RequestRejectedError.
     """
-    numbers = list(dict.fromkeys(asked.run))
+    numbers = list(dict.fromkeys(query.run))
     check_range(
         "runs",
         len(numbers),
@@ -142,7 +142,7 @@ def select_runs(asked: ComparisonRequest) -> tuple[list[int], int]:
         remedy="name other runs to compare",
         words="number of runs",
     )
-    chosen = numbers[0] if asked.reference is None else asked.reference
+    chosen = numbers[0] if query.reference is None else query.reference
     if chosen not in numbers:
         raise RequestRejectedError(
             ErrorCode.BAD_VALUE,
@@ -152,30 +152,30 @@ def select_runs(asked: ComparisonRequest) -> tuple[list[int], int]:
     return numbers, chosen
 
 
-def compare_runs(session: Session, asked: ComparisonRequest) -> RunComparison:
-    """Return the metrics of runs with their differences to a reference, one of them (None: the first).
+def compare_runs(session: Session, query: ComparisonRequest) -> RunComparison:
+    """Return the metrics of runs with their differences to a reference.
 
-    Raises OutOfRangeError, RequestRejectedError, UnknownRecordError.
+    The reference is the first run by default. Raises OutOfRangeError, RequestRejectedError, UnknownRecordError.
     """
-    numbers, chosen = select_runs(asked)
+    numbers, chosen = select_runs(query)
     found = [runs.get(session, number) for number in numbers]
-    judged = [_load_result(session, run) for run in found]
-    placed = align_runs(session, numbers, chosen, asked)
+    loaded = [_load_result(session, run) for run in found]
+    alignments = align_runs(session, numbers, chosen, query)
     return RunComparison(
         reference=chosen,
         runs=[
-            _build_compared_run(run, result, problem, placed[run.id])
-            for run, (result, problem) in zip(found, judged, strict=True)
+            _build_compared_run(run, result, problem, alignments[run.id])
+            for run, (result, problem) in zip(found, loaded, strict=True)
         ],
         metrics=_build_metrics(
-            [_list_figures(result) for result, _ in judged], [problem for _, problem in judged], numbers.index(chosen)
+            [_list_figures(result) for result, _ in loaded], [problem for _, problem in loaded], numbers.index(chosen)
         ),
         settings=_find_differing_settings(session, found),
     )
 
 
 def _find_differing_settings(session: Session, found: Sequence[Run]) -> list[ComparedSetting]:
-    """Return what not all runs were set to alike."""
+    """Return the settings that differ between runs."""
     each = []
     for run in found:
         bank = None if run.bank_id is None else banks.get(session, run.bank_id)
@@ -193,7 +193,7 @@ def _to_plain_value(value: Any) -> bool | float | str:
 
 
 def _load_result(session: Session, run: Run) -> tuple[Result | None, str]:
-    """Return the newest result of a run, or None and why."""
+    """Return the newest result of a run, or None and the reason."""
     try:
         result = results.newest(session, run.id)
     except UnreadableDocumentError as error:
@@ -205,7 +205,7 @@ def _list_figures(result: Result | None) -> dict[str, MeasuredFigure]:
     return {} if result is None else {item.name: item for item in result.metrics.figures}
 
 
-def _build_compared_run(run: Run, result: Result | None, problem: str, placed: Alignment) -> ComparedRun:
+def _build_compared_run(run: Run, result: Result | None, problem: str, alignments: Alignment) -> ComparedRun:
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
     return ComparedRun(
         id=run.id,
@@ -215,32 +215,32 @@ def _build_compared_run(run: Run, result: Result | None, problem: str, placed: A
         who=run.who,
         started=run.started_at,
         verdict=judge_stored_run(metrics, criteria, problem).sentence,
-        aligned_at_s=placed.at_s,
-        offset_s=placed.offset_s,
-        not_aligned=placed.reason,
+        aligned_at_s=alignments.at_s,
+        offset_s=alignments.offset_s,
+        not_aligned=alignments.reason,
     )
 
 
 def _build_metrics(
     figures: Sequence[dict[str, MeasuredFigure]], problems: Sequence[str], reference: int
 ) -> list[ComparedMetric]:
-    """Return all metrics that any of the runs has, those of the reference first."""
-    shown: dict[str, MeasuredFigure] = {}
+    """Return the metrics of all runs, those of the reference first."""
+    metrics_by_name: dict[str, MeasuredFigure] = {}
     for of_run in (figures[reference], *figures):
         for name, item in of_run.items():
-            shown.setdefault(name, item)
+            metrics_by_name.setdefault(name, item)
     return [
         ComparedMetric(
             name=name,
-            label=shown[name].label,
-            definition=shown[name].definition,
-            unit=shown[name].unit,
+            label=metrics_by_name[name].label,
+            definition=metrics_by_name[name].definition,
+            unit=metrics_by_name[name].unit,
             values=[
-                _build_value(of_run.get(name), figures[reference].get(name), shown[name].unit, problem)
+                _build_value(of_run.get(name), figures[reference].get(name), metrics_by_name[name].unit, problem)
                 for of_run, problem in zip(figures, problems, strict=True)
             ],
         )
-        for name in shown
+        for name in metrics_by_name
     ]
 
 
@@ -261,17 +261,20 @@ def _build_value(
 
 
 def build_metric_history(session: Session, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
-    """Return a metric ("": the first there is) of the runs of a kind that fit ``where``. Raises QueryError."""
+    """Return a metric of the runs of a kind that match ``where``.
+
+    An empty ``metric`` selects the first one. Raises QueryError.
+    """
     of_kind = Compare(Value("kind", 0), Op.EQUAL, (Value(kind, 0),))
-    asked: Query = All((of_kind, parse_query(where)))
-    judged = All((asked, Compare(Value("verdict", 0), Op.EQUAL, tuple(Value(v, 0) for v in _JUDGED_VERDICTS))))
-    known = _find_metrics(session, judged, metric, everywhere=everywhere)
+    query: Query = All((of_kind, parse_query(where)))
+    loaded = All((query, Compare(Value("verdict", 0), Op.EQUAL, tuple(Value(v, 0) for v in _JUDGED_VERDICTS))))
+    known = _find_metrics(session, loaded, metric, everywhere=everywhere)
     chosen = next((one for one in known if one.name == metric or not metric), None)
     if chosen is None:
         if metric:
             raise QueryError(0, f"runs of kind {kind} have no metric {metric!r}", [one.name for one in known], metric)
         return MetricHistory(kind=kind, metric=None, metrics=[], points=[], without=0, left_out=0)
-    found = search.metric_points(session, asked, chosen.name, everywhere=everywhere, limit=MAX_POINTS)
+    found = search.metric_points(session, query, chosen.name, everywhere=everywhere, limit=MAX_POINTS)
     return MetricHistory(
         kind=kind,
         metric=chosen,
@@ -284,23 +287,23 @@ def build_metric_history(session: Session, kind: str, metric: str, where: str, *
 
 _JUDGED_VERDICTS = ("passed", "failed", "neutral", "incomplete")
 _MAX_SEARCHED = 20
-"""Newest runs of a kind in which its metrics are looked for."""
+"""Number of newest runs of a kind whose metrics are listed."""
 
 
-def _find_metrics(session: Session, asked: Query, wanted: str, *, everywhere: bool) -> list[MetricName]:
-    """Return the metrics of the newest runs, and the one that is wanted where an older run alone has it."""
-    newest = search.search(session, asked, everywhere=everywhere, limit=_MAX_SEARCHED).run_ids
+def _find_metrics(session: Session, query: Query, required_name: str, *, everywhere: bool) -> list[MetricName]:
+    """Return the metrics of the newest runs, and ``wanted`` if an older run has it."""
+    newest = search.search(session, query, everywhere=everywhere, limit=_MAX_SEARCHED).run_ids
     known = _list_metrics(session, newest)
-    if wanted and wanted not in known:
-        measured = Compare(Value(f"{ValueSource.METRIC}.{wanted}", 0), Op.UNLIKE, (Value(NONE, 0),))
+    if required_name and required_name not in known:
+        measured = Compare(Value(f"{ValueSource.METRIC}.{required_name}", 0), Op.UNLIKE, (Value(NONE, 0),))
         with suppress(QueryError):  # no run at all has one of this name
-            older = search.search(session, All((asked, measured)), everywhere=everywhere, limit=1).run_ids
-            known |= {name: item for name, item in _list_metrics(session, older).items() if name == wanted}
+            older = search.search(session, All((query, measured)), everywhere=everywhere, limit=1).run_ids
+            known |= {name: item for name, item in _list_metrics(session, older).items() if name == required_name}
     return list(known.values())
 
 
 def _list_metrics(session: Session, run_ids: Sequence[int]) -> dict[str, MetricName]:
-    """Return the metrics of runs by name, as the first of them calls each."""
+    """Return the metrics of runs by name, with the label of the first run."""
     found: dict[str, MetricName] = {}
     for run in runs.of_numbers(session, run_ids):
         for item in _list_figures(_load_result(session, run)[0]).values():
@@ -310,26 +313,25 @@ def _list_metrics(session: Session, run_ids: Sequence[int]) -> dict[str, MetricN
 
 # Differences ---------------------------------------------------------------------------------------
 #
-# Signals of runs minus that of a reference, on its samples: as curves, and where they leave a
-# tolerance band.
+# Signals of runs minus the signal of a reference, at the samples of the reference.
 
 
 Array = NDArray[np.float64]
 
 _TIME_TOLERANCE = 1e-3
-"""Share of a period within which a sample is taken for that of the moment asked for."""
+"""Share of a period within which a sample counts as taken at the requested time."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A signal ``y`` [n] at times ``t`` [n] in s, about one ``period_s`` apart but where samples are missing."""
+    """Values ``y`` [n] at times ``t`` [n, s], one per ``period_s`` except in gaps."""
 
     t: Array
     y: Array
     period_s: float
 
     def interpolate(self, times: Array) -> Array:
-        """Return the values at ``times``, straight between neighbouring samples; nan where either is missing."""
+        """Return the values at ``times`` by linear interpolation; NaN in gaps."""
         slack = _TIME_TOLERANCE * self.period_s
         after = np.searchsorted(self.t, times - slack)
         there = np.minimum(after, self.t.size - 1)
@@ -344,7 +346,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class AlignedRuns:
-    """The reference on the grid of its own samples, and each other run on it, or why there is none of it."""
+    """The signal of the reference and of all other runs on the reference's samples.
+
+    ``reasons`` has the reason for each run that could not be aligned.
+    """
 
     reference: int
     unit: str
@@ -356,30 +361,30 @@ class AlignedRuns:
     reasons: dict[int, str]
 
 
-def align_signals(session: Session, asked: DifferencesRequest) -> AlignedRuns:
-    """Read a signal of all runs, onto the axis of the reference.
+def align_signals(session: Session, query: DifferencesRequest) -> AlignedRuns:
+    """Read a signal of all runs onto the samples of the reference.
 
     Raises RequestRejectedError, UnknownRecordError, UnknownSignalError.
     """
-    numbers, reference = select_runs(asked)
-    placed = align_runs(session, numbers, reference, asked)
-    own = _read_curve(session, reference, asked.signal)
+    numbers, reference = select_runs(query)
+    alignments = align_runs(session, numbers, reference, query)
+    own = _read_curve(session, reference, query.signal)
     count = round(float(own.t[-1]) / own.period_s) + 1
-    first, last = (min(count, int(np.ceil(s / own.period_s - 0.5))) for s in (asked.from_s, asked.to_s))
+    first, last = (min(count, int(np.ceil(s / own.period_s - 0.5))) for s in (query.from_s, query.to_s))
     grid = np.asarray(np.arange(first, last) * own.period_s, np.float64)
     others, reasons = {}, {}
     for number in numbers:
         if number == reference:
             continue
-        offset_s = placed[number].offset_s
+        offset_s = alignments[number].offset_s
         if offset_s is None:
-            others[number], reasons[number] = np.full(grid.size, np.nan), placed[number].reason
+            others[number], reasons[number] = np.full(grid.size, np.nan), alignments[number].reason
         else:
-            others[number] = _read_curve(session, number, asked.signal).interpolate(grid - offset_s)
+            others[number] = _read_curve(session, number, query.signal).interpolate(grid - offset_s)
             reasons[number] = ""
-    offsets = {number: one.offset_s for number, one in placed.items() if one.offset_s is not None}
-    made = select_derived(session, [asked.signal])
-    unit = made[asked.signal].unit if made else UNIT_BY_SIGNAL[asked.signal]
+    offsets = {number: one.offset_s for number, one in alignments.items() if one.offset_s is not None}
+    derived = select_derived(session, [query.signal])
+    unit = derived[query.signal].unit if derived else UNIT_BY_SIGNAL[query.signal]
     return AlignedRuns(
         reference=reference,
         unit=unit,
@@ -393,28 +398,31 @@ def align_signals(session: Session, asked: DifferencesRequest) -> AlignedRuns:
 
 
 def count_samples(database: Database, run_ids: Sequence[int]) -> int:
-    """Return how many samples runs have, all together."""
+    """Return the total number of samples of runs."""
     with database.reading() as session:
         return sum(0 if one is None else one.count for _, one in recordings.of_runs(session, run_ids).values())
 
 
-def compute_differences(database: Database, asked: DifferencesRequest) -> Differences:
-    """Return the differences of a signal to the reference. Raises as ``beside`` does."""
+def compute_differences(database: Database, query: DifferencesRequest) -> Differences:
+    """Return the differences of a signal to the reference.
+
+    Raises as ``align_signals`` does.
+    """
     with database.reading() as session:
-        found = align_signals(session, asked)
+        found = align_signals(session, query)
     first = round(float(found.t[0]) / found.period_s) if found.t.size else 0
-    width = max(1, -(-found.t.size // asked.points))
+    width = max(1, -(-found.t.size // query.points))
     buckets = (first + np.arange(found.t.size)) // width
     starts = np.flatnonzero(np.diff(buckets, prepend=-1))
     return Differences(
         reference=found.reference,
-        signal=asked.signal,
+        signal=query.signal,
         unit=found.unit,
         raw=width == 1,
         width_s=width * found.period_s,
         t=(buckets[starts] * width * found.period_s).tolist(),
         runs=[
-            _build_difference(number, values - found.own, found, starts, asked.band)
+            _build_difference(number, values - found.own, found, starts, query.band)
             for number, values in found.others.items()
         ],
     )
@@ -429,25 +437,25 @@ def _read_curve(session: Session, run_id: int, signal: str) -> Curve:
 
 
 def _build_difference(
-    run: int, apart: Array, found: AlignedRuns, starts: NDArray[np.int64], band: float
+    run: int, difference: Array, found: AlignedRuns, starts: NDArray[np.int64], band: float
 ) -> RunDifference:
-    compared = np.isfinite(apart)
+    compared = np.isfinite(difference)
     count = int(np.count_nonzero(compared))
-    outside = np.abs(apart) > band  # never where there is no number
+    outside = np.abs(difference) > band  # False for NaN
     left = np.flatnonzero(outside)
-    largest = None if count == 0 else int(np.nanargmax(np.abs(apart)))
-    nothing = "" if count else "there is no moment of which both runs have a sample"
+    largest = None if count == 0 else int(np.nanargmax(np.abs(difference)))
+    default_reason = "" if count else "there is no moment of which both runs have a sample"
     return RunDifference(
         run=run,
-        reason=found.reasons[run] or nothing,
-        minimum=_replace_nan(np.fmin.reduceat(apart, starts) if starts.size else apart),
-        maximum=_replace_nan(np.fmax.reduceat(apart, starts) if starts.size else apart),
+        reason=found.reasons[run] or default_reason,
+        minimum=_replace_nan(np.fmin.reduceat(difference, starts) if starts.size else difference),
+        maximum=_replace_nan(np.fmax.reduceat(difference, starts) if starts.size else difference),
         compared_s=count * found.period_s,
-        missing_s=(apart.size - count) * found.period_s,
+        missing_s=(difference.size - count) * found.period_s,
         left_at_s=float(found.t[left[0]]) if left.size else None,
         outside_s=left.size * found.period_s,
         longest_s=max((end - begin for begin, end in _iterate_intervals(outside)), default=0) * found.period_s,
-        largest=None if largest is None else float(apart[largest]),
+        largest=None if largest is None else float(difference[largest]),
         largest_at_s=None if largest is None else float(found.t[largest]),
     )
 
@@ -461,34 +469,32 @@ def _replace_nan(values: Array) -> list[float | None]:
     return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
-# Comparison file -----------------------------------------------------------------------------------
-#
-# Comparisons as comma-separated text, in SI: aligned curves with their differences, and what
-# differs as a table.
+# CSV files -----------------------------------------------------------------------------------------
 
 
 _ROWS = 20_000
-"""Lines that are written at once."""
+"""Lines per chunk."""
 
 _TABLE = ("what", "name", "label", "unit", "run", "value", "difference", "percent", "remark")
 
 
-def stream_curves_file(database: Database, asked: DifferencesRequest) -> Iterator[bytes]:
-    """Yield a signal of all runs on the reference's samples, and its differences; nan where a run has none.
+def stream_curves_file(database: Database, query: DifferencesRequest) -> Iterator[bytes]:
+    """Yield a signal of all runs on the reference's samples, with its differences.
 
-    Raises RequestRejectedError, UnknownRecordError, UnknownSignalError, before the first piece.
+    Samples that a run lacks are NaN. Raises RequestRejectedError, UnknownRecordError, UnknownSignalError before the
+    first chunk.
     """
     import pyarrow as pa
     import pyarrow.csv
 
     with database.reading() as session:
-        compared, found = compare_runs(session, asked), align_signals(session, asked)
-    # signals are written as finely as they were stored, times and differences in full
+        compared, found = compare_runs(session, query), align_signals(session, query)
+    # signals have the precision of the recording, times and differences full precision
     own = found.own.astype(np.float32)
-    meaning = next((f"{field.symbol}: {field.meaning}" for field in FIELDS if field.name == asked.signal), "")
+    meaning = next((f"{field.symbol}: {field.meaning}" for field in FIELDS if field.name == query.signal), "")
     columns: dict[str, tuple[NDArray[Any], str, str]] = {}
     columns["t"] = (found.t, "s", f"time since the first sample of run {found.reference}")
-    name, unit = asked.signal, found.unit
+    name, unit = query.signal, found.unit
     columns[f"{name}_run_{found.reference}"] = own, unit, f"{meaning}; of run {found.reference}, the reference"
     for run, values in found.others.items():
         shift = f"its times shifted by {found.offsets[run]:+.6g} s" if run in found.offsets else found.reasons[run]
@@ -497,7 +503,7 @@ def stream_curves_file(database: Database, asked: DifferencesRequest) -> Iterato
         words = f"run {run} minus run {found.reference}"
         columns[f"d_{name}_run_{run}"] = values - found.own, unit, words
     lines = [
-        *_build_header(compared, asked),
+        *_build_header(compared, query),
         *(format_csv_comment(f"{name} [{unit}] {words}") for name, (_, unit, words) in columns.items()),
     ]
     yield ("\n".join([*lines, ",".join(columns)]) + "\n").encode()
@@ -509,17 +515,17 @@ def stream_curves_file(database: Database, asked: DifferencesRequest) -> Iterato
         yield buffer.getvalue()
 
 
-def stream_table_file(database: Database, asked: ComparisonRequest) -> Iterator[bytes]:
+def stream_table_file(database: Database, query: ComparisonRequest) -> Iterator[bytes]:
     """Yield a line for each metric and differing setting of each run.
 
     Raises RequestRejectedError, UnknownRecordError.
     """
     with database.reading() as session:
-        found = compare_runs(session, asked)
+        found = compare_runs(session, query)
     text = io.StringIO()
     text.write(
         "\n".join(
-            [*_build_header(found, asked), format_csv_comment("differences are to the reference, percent is of it")]
+            [*_build_header(found, query), format_csv_comment("differences are to the reference, percent is of it")]
         )
         + "\n"
     )
@@ -537,19 +543,19 @@ def stream_table_file(database: Database, asked: ComparisonRequest) -> Iterator[
     yield text.getvalue().encode()
 
 
-def _build_header(found: RunComparison, asked: ComparisonRequest) -> Iterator[str]:
+def _build_header(found: RunComparison, query: ComparisonRequest) -> Iterator[str]:
     title = f"comparison with run {found.reference}, Sinew {__version__}; SI units, angles in rad"
-    yield format_csv_comment(f"{title}; {_describe_alignment(asked)}")
+    yield format_csv_comment(f"{title}; {_describe_alignment(query)}")
     for run in found.runs:
         where = run.not_aligned or f"t is its own time {run.offset_s or 0.0:+.6g} s"
         yield format_csv_comment(f"run {run.id}: {run.title}, {run.started.isoformat()}, by {run.who}; {where}")
 
 
-def _describe_alignment(asked: ComparisonRequest) -> str:
-    match asked.by:
+def _describe_alignment(query: ComparisonRequest) -> str:
+    match query.by:
         case AlignBy.BEGIN:
             return "aligned by the begin of each run"
         case AlignBy.STEP:
-            return f"aligned by step {asked.number} of {asked.step}"
+            return f"aligned by step {query.number} of {query.step}"
         case AlignBy.EVENT:
-            return f"aligned by event {asked.number} of the kind {asked.event}"
+            return f"aligned by event {query.number} of the kind {query.event}"

@@ -1,4 +1,4 @@
-"""Downloads and imports of runs: reports, exports and bundles, computed in worker processes."""
+"""Downloads and imports of runs: reports, exports, bundles. Uses worker processes."""
 
 import asyncio
 import json
@@ -36,29 +36,28 @@ from plant import ErrorCode
 
 # Imports -------------------------------------------------------------------------------------------
 #
-# Files of runs taken in, each checked as strictly as what comes by a request: characters, bounds,
-# the plan itself.
+# Imported files are checked as strictly as requests: characters, bounds, and the plan of the run.
 
 
-_LONGEST_EXPERIMENT = 4 * parser.MAX_CHARACTERS
-"""Characters of an experiment as a run keeps it: its JSON has more of them than the YAML that was sent."""
+_MAX_EXPERIMENT_CHARACTERS = 4 * parser.MAX_CHARACTERS
+"""Longest stored experiment: its JSON is longer than the YAML that was sent."""
 
 
 def import_run_file(database: Database, file: Path, who: str, folder: Path, name: str = "") -> ImportResult:
-    """Store the run of a file, a bundle (.zip) or an export, whole or not at all; ``name`` is what it is called.
+    """Import the run of a bundle (.zip) or an export, completely or not at all.
 
-    ``folder`` has room for a bundle unpacked. Raises ImportRefusedError, OSError.
+    ``name`` is the displayed file name; a bundle is unpacked in ``folder``. Raises ImportRefusedError, OSError.
     """
-    called = escape_line(name or file.name)
+    shown_name = escape_line(name or file.name)
     if file.suffix.lower() == ".zip":
         return importer.import_bundle(
-            database=database, file=file, who=who, folder=folder, name=called, check_run=check_run_settings
+            database=database, file=file, who=who, folder=folder, name=shown_name, check_run=check_run_settings
         )
-    return importer.import_export(database, file, who, called, check_run_settings)
+    return importer.import_export(database, file, who, shown_name, check_run_settings)
 
 
 def check_run_settings(run: Run) -> None:
-    """Raise ImportRefusedError for a run whose plan or tuning no request could have ordered."""
+    """Raise ImportRefusedError unless a request could have started the run."""
     try:
         kept = run.set_to
         if kept.experiment is not None:
@@ -73,27 +72,28 @@ def check_run_settings(run: Run) -> None:
         ) from None
 
 
-def _check_experiment(kept: str) -> None:
-    """Raise ExperimentError for an experiment that would not be accepted if somebody sent it now."""
-    if len(kept) > _LONGEST_EXPERIMENT:
-        raise ExperimentError(f"the experiment has {len(kept)} characters, at most {_LONGEST_EXPERIMENT} are accepted")
+def _check_experiment(text: str) -> None:
+    """Raise ExperimentError for an experiment that a request could not send."""
+    if len(text) > _MAX_EXPERIMENT_CHARACTERS:
+        raise ExperimentError(
+            f"the experiment has {len(text)} characters, at most {_MAX_EXPERIMENT_CHARACTERS} are accepted"
+        )
     try:
-        parser.build_experiment(json.loads(kept), {})
+        parser.build_experiment(json.loads(text), {})
     except (ValueError, RecursionError) as error:
         if isinstance(error, ExperimentError):
             raise
         raise ExperimentError(f"the experiment is not JSON: {error}") from None
 
 
-# Bundling ------------------------------------------------------------------------------------------
-#
-# A run's bundle with its report, made where none was handed out yet.
+# Bundles -------------------------------------------------------------------------------------------
 
 
 def stream_bundle(database: Database, run_id: int, folder: Path) -> Iterator[bytes]:
-    """Return the bundle of a run, piece by piece; sessions have no report.
+    """Return the chunks of a run's bundle with its newest report.
 
-    Raises UnknownRecordError, and ExportError for what no installation would take in.
+    The report is rendered if none is stored; sessions have none. Raises UnknownRecordError, and ExportError for a run
+    that no installation would import.
     """
     with database.reading() as session:
         run = runs.get(session, run_id)
@@ -101,8 +101,8 @@ def stream_bundle(database: Database, run_id: int, folder: Path) -> Iterator[byt
             check_run_settings(run)
         except ImportRefusedError as error:
             raise ExportError(f"run {run_id}: {error}") from None
-        kept = results.newest_report(session, run_id, "html")
-    report = None if kept is None else kept.content
+        settings = results.newest_report(session, run_id, "html")
+    report = None if settings is None else settings.content
     if report is None:
         evaluate_pending_runs(database, [run_id])
         source = load_source(database, run_id)
@@ -113,23 +113,22 @@ def stream_bundle(database: Database, run_id: int, folder: Path) -> Iterator[byt
 
 # Downloads -----------------------------------------------------------------------------------------
 #
-# Reports and exports of runs, made in processes of their own so that the live stream does not
-# stutter.
+# Computed in worker processes, so that the live stream is not delayed.
 
 
 RESULT_TIMEOUT_S = 60.0
-"""A run that ended longer ago [s] and has no result will not get one: its report says so."""
+"""Time after the end of a run [s] until its report no longer waits for a result."""
 MAX_DOWNLOADS = 6
-"""Downloads of samples under way at a time, each with a process of its own."""
+"""Downloads of samples at the same time, each with a process of its own."""
 
 _log = logging.getLogger(__name__)
 _REPORTS = "backend.reports.build", "backend.reports.model", "backend.reports.pdf"
 
 
 class Downloads:
-    """Makes what is downloaded; ``folder`` has room for what a format has to turn.
+    """Renders reports and streams exports; ``folder`` holds temporary files.
 
-    ``evaluate_finished_run`` gives a run its result, or keeps with the run why it has none, and raises.
+    ``evaluate`` computes the result of a run, or stores the reason why it has none and raises.
     """
 
     def __init__(
@@ -142,11 +141,14 @@ class Downloads:
         self._active_count = 0
 
     def preload(self) -> None:
-        """Load what reports need ahead of the first one."""
+        """Import the libraries of reports before the first one."""
         self._worker.preload(render_report, *DRAWING_LIBRARIES, *_REPORTS)
 
     async def render_html_report(self, run_id: int, angles: AngleUnit) -> bytes:
-        """Return the report as one self-contained page. Raises UnknownRecordError, RequestRejectedError."""
+        """Return the report as one self-contained HTML page.
+
+        Raises UnknownRecordError, RequestRejectedError.
+        """
         return await self._render_report(run_id, "html", angles)
 
     async def render_pdf_report(self, run_id: int, angles: AngleUnit) -> bytes:
@@ -154,7 +156,7 @@ class Downloads:
         return await self._render_report(run_id, "pdf", angles)
 
     async def render_series(self, run_ids: Sequence[int], kind: str, angles: AngleUnit) -> bytes:
-        """Return a report of many runs as "html" or "pdf"; it is not kept.
+        """Return a report of many runs as "html" or "pdf"; it is not stored.
 
         Raises UnknownRecordError, RequestRejectedError.
         """
@@ -163,54 +165,63 @@ class Downloads:
         return await self._worker.run(render_series_report, sources, kind)
 
     async def stream_run(self, run_id: int, kind: DataFormat, derived: Sequence[str] = ()) -> AsyncGenerator[bytes]:
-        """Return all samples in a format, piece by piece, those of ``derived`` signals behind the recorded ones.
+        """Return all samples in a format, ``derived`` signals after the recorded ones.
 
         Raises UnknownRecordError, ExportError, RequestRejectedError.
         """
         return await self._start_stream(_stream_run, run_id, derived, self._folder, kind)
 
     async def stream_flight_record(self, event_id: int, kind: DataFormat) -> AsyncGenerator[bytes]:
-        """Return a flight record in a format, piece by piece. Raises UnknownRecordError, RequestRejectedError."""
+        """Return a flight record in a format.
+
+        Raises UnknownRecordError, RequestRejectedError.
+        """
         return await self._start_stream(_stream_flight, event_id, self._folder, kind)
 
     async def stream_bundle(self, run_id: int) -> AsyncGenerator[bytes]:
-        """Return a run with all that it came from. Raises UnknownRecordError, ExportError, RequestRejectedError."""
+        """Return a run with everything that it refers to.
+
+        Raises UnknownRecordError, ExportError, RequestRejectedError.
+        """
         return await self._start_stream(stream_bundle, run_id, self._folder)
 
-    async def compute_differences(self, asked: DifferencesRequest) -> Differences:
-        """Return the differences of runs to one.
+    async def compute_differences(self, arguments: DifferencesRequest) -> Differences:
+        """Return the differences of runs to a reference run.
 
         Raises RequestRejectedError, UnknownRecordError, UnknownSignalError.
         """
-        if await asyncio.to_thread(count_samples, self._database, asked.run) <= AT_HAND_SAMPLES:
-            return await asyncio.to_thread(compute_differences, self._database, asked)
-        return await self._worker.run(compute_differences, self._database, asked)
+        if await asyncio.to_thread(count_samples, self._database, arguments.run) <= AT_HAND_SAMPLES:
+            return await asyncio.to_thread(compute_differences, self._database, arguments)
+        return await self._worker.run(compute_differences, self._database, arguments)
 
     async def stream_comparison(
-        self, content: Literal["curves", "table"], asked: DifferencesRequest
+        self, content: Literal["curves", "table"], arguments: DifferencesRequest
     ) -> AsyncGenerator[bytes]:
-        """Return a comparison as text, piece by piece. Raises as ``differences`` does."""
-        return await self._start_stream(stream_curves_file if content == "curves" else stream_table_file, asked)
+        """Return a comparison as CSV text. Raises as ``compute_differences`` does."""
+        return await self._start_stream(stream_curves_file if content == "curves" else stream_table_file, arguments)
 
-    async def _start_stream(self, work: Callable[..., Iterator[bytes]], *asked: object) -> AsyncGenerator[bytes]:
+    async def _start_stream(self, work: Callable[..., Iterator[bytes]], *arguments: object) -> AsyncGenerator[bytes]:
         if self._active_count >= MAX_DOWNLOADS:
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY, f"{MAX_DOWNLOADS} downloads are under way: wait for one of them", retry_after_s=5
             )
-        stream = self._count_stream(stream_from_process(work, self._database, *asked))
+        stream = self._count_stream(stream_from_process(work, self._database, *arguments))
         await anext(stream)
         return stream
 
     async def _count_stream(self, stream: AsyncGenerator[bytes]) -> AsyncGenerator[bytes]:
-        """Yield nothing when the first piece is there: all that can be refused has been by then; then the pieces."""
+        """Yield an empty chunk once the first chunk is there, then all chunks.
+
+        All errors of the request are raised before the empty chunk.
+        """
         self._active_count += 1
         try:
             async with aclosing(stream):
                 first = await anext(stream, b"")
                 yield b""
                 yield first
-                async for piece in stream:
-                    yield piece
+                async for chunk in stream:
+                    yield chunk
         finally:
             self._active_count -= 1
 
@@ -225,10 +236,10 @@ class Downloads:
         for run_id in await asyncio.to_thread(find_pending_runs, self._database, run_ids):
             try:
                 await self._evaluate(run_id)
-            except RequestRejectedError:  # it is under way
+            except RequestRejectedError:  # an evaluation is running
                 raise
             except Exception as error:
-                _log.info("Run %d has no result: %s", run_id, error)  # kept with the run: the report says so
+                _log.info("Run %d has no result: %s", run_id, error)  # stored with the run, shown in the report
 
     def _load_source(self, run_id: int, angles: AngleUnit) -> RunData:
         source = load_source(self._database, run_id, angles)

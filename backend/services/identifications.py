@@ -1,4 +1,4 @@
-"""Stored identifications as the interface shows them."""
+"""Stored identifications and spring tables, as the interface shows them."""
 
 import logging
 from collections.abc import Callable
@@ -36,17 +36,15 @@ from backend.storage import (
 from backend.workers import WorkerProcess
 from plant import SIDES
 
-# Identification views ------------------------------------------------------------------------------
-#
-# From stored identifications to what the interface shows of them; no record is changed here.
+# Views ---------------------------------------------------------------------------------------------
 
 
 def build_identification_view(run: Run, estimate: Identification | None, progress: float) -> IdentificationView:
-    """Return an identification run with its models, where it has any."""
+    """Return an identification run with its models, if it has any."""
     kind = run.kind.removesuffix("_identification")
     actuator = estimate if kind == "actuator" else None
-    told, problem = _read_settings(run)
-    tension_N = told.get("tension_N")
+    values, problem = _read_settings(run)
+    tension_N = values.get("tension_N")
     return IdentificationView(
         id=run.id,
         run=run.id,
@@ -56,7 +54,7 @@ def build_identification_view(run: Run, estimate: Identification | None, progres
         progress=progress,
         tension_N=tension_N if isinstance(tension_N, int | float) else None,
         S_nominal=None if actuator is None else actuator.actuator.model.S_nominal,
-        settings=told,
+        settings=values,
         estimate=None if estimate is None else estimate.id,
         usable=estimate is not None and estimate.usable,
         G_q=None if actuator is None else _build_model_view(actuator, "G_q"),
@@ -68,7 +66,7 @@ def build_identification_view(run: Run, estimate: Identification | None, progres
 
 
 def build_spring_table_view(found: Identification) -> SpringTableView:
-    """Return a spring that was identified from a table."""
+    """Return a spring that was identified from an imported table."""
     return SpringTableView(
         id=found.id,
         file=escape_line(found.table.file),
@@ -95,7 +93,7 @@ def _build_reading_view(read: TableReading) -> SpringTableReading:
 
 
 def _read_settings(run: Run) -> tuple[dict[str, SettingValue], str]:
-    """Return plan and tuning by name; nothing, and why, where they cannot be read."""
+    """Return plan and tuning by name, or an empty dict and the reason."""
     try:
         return dict(run.set_to.get_values()), ""
     except UnreadableDocumentError as error:
@@ -171,9 +169,6 @@ def _build_spring_views(estimate: Identification) -> list[SpringView]:
 
 
 # Stored identifications ----------------------------------------------------------------------------
-#
-# Stored identifications as the page shows them: those of runs, and springs from tables measured
-# elsewhere.
 
 
 _log = logging.getLogger(__name__)
@@ -186,10 +181,10 @@ IDENTIFICATION_KINDS = (
 
 
 class StoredIdentifications:
-    """Reads and writes the database; what takes long is computed in the process for such work.
+    """Reads and writes identifications; long computations run in the worker process.
 
-    Plain methods wait for the database: the event loop calls them in a thread. ``progress`` tells how far a run is,
-    from 0 to 1.
+    Methods that are not coroutines wait for the database: the event loop calls them in a thread. ``progress`` returns
+    the progress of a run, from 0 to 1.
     """
 
     def __init__(
@@ -205,11 +200,14 @@ class StoredIdentifications:
         self._tuning = tuning
 
     async def validate(self, run_id: int, of: int) -> ValidationView:
-        """Set a model beside the record of the run ``of``. Raises UnknownRecordError, NotComparableError."""
+        """Compare a model with the recording of another run ``of``.
+
+        Raises UnknownRecordError, NotComparableError.
+        """
         return ValidationView.model_validate(await self._worker.run(validate_on_run, self._database, run_id, of))
 
     async def compute_trend(self) -> Trend:
-        """Return identified gains and lags over S beside what is predicted."""
+        """Return identified gains and time constants over S with their predictions."""
         tuning = self._tuning()
         computed = self._worker.run(compute_trend, self._database, tuning.parameters, tuning.lambdas.lam_motor)
         return Trend.model_validate(await computed)
@@ -222,7 +220,7 @@ class StoredIdentifications:
             return [self._build_view(run, estimates.get(run.id)) for run in found]
 
     def _build_view(self, run: Run, estimate: Identification | None) -> IdentificationView:
-        """Return a run as the list shows it: one that cannot be read says so, and the others are there."""
+        """Return a run for the list; an unreadable one has the reason as its message."""
         try:
             return build_identification_view(run, estimate, self._progress(run))
         except UnreadableDocumentError as error:
@@ -242,7 +240,7 @@ class StoredIdentifications:
         return view.model_copy(update={"message": problem}) if problem else view
 
     def build_curves(self, run_id: int) -> IdentificationCurves:
-        """Return what can be drawn of the newest estimate of a run. Raises UnknownRecordError."""
+        """Return the curves of the newest estimate of a run. Raises UnknownRecordError."""
         with self._database.reading() as session:
             found = identifications.of_run(session, run_id)
         return IdentificationCurves.model_validate(build_curves(found))
@@ -251,20 +249,20 @@ class StoredIdentifications:
         """Return springs identified from tables, newest first."""
         with self._database.reading() as session:
             found = identifications.find(session, kind="spring")
-        shown = []
+        views = []
         for table in found:
             try:
-                shown += [build_spring_table_view(table)] if table.run_id is None else []
-            except UnreadableDocumentError as error:  # the others are there
-                _log.warning("The list of spring tables leaves one out: %s", error)
-        return shown
+                views += [build_spring_table_view(table)] if table.run_id is None else []
+            except UnreadableDocumentError as error:  # the list shows the readable ones
+                _log.warning("The list of spring tables omits an unreadable one: %s", error)
+        return views
 
     def load_spring_table(self, number: int) -> SpringTableView:
-        """Return one spring identified from a table. Raises UnknownRecordError."""
+        """Return a spring identified from a table. Raises UnknownRecordError."""
         return build_spring_table_view(self._load_spring_table(number))
 
     def build_spring_table_curves(self, number: int) -> IdentificationCurves:
-        """Return what can be drawn of a spring identified from a table. Raises UnknownRecordError."""
+        """Return the curves of a spring from a table. Raises UnknownRecordError."""
         return IdentificationCurves.model_validate(build_curves(self._load_spring_table(number)))
 
     def add_spring_table(self, new: NewIdentification) -> SpringTableView:

@@ -1,4 +1,4 @@
-"""The libraries of the station: own experiments, preferences, searches, tags."""
+"""Libraries of a station: own experiments, preferences, saved searches, tags."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -64,15 +64,13 @@ from backend.storage import experiments as stored
 from plant import ErrorCode, PlantParameters
 
 # Own experiments -----------------------------------------------------------------------------------
-#
-# Experiments by name: those that come with Sinew, and own ones, which are kept in versions.
 
 
 @dataclass(frozen=True)
 class ExperimentCheck:
-    """What can be told of an experiment before it is kept or started; its settings are at their defaults.
+    """A checked experiment with default settings, before it is stored or started.
 
-    Goes from one process to another, unlike an entry.
+    Can be pickled for another process, unlike an ExperimentDefinition.
     """
 
     name: str
@@ -92,7 +90,10 @@ class ExperimentCheck:
         busy: bool = False,
         dry_run: DryRunView | None = None,
     ) -> CheckedExperiment:
-        """Return it as the page shows it, with its figures on the simulator, or why it was not played there."""
+        """Return the check for the page, with its metrics on the simulator.
+
+        ``not_predicted`` is the reason why it was not simulated.
+        """
         return CheckedExperiment(
             name=self.name,
             title=self.title,
@@ -113,39 +114,43 @@ class ExperimentCheck:
 
 
 class OwnExperiments:
-    """Reads, checks and keeps them. Nothing is overwritten: what is kept under a name again is its next version."""
+    """Reads, checks and stores experiments; storing a known name adds a version."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def list_definitions(self) -> list[ExperimentDefinition]:
-        """Return every experiment that is offered, own ones in their newest version, after the ready-made."""
+        """Return all experiments: the ready-made, then own ones in their newest version."""
         with self._database.reading() as session:
             own = stored.newest(session)
         ready_made = (entry for entry in experiments_by_name().values() if not entry.replacement)
-        return [*ready_made, *(entry for kept in own if (entry := _try_build_definition(kept)) is not None)]
+        return [
+            *ready_made,
+            *(entry for stored_item in own if (entry := _try_build_definition(stored_item)) is not None),
+        ]
 
     def list_own(self) -> list[OwnExperiment]:
         """Return the newest version of each own experiment."""
         with self._database.reading() as session:
-            return [build_own_experiment(kept) for kept in stored.newest(session)]
+            return [build_own_experiment(stored_item) for stored_item in stored.newest(session)]
 
     def list_versions(self, name: str) -> list[OwnExperiment]:
-        """Return all versions of an own experiment, the newest first; none where there is no such name."""
+        """Return all versions of an own experiment, newest first; none for a wrong name."""
         with self._database.reading() as session:
-            return [build_own_experiment(kept) for kept in stored.versions(session, name)]
+            return [build_own_experiment(stored_item) for stored_item in stored.versions(session, name)]
 
     def has_own(self) -> bool:
-        """Whether any own experiment is kept."""
+        """Whether any own experiment is stored."""
         with self._database.reading() as session:
             return bool(stored.newest(session))
 
     def build_plan(
         self, name: str, in_force: LoopSettings, settings: Mapping[str, Any]
     ) -> tuple[str, Plan, LoopSettings]:
-        """Return what an order asks for, of an own experiment its version; ``in_force`` where nothing else is said.
+        """Return name with version, plan and loop settings of a requested experiment.
 
-        Raises SettingError, OutOfRangeError, ExperimentError.
+        ``in_force`` are the loop settings where ``settings`` name none. Raises SettingError, OutOfRangeError,
+        ExperimentError.
         """
         entry = self.find_definition(name)
         return entry.name, *split_values(
@@ -153,46 +158,56 @@ class OwnExperiments:
         )
 
     def load_text(self, name: str) -> WrittenExperiment:
-        """Return an experiment as its text: ready-made, "name" or "name@2". Raises UnknownRecordError."""
-        written = library.load_ready_text(name) if name in library.READY_NAMES else self._load_stored(name).text
-        return WrittenExperiment(text=written, document=parser.parse_document(written, stored=True)[0])
+        """Return an experiment as its text; "name@2" is a version of an own one.
+
+        Raises UnknownRecordError.
+        """
+        text = library.load_ready_text(name) if name in library.READY_NAMES else self._load_stored(name).text
+        return WrittenExperiment(text=text, document=parser.parse_document(text, stored=True)[0])
 
     def build_from_run(self, run_id: int) -> RecordedExperiment:
-        """Return the recorded references of a run as an experiment. Raises UnknownRecordError, ExperimentError."""
+        """Return the recorded references of a run as an experiment.
+
+        Raises UnknownRecordError, ExperimentError.
+        """
         return build_recorded_experiment(self._database, run_id)
 
     def find_definition(self, name: str) -> ExperimentDefinition:
-        """Return the experiment of this name: ready-made, own, or a version of an own one, "name@2".
+        """Return the experiment of a name: ready-made, own, or "name@2".
 
-        Raises SettingError with those there are, ExperimentError for a text that an older Sinew took.
+        Raises SettingError with the known names, and ExperimentError for the text of an earlier version that is not
+        valid now.
         """
         if name in experiments_by_name():
             return ready(name)
         try:
-            kept = self._load_stored(name)
+            stored_item = self._load_stored(name)
         except UnknownRecordError:
             known = tuple(entry.name for entry in self.list_definitions())
-            why = f"there is no such experiment; known: {', '.join(known)}"
-            raise SettingError("name", name, why, legal=known) from None
-        return _build_definition(kept)
+            reason = f"there is no such experiment; known: {', '.join(known)}"
+            raise SettingError("name", name, reason, legal=known) from None
+        return _build_definition(stored_item)
 
     def check_and_store(
-        self, written: str, who: str, parameters: PlantParameters, tuning: TuningSettings
+        self, text: str, who: str, parameters: PlantParameters, tuning: TuningSettings
     ) -> StoredExperiment:
-        """Keep an experiment that can be played on this plant. Raises ExperimentError."""
-        return self.store(self.check(written, parameters, tuning), written, who)
+        """Check an experiment and store it. Raises ExperimentError."""
+        return self.store(self.check(text, parameters, tuning), text, who)
 
-    def store(self, checked: ExperimentCheck, written: str, who: str) -> StoredExperiment:
-        """Keep an experiment that was looked over, as the next version of its name."""
+    def store(self, checked: ExperimentCheck, text: str, who: str) -> StoredExperiment:
+        """Store a checked experiment as the next version of its name."""
         with self._database.session() as session:
-            return stored.add(session, checked.name, written, who)
+            return stored.add(session, checked.name, text, who)
 
-    def check(self, written: str, parameters: PlantParameters, tuning: TuningSettings) -> ExperimentCheck:
-        """Look an experiment over, whole, before anything moves. Raises ExperimentError naming line and bound."""
-        experiment, lines = parser.parse_experiment(written)
+    def check(self, text: str, parameters: PlantParameters, tuning: TuningSettings) -> ExperimentCheck:
+        """Check an experiment completely, without moving anything.
+
+        Raises ExperimentError with line and bound.
+        """
+        experiment, lines = parser.parse_experiment(text)
         if fold_name(experiment.name) in map(fold_name, experiments_by_name()):
-            why = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
-            raise ExperimentError(why, ("name",), find_line(("name",), lines))
+            reason = f"{experiment.name!r} is the name of a ready-made experiment: give this one another"
+            raise ExperimentError(reason, ("name",), find_line(("name",), lines))
         entry = build_experiment_definition(experiment, lines)
         plan = entry.default_plan
         assert isinstance(plan, ExperimentPlan)
@@ -204,7 +219,7 @@ class OwnExperiments:
             duration_s=program.duration_s,
             segments=len(program.segments),
             changes_of_tuning=len(program.tunings),
-            document=parser.parse_document(written)[0],
+            document=parser.parse_document(text)[0],
             parts=list_played_parts(plan.compiled),
         )
 
@@ -216,47 +231,56 @@ class OwnExperiments:
             return stored.get(session, base, int(number) if at else None)
 
 
-def build_own_experiment(kept: StoredExperiment, title: str | None = None) -> OwnExperiment:
-    """Return an own experiment as it is listed; without its ``title`` its text is read."""
+def build_own_experiment(stored_item: StoredExperiment, title: str | None = None) -> OwnExperiment:
+    """Return an own experiment for the list; without ``title`` its text is parsed."""
     if title is None:
-        entry = _try_build_definition(kept)
+        entry = _try_build_definition(stored_item)
         title = "" if entry is None else entry.title
-    return OwnExperiment(name=kept.name, version=kept.version, title=title, who=kept.who, created=kept.created_at)
+    return OwnExperiment(
+        name=stored_item.name,
+        version=stored_item.version,
+        title=title,
+        who=stored_item.who,
+        created=stored_item.created_at,
+    )
 
 
-def _build_definition(kept: StoredExperiment) -> ExperimentDefinition:
-    experiment, lines = parser.parse_experiment(kept.text, stored=True)
-    return build_experiment_definition(experiment, lines, name=f"{kept.name}@{kept.version}")
+def _build_definition(stored_item: StoredExperiment) -> ExperimentDefinition:
+    experiment, lines = parser.parse_experiment(stored_item.text, stored=True)
+    return build_experiment_definition(experiment, lines, name=f"{stored_item.name}@{stored_item.version}")
 
 
-def _try_build_definition(kept: StoredExperiment) -> ExperimentDefinition | None:
-    """Return the entry of an own experiment; one that this version of Sinew does not take any more is not offered."""
+def _try_build_definition(stored_item: StoredExperiment) -> ExperimentDefinition | None:
+    """Return the definition of an own experiment, None if this version rejects it."""
     try:
-        return _build_definition(kept)
+        return _build_definition(stored_item)
     except ExperimentError:
         return None
 
 
 # Preferences ---------------------------------------------------------------------------------------
-#
-# How each person likes the page, as settings in the database.
 
 
 class StoredPreferences:
-    """Reads and writes settings in the database. All methods wait for it: the event loop calls them in a thread."""
+    """Stores each person's preferences for the page as settings in the database.
+
+    All methods wait for the database: the event loop calls them in a thread.
+    """
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def load(self, person: User) -> Preferences:
-        """Return how ``person`` likes the page; defaults for somebody new."""
+        """Return the preferences of a person; defaults for a new one."""
         with self._database.reading() as session:
             stored = settings.newest(session, _name_preferences_setting(person))
-        # what was stored before a preference existed lacks it
         return DEFAULT_PREFERENCES if stored is None else _parse_preferences(stored)
 
     def save(self, person: User, preferences: Preferences) -> Preferences:
-        """Remember how ``person`` likes the page. Raises RequestRejectedError for a layout that cannot be drawn."""
+        """Store the preferences of a person.
+
+        Raises RequestRejectedError for a layout that cannot be drawn.
+        """
         with self._database.reading() as session:
             known = formulas.ever(session)
         check_preferences(preferences.layouts, known)
@@ -266,32 +290,30 @@ class StoredPreferences:
 
 
 def _parse_preferences(stored: StoredSetting) -> Preferences:
+    # preferences that were added after the setting was stored have their defaults
     return Preferences.model_validate({**DEFAULT_PREFERENCES.model_dump(), **stored.value}, context=STORED_CONTEXT)
 
 
 def _name_preferences_setting(person: User) -> str:
-    # By name and role: whoever holds the viewers' token may give any name, and must not change an operator's page.
+    # By name and role: a viewer may enter any name, and must not change an operator's preferences.
     name = person.given_name or person.name
     return f"preferences/{name}" if person.role is Role.OPERATOR else f"viewer-preferences/{name}"
 
 
 # Run library ---------------------------------------------------------------------------------------
-#
-# Many runs: what they can be searched by, saved searches, tags, runs beside each other, a metric
-# over their dates.
 
 
 _SEARCH_PREFIX = "search/"
 
 
 class RunLibrary:
-    """Reads and writes the database. Saved searches are settings: what one was before stays there."""
+    """Searches, tags and compares runs. Earlier versions of a search stay stored."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def list_search_words(self) -> SearchWords:
-        """Return what runs can be searched by."""
+        """Return the fields and values by which runs can be searched."""
         with self._database.reading() as session:
             known = search.known_words(session)
         return SearchWords(
@@ -308,10 +330,10 @@ class RunLibrary:
     def list_saved_searches(self) -> SavedSearchList:
         """Return the saved searches of the station."""
         with self._database.reading() as session:
-            kept = settings.newest_under(session, _SEARCH_PREFIX)
+            stored_item = settings.newest_under(session, _SEARCH_PREFIX)
         found = [
             SavedSearch(name=one.name.removeprefix(_SEARCH_PREFIX), where=one.value["where"], who=one.who)
-            for one in kept
+            for one in stored_item
             if one.value is not None
         ]
         return SavedSearchList(searches=found)
@@ -324,51 +346,60 @@ class RunLibrary:
         return known[name]
 
     def save_search(self, name: str, where: str, who: str) -> SavedSearchList:
-        """Save a search that can be asked now under a name. Raises QueryError, RequestRejectedError."""
-        called = name.strip()
-        if not 1 <= len(called) <= SEARCH_NAME_MAX:
-            why = f"{called[:SEARCH_NAME_MAX]!r} is not 1 to {SEARCH_NAME_MAX} characters"
-            raise RequestRejectedError(ErrorCode.BAD_VALUE, f"name of the search: {why}")
+        """Store a valid search under a name. Raises QueryError, RequestRejectedError."""
+        shown_name = name.strip()
+        if not 1 <= len(shown_name) <= SEARCH_NAME_MAX:
+            reason = f"{shown_name[:SEARCH_NAME_MAX]!r} is not 1 to {SEARCH_NAME_MAX} characters"
+            raise RequestRejectedError(ErrorCode.BAD_VALUE, f"name of the search: {reason}")
         try:
-            check_single_line(called)
+            check_single_line(shown_name)
         except PlainTextError as error:
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE, f"name of the search: {error}", code="bad_character"
             ) from None
-        require_distinct_name("a saved search", called, (one.name for one in self.list_saved_searches().searches))
+        require_distinct_name("a saved search", shown_name, (one.name for one in self.list_saved_searches().searches))
         query = parse_query(where)
         with self._database.session() as session:
             search.search(session, query, everywhere=False, limit=1)
-            settings.save(session, f"{_SEARCH_PREFIX}{called}", {"where": where}, who)
+            settings.save(session, f"{_SEARCH_PREFIX}{shown_name}", {"where": where}, who)
         return self.list_saved_searches()
 
     def remove_search(self, name: str, who: str) -> SavedSearchList:
-        """Take a search off the list; what it was stays in the database. Raises UnknownRecordError."""
+        """Remove a search from the list; its versions stay in the database.
+
+        Raises UnknownRecordError.
+        """
         self.find_saved_search(name)
         with self._database.session() as session:
             settings.save(session, f"{_SEARCH_PREFIX}{name}", None, who)
         return self.list_saved_searches()
 
-    def change_tags(self, run_ids: Sequence[int], put: Sequence[str], taken: Sequence[str]) -> None:
-        """Put tags on runs and take others off, all or nothing. Raises TagError, UnknownRecordError."""
+    def change_tags(self, run_ids: Sequence[int], added: Sequence[str], removed: Sequence[str]) -> None:
+        """Add tags to runs and remove others, all or none.
+
+        Raises TagError, UnknownRecordError.
+        """
         with self._database.session() as session:
-            for run_id in sorted(run_ids):  # in the order in which everybody locks them
-                for one in put:
-                    tags.add(session, run_id, one)
-                for one in taken:
-                    tags.take(session, run_id, one)
+            for run_id in sorted(run_ids):  # always the same order of locks
+                for tag in added:
+                    tags.add(session, run_id, tag)
+                for tag in removed:
+                    tags.take(session, run_id, tag)
 
     def rename_tag(self, before: str, after: str) -> int:
-        """Call a tag otherwise; return on how many runs. Raises TagError, UnknownRecordError."""
+        """Rename a tag; return the number of runs. Raises TagError, UnknownRecordError."""
         with self._database.session() as session:
             return tags.rename(session, before, after)
 
-    def compare_runs(self, asked: ComparisonRequest) -> RunComparison:
-        """Set runs beside each other. Raises RequestRejectedError, UnknownRecordError."""
+    def compare_runs(self, query: ComparisonRequest) -> RunComparison:
+        """Return the metrics of runs with their differences.
+
+        Raises RequestRejectedError, UnknownRecordError.
+        """
         with self._database.reading() as session:
-            return comparison.compare_runs(session, asked)
+            return comparison.compare_runs(session, query)
 
     def build_metric_history(self, kind: str, metric: str, where: str, *, everywhere: bool) -> MetricHistory:
-        """Return a metric of a kind of runs over their dates. Raises QueryError."""
+        """Return a metric of all runs of a kind over their dates. Raises QueryError."""
         with self._database.reading() as session:
             return comparison.build_metric_history(session, kind, metric, where, everywhere=everywhere)

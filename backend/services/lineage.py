@@ -1,4 +1,4 @@
-"""Lineage and history of runs, and the checklist of the set-up."""
+"""Lineage and events of runs, and the checklist of the setup."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -49,18 +49,19 @@ from backend.storage import (
 from plant import PlantChoice, PlantKind, PlantParameters
 
 # Checklist -----------------------------------------------------------------------------------------
-#
-# How far the set-up has got, and what no longer holds, told from what is stored.
 
 
 SAME_POINT_S = 0.5
-"""Two identifications closer than this in S [N·m/rad] are of the same point."""
+"""Identifications closer than this in S [N·m/rad] have the same operating point."""
 
 OptionalIdentification = Identification | None
 
 
 def build_checklist(session: Session, parameters: Document, in_use: int | None) -> list[ChecklistStep]:
-    """Return the steps in order, for the plant's present ``parameters`` and the number of the bank ``in_use``."""
+    """Return the steps of the setup in order, with the state of each.
+
+    ``parameters`` are the present parameters of the plant, ``in_use`` is the number of the active bank.
+    """
     imported = origins.load_imported_numbers(session, origins.IDENTIFICATION)
     estimates = [one for one in identifications.find(session) if one.id not in imported]
 
@@ -114,7 +115,10 @@ def _check_identification(
 
 
 def _select_relevant_parameters(parameters: Document, name: str) -> Document:
-    """Return what an identification rests on: motors and springs are measured whatever the controller knows of them."""
+    """Return the parameters on which an identification depends.
+
+    Identifications of motors and springs do not depend on the identified values.
+    """
     if name == "actuator":
         return parameters
     return {section: entries for section, entries in parameters.items() if not section.startswith("identified")}
@@ -148,7 +152,7 @@ def _check_bank(
 
 
 def is_newer_at_same_point(one: Identification, source: Identification) -> bool:
-    """Return whether ``one`` is a newer usable identification at the point of ``source``."""
+    """Return whether ``one`` is a newer usable estimate at the point of ``source``."""
     if one.kind != source.kind or not one.usable or one.created_at <= source.created_at:
         return False
     try:
@@ -158,7 +162,7 @@ def is_newer_at_same_point(one: Identification, source: Identification) -> bool:
 
 
 def _check_tuning(session: Session, bank: Bank | None, in_use: int | None) -> ChecklistStep:
-    """Return whether somebody has saved λ for the bank in use."""
+    """Return whether λ was saved for the active bank."""
     if bank is None or bank.id != in_use:
         return _build_step("tuning", ChecklistState.MISSING, "needs a bank in use")
     title = f"{bank.name} v{bank.version}"
@@ -166,10 +170,10 @@ def _check_tuning(session: Session, bank: Bank | None, in_use: int | None) -> Ch
     if stored is None:
         return _build_step("tuning", ChecklistState.MISSING, f"{title} has the default λ: choose them, and press Save")
     parts = SAVED_TUNING.read(stored.value, f"setting “{stored.name}”").get_known_values()
-    told = ", ".join(
+    description = ", ".join(
         f"λ_{name} = {float(parts[key]):g} s" for name, key in (("q", "lam_q"), ("S", "lam_S")) if key in parts
     )
-    detail = f"{told}, saved for {title} by {stored.who}"
+    detail = f"{description}, saved for {title} by {stored.who}"
     return ChecklistStep(name="tuning", state=ChecklistState.DONE, detail=detail, run=None, at=stored.at)
 
 
@@ -184,14 +188,16 @@ def _check_experiment(run: Run | None, in_use: int | None) -> ChecklistStep:
 def _check_report(session: Session, run: Run | None) -> ChecklistStep:
     if run is None:
         return _build_step("report", ChecklistState.MISSING, "needs an experiment")
-    kept = [one for form in ("html", "pdf") if (one := results.newest_report(session, run.id, form)) is not None]
-    if not kept:
+    stored_items = [
+        one for form in ("html", "pdf") if (one := results.newest_report(session, run.id, form)) is not None
+    ]
+    if not stored_items:
         return _build_step("report", ChecklistState.MISSING, f"run {run.id} has no report yet: open it", run)
     return _build_step("report", ChecklistState.DONE, f"made of run {run.id}", run)
 
 
 def _find_newest(estimates: list[Identification], kind: str) -> OptionalIdentification:
-    """Return the newest usable estimate of a kind, else the newest at all."""
+    """Return the newest usable estimate of a kind, or the newest one."""
     of_kind = [estimate for estimate in estimates if estimate.kind == kind]
     return next((estimate for estimate in of_kind if estimate.usable), next(iter(of_kind), None))
 
@@ -210,26 +216,24 @@ def _build_step(
 
 # Lineage -------------------------------------------------------------------------------------------
 #
-# The lineage of a run as boxes: gains, bank, identifications, raw data, parameters, calibration,
-# each with a digest.
-#
-# A digest is that of the content (``document_digest``, ``compute_recording_digest``): two boxes with
-# the same digest have the same content, in any database. A box whose content is out of date says so.
+# The lineage of a run is a graph of gains, banks, identifications, samples, parameters and
+# calibrations. The digest of a node depends on its content only (``document_digest``,
+# ``compute_recording_digest``): equal digests mean equal content in any database.
 
 
 MAX_DIGEST_BYTES = 30_000_000
-"""Stored recordings up to this size are read through while somebody waits: twenty minutes, in half a second."""
+"""Largest recording whose digest a request computes: 20 minutes, in half a second."""
 _MAX_CACHED = 500
 _MAX_NAMED = 3
-"""Parameters that are named where more of them differ."""
+"""Number of differing parameters that a message names."""
 _CALIBRATED = {PlantChoice(kind).name for kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD)}
 
 Digest = tuple[str | None, str]
-"""In hex, or None and why there is none."""
+"""In hex, or None with the reason."""
 
 
 class SampleDigests:
-    """Digests of recordings, remembered: samples of a run that is over change no more."""
+    """Computes and caches digests of recordings, which do not change after the run."""
 
     def __init__(self, largest_bytes: int) -> None:
         self._largest_bytes = largest_bytes
@@ -257,7 +261,7 @@ _SYMBOLS = {"lam_q": "λ_q", "lam_S": "λ_S", "lam_motor": "λ_motor"}
 
 
 class LineageGraph:
-    """Makes the boxes of one run; ``parameters`` are those of the plant as it is now."""
+    """Builds the nodes of one run; ``parameters`` are the present plant parameters."""
 
     def __init__(self, session: Session, parameters: Document, samples: SampleDigests) -> None:
         self._session = session
@@ -267,17 +271,17 @@ class LineageGraph:
         self._station = ""
 
     def build_nodes(self, run: Run, built: Sequence[Bank]) -> list[LineageNode]:
-        """Return the boxes of a run, itself first, and of the banks that were built from it."""
+        """Return the nodes of a run, its own first, and of the banks built from it."""
         self._station = run.station
         origins = [self._add_gains(run), self._add_parameters(run), *self._add_calibration(run)]
         found = identifications.find(self._session, run_id=run.id)
-        mine = self._samples.compute_digest(self._session, run)
+        own_digest = self._samples.compute_digest(self._session, run)
         own = self._add_node(
             kind=LineageKind.RUN,
             node=f"run-{run.id}",
             title=f"Run {run.id}",
             detail=run_title(run),
-            digest=mine,
+            digest=own_digest,
             origins=origins,
             run=run.id,
         )
@@ -326,8 +330,8 @@ class LineageGraph:
                 digest=(None, str(error)),
                 origins=[self._add_parameters(run)],
             )
-        way = origins.load_banks_during_run(self._session, run)
-        used = [banks.get(self._session, number) for number in sorted(way.numbers - {run.bank_id})]
+        banks_during_run = origins.load_banks_during_run(self._session, run)
+        used = [banks.get(self._session, number) for number in sorted(banks_during_run.numbers - {run.bank_id})]
         if run.bank_id is None:
             made_of, content = [self._add_parameters(run)], document_digest(run.parameters)
         else:
@@ -335,14 +339,14 @@ class LineageGraph:
             made_of, content = [self._add_bank_with_sources(bank)], document_digest(_extract_content(bank))
         made_of += [self._add_bank_with_sources(one) for one in used]
         detail = ", ".join(f"{_SYMBOLS.get(name, name)} {_format_value(value)}" for name, value in loop.items())
-        # The number of a bank is another one in each database; its content stands beside.
+        # The number of a bank differs between databases, so the digest has its content instead.
         choice = {name: value for name, value in loop.items() if name != "bank"}
         later = {"on_the_way": sorted(document_digest(_extract_content(one)) for one in used)} if used else {}
         digest: Digest = document_digest({"loop": choice, "from": content, **later}), ""
         if origins.BANKS in self._read_embedded(run):
             digest = None, "its bank was not imported with it: a bundle has it"
-        elif way.computed:
-            digest = None, f"it computes the numbers of its banks: {', '.join(way.computed)}"
+        elif banks_during_run.computed:
+            digest = None, f"it computes the numbers of its banks: {', '.join(banks_during_run.computed)}"
         return self._add_node(
             kind=LineageKind.GAINS, node="gains", title="Gains", detail=detail, digest=digest, origins=made_of
         )
@@ -352,7 +356,7 @@ class LineageGraph:
         return {} if origin is None else origin.carried
 
     def _add_bank_with_sources(self, bank: Bank) -> str:
-        """Return the box of a bank, with those of all it came from."""
+        """Add a bank with its identifications and their sources; return its node."""
         made_of = []
         for entry in bank.entries:
             if entry.identification_id is not None:
@@ -420,7 +424,7 @@ class LineageGraph:
     def _add_data(self, estimate: Identification) -> list[str]:
         if estimate.run_id is None:
             name, sha256 = estimate.data.get("file"), estimate.data.get("sha256")
-            kept: Digest = (sha256, "") if isinstance(sha256, str) else (None, "its file was not kept")
+            stored_items: Digest = (sha256, "") if isinstance(sha256, str) else (None, "its file was not kept")
             node = f"file-{estimate.id}"
             return [
                 self._add_node(
@@ -428,7 +432,7 @@ class LineageGraph:
                     node=node,
                     title="Imported data",
                     detail=str(name or "not from a run"),
-                    digest=kept,
+                    digest=stored_items,
                     origins=[],
                 )
             ]
@@ -475,15 +479,15 @@ class LineageGraph:
         return node
 
     def _add_calibration(self, run: Run) -> list[str]:
-        """Return the box of what was calibrated when a run on a rig began."""
+        """Add the calibration at the start of a run on a rig; return its node."""
         if run.plant not in _CALIBRATED:
             return []
         origin = origins.of_runs(self._session, [run.id]).get(run.id)
         if origin is not None:
             return self._add_embedded_calibration(origin)
-        kept = commissioning.calibrations(self._session, run.station)
-        then = {one.step: one for one in kept if one.at <= run.started_at}
-        later = sorted({one.step for one in kept if one.at > run.started_at})
+        stored_items = commissioning.calibrations(self._session, run.station)
+        then = {one.step: one for one in stored_items if one.at <= run.started_at}
+        later = sorted({one.step for one in stored_items if one.at > run.started_at})
         if not then:
             none = None, "nothing was calibrated before the run"
             return [
@@ -514,7 +518,7 @@ class LineageGraph:
         ]
 
     def _add_embedded_calibration(self, origin: Origin) -> list[str]:
-        """Return the box of what was calibrated at the rig that made an imported run."""
+        """Add the calibration that was imported with a run; return its node."""
         content = origin.carried.get(origins.CALIBRATIONS)
         digest: Digest = (document_digest(content), "") if content else (None, "nothing came with the run")
         node = f"calibration-{(digest[0] or 'none')[:16]}"
@@ -539,19 +543,19 @@ def _extract_content(bank: Bank) -> list[dict[str, Any]]:
 
 
 def _describe_difference(then: Document, now: Document) -> str:
-    """Return in words which numbers of the plant are others now."""
+    """Return which plant parameters have changed, as a message."""
     if then == now:
         return ""
     before, after = dict(iterate_parameters(then)), dict(iterate_parameters(now))
     differing = [name for name in sorted({*before, *after}) if before.get(name) != after.get(name)]
     if not differing:
         return "the plant has others now: their sources or texts differ"
-    told = ", ".join(
+    description = ", ".join(
         f"{name} {_format_value(before.get(name))}, now {_format_value(after.get(name))}"
         for name in differing[:_MAX_NAMED]
     )
     more = f" and {len(differing) - _MAX_NAMED} more" if len(differing) > _MAX_NAMED else ""
-    return f"the plant has others now: {told}{more}"
+    return f"the plant has others now: {description}{more}"
 
 
 def _format_value(value: float | str | None) -> str:
@@ -560,16 +564,17 @@ def _format_value(value: float | str | None) -> str:
     return f"{value:.6g}" if type(value) is float else str(value)
 
 
-# History -------------------------------------------------------------------------------------------
-#
-# Where a run came from, what happened in it, how far the set-up is: read from the database.
+# Service -------------------------------------------------------------------------------------------
 
 
 _RUNS_SHOWN = 20
 
 
 class RunHistory:
-    """``bank_in_use`` tells the number of the active bank; longer recordings than ``largest_bytes`` have no digest."""
+    """Reads lineage and events of runs, and the checklist.
+
+    ``bank_in_use`` returns the number of the active bank. Recordings above ``largest_bytes`` have no digest.
+    """
 
     def __init__(
         self,
@@ -584,16 +589,21 @@ class RunHistory:
         self._samples = SampleDigests(largest_bytes)
 
     def set_parameters(self, parameters: PlantParameters) -> None:
-        """Compare runs with these parameters from now on."""
+        """Compare later requests with these plant parameters."""
         self._parameters = parameters.to_document()
 
     def build_lineage(self, run_id: int) -> Lineage:
-        """Return what a run came from and what came of it. Raises UnknownRecordError."""
+        """Return the sources of a run and what was derived from it.
+
+        Raises UnknownRecordError.
+        """
         with self._database.reading() as session:
             run = runs.get(session, run_id)
             bank = None if run.bank_id is None else banks.get(session, run.bank_id)
-            mine = {estimate.id for estimate in identifications.find(session, run_id=run_id)}
-            built = [one for one in banks.find(session) if mine & {entry.identification_id for entry in one.entries}]
+            own_digest = {estimate.id for estimate in identifications.find(session, run_id=run_id)}
+            built = [
+                one for one in banks.find(session) if own_digest & {entry.identification_id for entry in one.entries}
+            ]
             return Lineage(
                 run=run.id,
                 software=run.software,
@@ -607,18 +617,18 @@ class RunHistory:
             )
 
     def load_marks(self, run_id: int) -> RunMarks:
-        """Return what happened during a run. Raises UnknownRecordError."""
+        """Return the events during a run. Raises UnknownRecordError."""
         with self._database.reading() as session:
             return load_marks(session, run_id)
 
     def build_checklist(self) -> Checklist:
-        """Return how far the set-up is."""
+        """Return the steps of the setup with their states."""
         with self._database.reading() as session:
             return Checklist(steps=build_checklist(session, self._parameters, self._bank_in_use()))
 
 
 def load_marks(session: Session, run_id: int) -> RunMarks:
-    """Return what happened during a run, on its own time axis. Raises UnknownRecordError."""
+    """Return the events during a run, on its own time axis. Raises UnknownRecordError."""
     run = runs.get(session, run_id)
     try:
         period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
@@ -628,13 +638,16 @@ def load_marks(session: Session, run_id: int) -> RunMarks:
     faults = [event for event in happened if event.kind == EventKind.FAULT]
 
     def is_doubled(trip: Event) -> bool:
-        """Tell whether an earlier version kept the trip as a fault too, such as "STOP" for "STOP was pressed."."""
+        """Return whether an earlier version stored the trip as a fault too.
+
+        For example "STOP" for "STOP was pressed.".
+        """
         return any(fault.tick == trip.tick and trip.text.startswith(fault.text) for fault in faults)
 
     marks = [
         RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
         for event in happened
-        # ticks begin anew with each loop process: those of another one do not fit this recording
+        # ticks start at 0 with each loop process: skip events of another process
         if event.tick is not None and span.first_tick <= event.tick <= span.end_tick
         if event.kind != EventKind.TRIP or not is_doubled(event)
     ]

@@ -1,4 +1,4 @@
-"""Maintenance: machine, disk, database, backups, room for recordings."""
+"""Maintenance: database, backups, disk space of recordings, view of the machine."""
 
 import asyncio
 import logging
@@ -41,15 +41,16 @@ from backend.storage import (
 from backend.supervision import Part
 
 # Maintenance ---------------------------------------------------------------------------------------
-#
-# The System page's view of machine and database, and copies of the database while it is in use.
 
 
 _PACKAGES = ("numpy", "scipy", "numba", "fastapi", "sqlalchemy", "viser")
 
 
 class Maintenance:
-    """Looks after the database of one data folder. All methods wait for the disk: the event loop calls none."""
+    """Checks and copies the database of one data folder, for the page System.
+
+    All methods wait for the disk: the event loop calls them in a thread.
+    """
 
     def __init__(self, database: Database, data: Path, supervisor: Supervisor) -> None:
         self._database = database
@@ -57,7 +58,7 @@ class Maintenance:
         self._supervisor = supervisor
 
     def describe_system(self) -> SystemView:
-        """Return what the System page shows beside the state."""
+        """Return machine, software versions, database and backups."""
         ring = self._supervisor.ring
         edges_us = [1e6 * edge for edge in LATENESS_EDGES_S]
         copies = sorted(next_backup_path(self._data).parent.glob("*.db"), reverse=True)
@@ -80,7 +81,7 @@ class Maintenance:
         """Copy the database to the data folder. Raises BackupError."""
         target = next_backup_path(self._data)
         backup_database(self._database.engine, target)
-        # a database that takes nothing more is one to make copies of: the copy counts
+        # a database that cannot be written to still needs a copy: the missing log entry is no error
         with suppress(StorageError), self._database.session() as session:
             events.add(session, EventKind.BACKUP, f"database copied to {target.name}", who=who)
         return _build_backup_view(target)
@@ -103,7 +104,7 @@ def _list_versions() -> dict[str, str]:
 
 
 def _measure_database_size(file: Path) -> int:
-    """Size of an SQLite file with what still stands in its write-ahead log."""
+    """Return the size of an SQLite file with its write-ahead log [bytes]."""
     log = file.with_name(f"{file.name}-wal")
     return file.stat().st_size + (log.stat().st_size if log.is_file() else 0)
 
@@ -114,19 +115,19 @@ def _build_backup_view(copy: Path) -> BackupView:
 
 
 # Retention -----------------------------------------------------------------------------------------
-#
-# How much room recordings take, looked at now and then, and deleting the samples that a person
-# names.
 
 
 MAINTENANCE_PART = Part("The look at the room that recordings take", "Recordings may pass their limit unseen.")
 
 CHECK_PERIOD_S = 600.0
-"""How often the sizes are added up [s]: a recording grows by 80 MB an hour."""
+"""Period of the check of the sizes [s]; a recording grows by 80 MB an hour."""
 
 
 class Retention:
-    """Looks after the room that recordings take; ``problem`` says when it is too much. Deletes nothing by itself."""
+    """Monitors the size of the recordings; ``problem`` is set above the limit.
+
+    Deletes the samples of runs only when a person names the runs.
+    """
 
     def __init__(self, database: Database, rule: RetentionRule) -> None:
         self.problem = ""
@@ -134,7 +135,7 @@ class Retention:
         self._rule = rule
 
     async def run(self) -> None:
-        """Look from time to time until cancelled."""
+        """Check periodically until cancelled."""
         while True:
             try:
                 await asyncio.to_thread(self.summarize_recordings)
@@ -143,11 +144,14 @@ class Retention:
             await asyncio.sleep(CHECK_PERIOD_S)
 
     def summarize_recordings(self) -> RecordingsView:
-        """Return what recordings take and which may go. Raises StorageError."""
+        """Return the size of the recordings and which may be deleted. Raises StorageError."""
         return self._build_view(summarise_retention(self._database, self._rule))
 
     def delete_samples(self, run_ids: list[int], who: str) -> RecordingsView:
-        """Delete the samples of exactly these runs. Raises NotRemovableError, StorageError."""
+        """Delete the samples of exactly these runs.
+
+        Raises NotRemovableError, StorageError.
+        """
         return self._build_view(delete_recordings(self._database, self._rule, run_ids, who))
 
     def _build_view(self, found: Overview) -> RecordingsView:
@@ -172,9 +176,7 @@ class Retention:
         )
 
 
-# Soundness -----------------------------------------------------------------------------------------
-#
-# Whether the database of this service is whole and in its place; looked at from the start on.
+# Database monitor ----------------------------------------------------------------------------------
 
 
 NICENESS = 10
@@ -182,7 +184,10 @@ _log = logging.getLogger(__name__)
 
 
 class DatabaseMonitor:
-    """Looks after the database of one data folder. ``problem`` says what is wrong with its pages."""
+    """Checks that the database is intact and in its place; ``problem`` is a message.
+
+    A small database is checked before the start, a large one in a thread while the service runs.
+    """
 
     def __init__(self, database: Database, data: Path) -> None:
         self.problem = ""
@@ -192,15 +197,18 @@ class DatabaseMonitor:
         self._thread: threading.Thread | None = None
 
     def check_small_database(self) -> None:
-        """Check all of a small database. Raises DamagedError, with the way back."""
+        """Check the whole database if it is small.
+
+        Raises DamagedError, whose message describes the recovery.
+        """
         if self._database.file is not None and is_quick_to_check(self._database.file):
             require_intact_database(self._database, self._data)
             self._is_due = False
 
     def start_check(self) -> None:
-        """Check all of a large database while the service works."""
+        """Start the check of a large database."""
         if self._is_due:
-            # A thread of its own, as its niceness stays with it; nobody waits for it when the service ends.
+            # A thread of its own, which keeps its niceness; the end of the service does not wait for it.
             self._thread = threading.Thread(target=self._check_database, name="database check", daemon=True)
             self._thread.start()
 
@@ -210,7 +218,7 @@ class DatabaseMonitor:
             self._thread.join(timeout_s)
 
     def describe_displacement(self) -> str:
-        """Return why what is written is not kept where anybody finds it, "" while all is well."""
+        """Return why the database file was moved or replaced, "" if it is in its place."""
         try:
             self._database.require_in_place()
         except StorageError as error:
@@ -218,7 +226,7 @@ class DatabaseMonitor:
         return ""
 
     def _check_database(self) -> None:
-        with suppress(PermissionError):  # of this thread alone: the recorder comes first
+        with suppress(PermissionError):  # for this thread only: the recorder has priority
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         try:
             require_intact_database(self._database, self._data)

@@ -1,4 +1,4 @@
-"""Applied parameters: identified motors and springs in versions over the parameter file."""
+"""Active plant parameters: versions of identified values over the parameter file."""
 
 import asyncio
 from collections.abc import Callable, Iterator
@@ -19,27 +19,24 @@ from backend.storage import Database, Identification, Session, identifications, 
 from backend.tuning import TuningError
 from plant import SIDES, ErrorCode, ParameterError, PlantParameters, Side, SinewError, load_parameters
 
-# Applied parameters --------------------------------------------------------------------------------
+# Versions ------------------------------------------------------------------------------------------
 #
-# Identified motors and springs put in force: versions over the parameter file, each kept, the
-# newest counts.
-#
-# What is applied is what the controller knows of the plant. What a simulated plant really is stays
-# as its file says.
+# Applying an identification stores a new version over the parameter file; the newest one is active.
+# Controller and predictions use it. A simulated plant keeps the values of its file.
 
 
 SETTING_NAME = "identified in force"
 
 
 class NotApplicableError(SinewError, ValueError):
-    """An identification that cannot be applied to the parameters; the message says why."""
+    """An identification that cannot be applied to the parameters."""
 
     category = ErrorCode.NOT_NOW
 
 
 @dataclass(frozen=True)
 class AppliedVersion:
-    """A set of parameters that came into force; number 0 is the file as it is, which nobody applied."""
+    """A set of parameters that was activated; number 0 is the unchanged file."""
 
     number: int
     parameters: PlantParameters
@@ -49,12 +46,12 @@ class AppliedVersion:
 
     @property
     def digest(self) -> str:
-        """The same for the same numbers with the same sources, as lineage shows it."""
+        """Digest of the values with their sources, as the lineage shows it."""
         return document_digest(self.parameters.to_document())
 
 
 def list_parameter_versions(database: Database, base: PlantParameters) -> list[AppliedVersion]:
-    """Return all versions over this file's numbers, newest first, the file itself last.
+    """Return all versions over this parameter file, newest first, the file last.
 
     Raises UnreadableDocumentError, ParameterError.
     """
@@ -62,8 +59,8 @@ def list_parameter_versions(database: Database, base: PlantParameters) -> list[A
         stored = [
             (APPLIED.read(one.value, f"version of {one.who}"), one) for one in settings.history(session, SETTING_NAME)
         ]
-    mine = tuning_settings.compute_parameters_digest(base)
-    made = [(applied, one) for applied, one in reversed(stored) if applied.base == mine]
+    own_digest = tuning_settings.compute_parameters_digest(base)
+    made = [(applied, one) for applied, one in reversed(stored) if applied.base == own_digest]
     found = [
         AppliedVersion(number, _apply_to(base, applied), applied, one.who, one.at)
         for number, (applied, one) in enumerate(made, start=1)
@@ -72,21 +69,25 @@ def list_parameter_versions(database: Database, base: PlantParameters) -> list[A
 
 
 def load_active_parameters(database: Database, base: PlantParameters) -> PlantParameters:
-    """Return the parameters of the file with what was applied last. Raises UnreadableDocumentError, ParameterError."""
+    """Return the parameters of the newest version.
+
+    Raises UnreadableDocumentError, ParameterError.
+    """
     return list_parameter_versions(database, base)[0].parameters
 
 
 def find_last_applicant(database: Database) -> str:
-    """Return who applied something last, to whatever file; empty for nobody."""
+    """Return who applied parameters last, to whichever file; "" for nobody."""
     with database.reading() as session:
         last = settings.newest(session, SETTING_NAME)
     return "" if last is None else last.who
 
 
-def build_proposal(base: PlantParameters, now: PlantParameters, found: Identification) -> AppliedParameters:
-    """Return what applying an identification would put in force, over what is ``now``.
+def build_proposal(base: PlantParameters, active: PlantParameters, found: Identification) -> AppliedParameters:
+    """Return the values that applying an identification would activate.
 
-    Raises NotApplicableError, and ParameterError for a value outside its bounds.
+    ``base`` are the parameters of the file, ``active`` the present ones. Raises NotApplicableError, and ParameterError
+    for a value outside its range.
     """
     named = f"run {found.run_id}" if found.run_id is not None else f"estimate {found.id}"
     if found.kind not in ("motor", "spring"):
@@ -94,15 +95,15 @@ def build_proposal(base: PlantParameters, now: PlantParameters, found: Identific
     if not found.usable:
         raise NotApplicableError(f"{named} is not usable: {found.verdict}")
     source = f"{found.kind} identification of {named}"
-    sections = select_identified_sections(now)
+    sections = select_identified_sections(active)
     for side in SIDES:
         entries = dict(
             _iterate_motor_values(found, side) if found.kind == "motor" else _iterate_spring_values(found, side)
         )
-        own = sections.setdefault(f"identified_{side}", {})
+        section = sections.setdefault(f"identified_{side}", {})
         if "k" in entries:
-            own.pop("points", None)
-        own |= {name: {"value": value, "unit": unit, "source": source} for name, (value, unit) in entries.items()}
+            section.pop("points", None)
+        section |= {name: {"value": value, "unit": unit, "source": source} for name, (value, unit) in entries.items()}
     document = {
         "base": tuning_settings.compute_parameters_digest(base),
         "identified": sections,
@@ -110,13 +111,16 @@ def build_proposal(base: PlantParameters, now: PlantParameters, found: Identific
         "run": found.run_id or 0,
     }
     applied = APPLIED.read(document, source)
-    if not find_changes(now, _apply_to(base, applied)):
+    if not find_changes(active, _apply_to(base, applied)):
         raise NotApplicableError(f"{named} says what is in force already: nothing would change")
     return applied
 
 
 def build_undo(database: Database, base: PlantParameters) -> AppliedParameters:
-    """Return what puts the former version in force again. Raises NotApplicableError where there is none."""
+    """Return the values that restore the previous version.
+
+    Raises NotApplicableError if there is none.
+    """
     found = list_parameter_versions(database, base)
     if len(found) == 1:
         raise NotApplicableError("nothing was applied to the parameter file: there is nothing to undo")
@@ -132,32 +136,34 @@ def build_undo(database: Database, base: PlantParameters) -> AppliedParameters:
 
 
 def store_parameters(session: Session, applied: AppliedParameters, who: str) -> None:
-    """Store a new version: it is the one in force from now on."""
+    """Store a new version, which becomes the active one."""
     settings.save(session, SETTING_NAME, APPLIED.write(applied), who)
 
 
 def build_identified_sections(applied: AppliedParameters) -> dict[str, dict[str, dict[str, Any]]]:
-    """Return what is put over the file, as its document says it."""
-    return {section: {name: asdict(one) for name, one in held.items()} for section, held in applied.identified.items()}
+    """Return the applied values as sections of a parameter document."""
+    return {
+        section: {name: asdict(one) for name, one in entries.items()} for section, entries in applied.identified.items()
+    }
 
 
 def select_identified_sections(parameters: PlantParameters) -> dict[str, dict[str, dict[str, Any]]]:
-    """Return the sections of what the controller knows."""
-    held = parameters.to_document().items()
-    return {section: entries for section, entries in held if section.startswith("identified")}
+    """Return the sections of a parameter document with identified values."""
+    entries = parameters.to_document().items()
+    return {section: entries for section, entries in entries if section.startswith("identified")}
 
 
 def find_changes(before: PlantParameters, after: PlantParameters) -> list[ParameterChange]:
-    """Return the entries that differ, side by side."""
+    """Return the identified values that differ, with both values."""
     return [change for side in SIDES for change in _compare_side(before, after, side) if change.before != change.after]
 
 
 def _compare_side(before: PlantParameters, after: PlantParameters, side: Side) -> Iterator[ParameterChange]:
-    was, now = before.select_identified(side), after.select_identified(side)
-    yield _build_change("K_m", side, "rad/(V·s)", was.K_m, now.K_m)
-    yield _build_change("T_m", side, "s", was.T_m, now.T_m)
-    for power, (old, new) in enumerate(zip_longest(was.k, now.k)):
-        yield _build_change(f"k{power}", side, ("N", "N/m", "N/m²", "N/m³", "N/m⁴", "N/m⁵")[power], old, new)
+    old, new = before.select_identified(side), after.select_identified(side)
+    yield _build_change("K_m", side, "rad/(V·s)", old.K_m, new.K_m)
+    yield _build_change("T_m", side, "s", old.T_m, new.T_m)
+    for power, (old_k, new_k) in enumerate(zip_longest(old.k, new.k)):
+        yield _build_change(f"k{power}", side, ("N", "N/m", "N/m²", "N/m³", "N/m⁴", "N/m⁵")[power], old_k, new_k)
 
 
 def _build_change(name: str, side: Side, unit: str, before: float | None, after: float | None) -> ParameterChange:
@@ -178,24 +184,21 @@ def _iterate_motor_values(found: Identification, side: Side) -> Iterator[tuple[s
 
 
 def _iterate_spring_values(found: Identification, side: Side) -> Iterator[tuple[str, tuple[Any, str]]]:
-    """Give each spring its own polynomial, and both that of a table."""
+    """Yield the polynomial of a spring; a table gives both springs the same."""
     spring = found.springs.get(side) or found.springs.get("table")
     if spring is None:
         raise NotApplicableError(f"estimate {found.id} has no spring {side}")
     yield "k", (list(next(fit.k for fit in spring.model.fits if fit.order == spring.model.recommended)), "N/m^i")
 
 
-# Applied -------------------------------------------------------------------------------------------
+# Service -------------------------------------------------------------------------------------------
 #
-# Applying identified motors and springs: the controller goes by them from then on, what is
-# simulated stays as it is.
-#
-# Only while the actuator is off: the loop is started anew with what is in force then. Whoever
-# undoes says which version, so that two who undo at once do not undo each other.
+# Parameters change only in mode off, because the loop restarts with them. An undo names its
+# version, so that two simultaneous requests do not undo two versions.
 
 
 class _PreparedChange(NamedTuple):
-    """What is to come into force, and a tuning that is safe on it in place of the one ``before``."""
+    """New parameters, the present tuning ``before``, and a safe tuning for them."""
 
     applied: AppliedParameters
     parameters: PlantParameters
@@ -205,13 +208,16 @@ class _PreparedChange(NamedTuple):
 
 @dataclass(frozen=True)
 class ParametersApplied:
-    """Other parameters of the plant are in use."""
+    """Other plant parameters became active."""
 
     parameters: PlantParameters
 
 
 class ParameterService:
-    """Versions over ``base``, the parameter file. Publishes ParametersApplied."""
+    """Applies and undoes versions over the parameter file ``base``.
+
+    Publishes ParametersApplied.
+    """
 
     def __init__(
         self,
@@ -226,7 +232,10 @@ class ParameterService:
         self._tuning_store, self._base, self._events = tuning_store, base, events
 
     def build_view(self, estimate: int | None = None) -> ParametersView:
-        """Return what is in force and was, and what applying an estimate would change. Raises UnknownRecordError."""
+        """Return all versions, and the effect of applying an estimate.
+
+        Raises UnknownRecordError.
+        """
         try:
             found = list_parameter_versions(self._database, self._base)
         except ParameterError as error:
@@ -241,7 +250,10 @@ class ParameterService:
         )
 
     async def apply(self, estimate: int, who: str) -> ParametersView:
-        """Put in force what was identified. Raises RequestRejectedError, UnknownRecordError; nothing changes then."""
+        """Activate identified values.
+
+        Raises RequestRejectedError, UnknownRecordError; nothing changes then.
+        """
         async with self._actuator.start_lock:
             await self._apply_change(
                 await asyncio.to_thread(self._prepare_change, lambda: self._build_proposal(estimate)), who
@@ -249,10 +261,10 @@ class ParameterService:
         return await asyncio.to_thread(self.build_view)
 
     async def undo(self, version: int, who: str) -> ParametersView:
-        """Put what was before ``version``, the newest, in force again.
+        """Restore the version before ``version``, which must be the newest.
 
-        Raises RequestRejectedError; nothing changes then. That is the way back from parameters that no loop starts
-        with: so it does for a loop that is not there, too.
+        Works without a running loop too, to recover from parameters with which no loop starts. Raises
+        RequestRejectedError; nothing changes then.
         """
         async with self._actuator.start_lock:
             await self._apply_change(
@@ -262,7 +274,7 @@ class ParameterService:
 
     def _prepare_change(self, propose: Callable[[], AppliedParameters]) -> _PreparedChange:
         try:
-            if load_parameters(self._supervisor.setup.parameters) != self._base:  # a loop that starts reads it anew
+            if load_parameters(self._supervisor.setup.parameters) != self._base:  # a loop reads it at its start
                 raise RequestRejectedError(
                     ErrorCode.NOT_NOW, "the parameter file has changed: start the service anew first"
                 )
@@ -274,10 +286,10 @@ class ParameterService:
         except (NotApplicableError, ParameterError, TuningError) as error:
             raise RequestRejectedError(ErrorCode.BAD_VALUE, f"it cannot be applied: {error}") from None
 
-    async def _apply_change(self, wanted: _PreparedChange, who: str) -> None:
-        applied, parameters, before, tuning = wanted
+    async def _apply_change(self, change: _PreparedChange, who: str) -> None:
+        applied, parameters, before, tuning = change
 
-        def take() -> None:
+        def store_and_publish() -> None:
             self._require_idle(before)
             if not (applied.undone or self._supervisor.is_alive):
                 raise RequestRejectedError(
@@ -293,15 +305,18 @@ class ParameterService:
             self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
             self._events.publish(ParametersApplied(parameters))
 
-        self._require_idle(before)  # before it waits for its turn, too: there is nothing to wait for
+        self._require_idle(before)  # also before it waits for the restart
         undone = "the former parameters, as the last identification was undone"
         run = f"the identification of run {applied.run}" if applied.run else "a spring measured elsewhere"
         moved = ", ".join(tuning.choice.list_differences(before.choice))
-        told = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
-        await self._actuator.restart_loop_with(take, told, who)
+        description = f"{undone if applied.undone else run}{f' (tuning: {moved})' if moved else ''}"
+        await self._actuator.restart_loop_with(store_and_publish, description, who)
 
     def _require_idle(self, tuning: ActiveTuning) -> None:
-        """Raise RequestRejectedError unless the actuator is off, nothing is under way and this tuning is in force."""
+        """Raise RequestRejectedError unless the actuator is off and nothing is running.
+
+        ``tuning`` must still be the active one.
+        """
         live_state = self._actuator.live_state
         self._actuator.require_unoccupied()
         if live_state.task is not None or live_state.overridden_tuning is not None:
@@ -327,16 +342,16 @@ class ParameterService:
     def _build_proposal(self, estimate: int) -> AppliedParameters:
         with self._database.reading() as session:
             found = identifications.get(session, estimate)
-        now = load_active_parameters(self._database, self._base)
-        return build_proposal(self._base, now, found)
+        active = load_active_parameters(self._database, self._base)
+        return build_proposal(self._base, active, found)
 
-    def _build_proposal_view(self, estimate: int, now: PlantParameters) -> ParameterProposal:
+    def _build_proposal_view(self, estimate: int, active: PlantParameters) -> ParameterProposal:
         try:
-            then = self._base.with_identified(build_identified_sections(self._build_proposal(estimate)))
+            proposed = self._base.with_identified(build_identified_sections(self._build_proposal(estimate)))
         except (NotApplicableError, ParameterError) as error:
             return ParameterProposal(estimate=estimate, problem=str(error), digest="", changes=[])
-        digest = AppliedVersion(0, then).digest
-        return ParameterProposal(estimate=estimate, problem="", digest=digest, changes=find_changes(now, then))
+        digest = AppliedVersion(0, proposed).digest
+        return ParameterProposal(estimate=estimate, problem="", digest=digest, changes=find_changes(active, proposed))
 
 
 def _build_version_view(one: AppliedVersion, former: AppliedVersion) -> ParameterVersion:

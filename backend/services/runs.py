@@ -1,4 +1,4 @@
-"""Stored runs: samples, results, flight records, log, replay, experiments made of recordings."""
+"""Stored runs: samples, results, flight records, event log, replay, conversion."""
 
 import asyncio
 import json
@@ -109,8 +109,6 @@ from backend.workers import WorkerProcess
 from plant import ErrorCode, Obstacle, ParameterError, T_s, parse_parameters
 
 # Evaluations ---------------------------------------------------------------------------------------
-#
-# Runs evaluated again, because they have no result, or because somebody wants it computed anew.
 
 
 @dataclass(frozen=True)
@@ -121,9 +119,9 @@ class RunReevaluated:
 
 
 class Evaluations:
-    """One evaluation of a run at a time. ``task`` tells what the service is doing at present.
+    """Evaluates stored runs again, one evaluation per run at a time.
 
-    Publishes RunReevaluated.
+    ``task`` returns what the service is executing. Publishes RunReevaluated.
     """
 
     def __init__(
@@ -136,13 +134,14 @@ class Evaluations:
         self._active: set[int] = set()
 
     def is_evaluating(self, run_id: int) -> bool:
-        """Whether a run is being evaluated again."""
+        """Whether a run is being evaluated."""
         return run_id in self._active
 
     async def evaluate_again(self, run_id: int) -> None:
-        """Compute and store the result of a run; what keeps it from that is kept with the run, and raised.
+        """Compute and store the result of a run, or store the reason why there is none.
 
-        Raises UnknownRecordError, NotEvaluableError, WorkerDiedError, RequestRejectedError while it is being evaluated.
+        Raises that reason, UnknownRecordError, NotEvaluableError, WorkerDiedError, and RequestRejectedError while the
+        run is being evaluated.
         """
         require_evaluable(await asyncio.to_thread(self._load_run, run_id))
         task = self._task()
@@ -169,9 +168,7 @@ class Evaluations:
             runs.set_evaluation_problem(session, run_id, problem)
 
 
-# Planned -------------------------------------------------------------------------------------------
-#
-# What a stored run was going to play, from begin to end.
+# Planned signals -----------------------------------------------------------------------------------
 
 
 EMPTY_PLAN = PlannedSignals(t=[], lines=[], parts=[])
@@ -179,31 +176,32 @@ _UNITS = {field.name: field.unit for field in FIELDS}
 
 
 def read_planned_run(database: Database, run_id: int) -> PlannedSignals:
-    """Return what a run was to play; its plan may be an imported text, so that it is read beside the service.
+    """Return the planned references of a run over its whole duration.
 
-    Raises UnknownRecordError, SettingError, OutOfRangeError, ExperimentError.
+    The plan may be an imported text, so this runs in a worker process. Raises UnknownRecordError, SettingError,
+    OutOfRangeError, ExperimentError.
     """
     with database.reading() as session:
         run = runs.get(session, run_id)
         try:
-            kept = run.set_to.plan
+            stored = run.set_to.plan
         except UnreadableDocumentError:
             return EMPTY_PLAN
-        if kept is None:
+        if stored is None:
             return EMPTY_PLAN
-        plan = parse_stored_plan(run.kind, kept)
+        plan = parse_stored_plan(run.kind, stored)
         followed = ("theta_A_ref", "theta_B_ref") if isinstance(plan, IdentificationPlan) else ("q_ref", "S_ref")
         began = _read_first_references(session, run_id, *followed)
     if isinstance(plan, IdentificationPlan):
         try:
-            told = forecast_identification(plan, parse_parameters(run.parameters_name, run.parameters), began)
+            timetable = forecast_identification(plan, parse_parameters(run.parameters_name, run.parameters), began)
         except ParameterError:
             return EMPTY_PLAN
         parts = [
-            PlannedPart(title=f"{told.title(one)}, {one.stage}", start_s=one.begin * T_s, end_s=one.end * T_s)
-            for one in told.intervals
+            PlannedPart(title=f"{timetable.title(one)}, {one.stage}", start_s=one.begin * T_s, end_s=one.end * T_s)
+            for one in timetable.intervals
         ]
-        return PlannedSignals(t=told.t.tolist(), lines=_build_lines(told.signals), parts=parts)
+        return PlannedSignals(t=timetable.t.tolist(), lines=_build_lines(timetable.signals), parts=parts)
     program = plan.program()
     if not program.segments:
         return EMPTY_PLAN
@@ -229,7 +227,7 @@ def _build_lines(signals: dict[str, NDArray[np.float64]]) -> list[PlannedLine]:
 
 
 def _read_first_references(session: Session, run_id: int, one: str, other: str) -> tuple[float, float] | None:
-    """Return the references that a run began with; None while nothing of it is recorded, or there were none."""
+    """Return the references at the start of a run, None if there are none."""
     try:
         samples = read_samples(session, run_id, (one, other), 0.0, T_s)
     except UnknownRecordError:
@@ -240,23 +238,22 @@ def _read_first_references(session: Session, run_id: int, one: str, other: str) 
     return values if math.isfinite(sum(values)) else None
 
 
-# Recorded experiment -------------------------------------------------------------------------------
+# Conversion of a run to an experiment --------------------------------------------------------------
 #
-# Makes an experiment of a run: references, pushes, walls and changes of the tuning as they were
-# recorded.
+# The experiment repeats references, pushes, obstacles and changes of the tuning as recorded.
 
 
 _COLUMNS = ("q_ref", "S_ref", "F_push", "lam_q", "lam_S")
 _LAM = ("lam_q", "lam_S")
 _DECIMALS = 6
 _EVENTS_OF_PARTS = ("push", "wall ", "no wall", "by the program: wall", "by the program: no wall")
-"""How the events begin that come back as parts of the samples and of the kept walls."""
+"""First words of events that samples or the stored obstacles reproduce as parts."""
 
 
 def build_recorded_experiment(database: Database, run_id: int) -> RecordedExperiment:
-    """Return a run as an experiment of its own, and what of the run it does not repeat.
+    """Return a run as an experiment, with a list of what it does not repeat.
 
-    Raises UnknownRecordError, ExperimentError where there are no references to follow.
+    Raises UnknownRecordError, and ExperimentError if there are no references.
     """
     with database.reading() as session:
         samples = read_samples(session, run_id, _COLUMNS)
@@ -293,7 +290,10 @@ def _describe_recorded(run_id: int, found: RecordedParts) -> str:
 
 
 def _find_own_bank(session: Session, run: Run) -> int | None:
-    """Return the number of the bank that a run began with, 0 for geometry; None where this station has none of it."""
+    """Return this station's number of the bank at the start of a run.
+
+    0 stands for geometric gains, None for a bank that this station does not have.
+    """
     if run.set_to.loop.bank in (None, 0):
         return run.set_to.loop.bank
     try:
@@ -303,7 +303,10 @@ def _find_own_bank(session: Session, run: Run) -> int | None:
 
 
 class _RunConversion:
-    """What becomes of a run besides its references; ``left_out`` collects what cannot be repeated."""
+    """Converts tuning, obstacles and events of a run into parts of an experiment.
+
+    ``left_out`` lists what cannot be repeated.
+    """
 
     def __init__(
         self,
@@ -321,7 +324,7 @@ class _RunConversion:
             self.left_out.append(f"{missing} samples are missing: their time is left out")
 
     def collect_changes(self) -> list[ReferenceChange]:
-        """Return tunings and walls in order of their ticks."""
+        """Return changes of tuning and obstacle in order of their ticks."""
         tunings = self._limit_count(self._collect_tunings(), MAX_TUNINGS, "changes of the tuning")
         walls = self._limit_count(self._collect_walls(), MAX_WALLS, "changes of the wall")
         self._report_missing_marks()
@@ -329,7 +332,7 @@ class _RunConversion:
         return sorted([*tunings, *walls], key=lambda change: change.tick)
 
     def report_missing_pushes(self, found: RecordedParts, F_push: Column) -> None:
-        """Tell which pushes the experiment lacks."""
+        """Add to ``left_out`` the pushes that the experiment lacks."""
         for begin, end in found.unpushed:
             force, begins, ends = F_push[begin], self._t[begin], self._t[min(end, len(self._t) - 1)]
             why = "the references move meanwhile, and a push holds them"
@@ -341,7 +344,7 @@ class _RunConversion:
         return changes[:most]
 
     def _collect_tunings(self) -> list[ReferenceChange]:
-        """Return the tuning of the beginning, and every change: λ by the samples, the rest by what was noted."""
+        """Return the first tuning and all changes: λ from samples, the rest from events."""
         parts: dict[int, dict[str, Any]] = {0: self._build_first_tuning()}
         for name in _LAM:
             column = np.round(self._columns[name], _DECIMALS)
@@ -375,20 +378,21 @@ class _RunConversion:
         return {**known, **{name: value for name, value in first.items() if np.isfinite(value)}}
 
     def _collect_walls(self) -> list[ReferenceChange]:
-        """Return the changes of the wall; one that would stand where the joint is asked to be is left out."""
+        """Return the changes of the obstacle, without obstacles beyond which q_ref lies."""
         due: dict[int, StoredWall] = {}
-        for kept in self._run.set_to.walls or ():
-            tick = int(np.searchsorted(self._t, kept.t - 0.5 * T_s))
+        for stored in self._run.set_to.walls or ():
+            tick = int(np.searchsorted(self._t, stored.t - 0.5 * T_s))
             if tick < len(self._t):
-                due[max(tick, PART_MIN_TICKS)] = kept  # the first part brings the joint to where it begins
+                due[max(tick, PART_MIN_TICKS)] = stored  # the first part moves the joint to its start
         found: list[ReferenceChange] = []
         stands = False
-        for tick, kept in sorted(due.items()):
-            wall = kept.obstacle
+        for tick, stored in sorted(due.items()):
+            wall = stored.obstacle
             q_ref = float(self._columns["q_ref"][min(tick, len(self._t)) - 1])
-            if wall is not None and kept.side * (q_ref - kept.q_wall) >= 0.0:
+            if wall is not None and stored.side * (q_ref - stored.q_wall) >= 0.0:
                 self.left_out.append(
-                    f"wall at {kept.q_wall:.4g} rad from {self._t[tick]:.3f} s: q_ref is beyond it, at {q_ref:.4g} rad"
+                    f"wall at {stored.q_wall:.4g} rad from {self._t[tick]:.3f} s: "
+                    f"q_ref is beyond it, at {q_ref:.4g} rad"
                 )
                 wall = None
             if wall is not None:
@@ -401,24 +405,24 @@ class _RunConversion:
         return found
 
     def _report_missing_marks(self) -> None:
-        """Tell what was noted and comes back by no part."""
+        """Add to ``left_out`` the events that no part reproduces."""
         for mark in self._marks:
             if mark.kind in (EventKind.MODE, EventKind.REFERENCES) or self._find_tick(mark.t) is None:
                 continue
-            told = mark.kind == EventKind.NOTE and mark.text.startswith(_EVENTS_OF_PARTS)
-            told |= mark.kind == EventKind.TUNING and (
+            reproduced = mark.kind == EventKind.NOTE and mark.text.startswith(_EVENTS_OF_PARTS)
+            reproduced |= mark.kind == EventKind.TUNING and (
                 parse_changes(mark.text) is not None or mark.text.startswith("by the program")
             )
-            if not told:
+            if not reproduced:
                 self.left_out.append(f"at {mark.t:.3f} s: {mark.text}")
 
     def _report_missing_program(self) -> None:
-        """Tell what the program of the run did and nothing records."""
-        kept = self._run.set_to.plan
-        if kept is None or self._run.set_to.experiment is None:
+        """Add to ``left_out`` what the program did without a record of it."""
+        stored = self._run.set_to.plan
+        if stored is None or self._run.set_to.experiment is None:
             return
         try:
-            plan = parse_stored_plan(self._run.kind, kept)
+            plan = parse_stored_plan(self._run.kind, stored)
         except (ValueError, UnreadableDocumentError):
             self.left_out.append("what its program did besides: this version does not read it")
             return
@@ -434,33 +438,32 @@ class _RunConversion:
             self.left_out.append(f"changes of {', '.join(sorted(others))} by the program: only λ is recorded")
 
     def _find_tick(self, t: float) -> int | None:
-        """Return the place of a time among the references, None for one outside of them."""
+        """Return the tick of a time [s] within the references, None outside of them."""
         if not self._t[0] - 0.5 * T_s <= t <= self._t[-1] + 0.5 * T_s:
             return None
         return min(int(np.searchsorted(self._t, t - 0.5 * T_s)), len(self._t) - 1)
 
 
 def _select_law(run: Run) -> Law:
-    """Return the law under which an experiment plays what a run did."""
+    """Return the control law with which an experiment repeats a run."""
     if run.set_to.mode == Mode.COMPLIANCE:
         return Law.COMPLIANCE
     law = run.set_to.law
     return Law(law) if law in LAWS else Law.CASCADE
 
 
-# Replay --------------------------------------------------------------------------------------------
+# Replay in the 3D view -----------------------------------------------------------------------------
 #
-# The moment of a recording that the replay's 3D view shows. One view for all: whoever moved it last
-# is seen.
+# All clients share one view; it shows the moment that was requested last.
 
 
 _REPLAY_COLUMNS = ("q", "q_ref", "S", "theta_A", "theta_B", "F_A", "F_B", "F_push", "F_ext_hat", "F_wall")
 
 
 class ReplayView:
-    """Holds one row of a recording in the shape of a newest sample, and the wall that stood then.
+    """Stores one row of a recording, as a sample, and the obstacle at that time.
 
-    Requests show a moment from their threads, the 3D view reads it from its own.
+    Requests write it from their threads, the 3D view reads it from its own.
     """
 
     def __init__(self, database: Database) -> None:
@@ -468,21 +471,27 @@ class ReplayView:
         self._shown: tuple[NDArray[np.float64] | None, Obstacle | None] = None, None
 
     def get_row(self) -> NDArray[np.float64] | None:
-        """Return the moment shown, one value per field of a sample; None before the first."""
+        """Return the shown sample, one value per field; None before the first request."""
         return self._shown[0]
 
     def get_wall(self) -> Obstacle | None:
-        """Return the wall that stood in the joint's way at the moment shown; None for none, and for none known."""
+        """Return the obstacle at the shown moment; None for none or unknown."""
         return self._shown[1]
 
     def show(self, run_id: int, t: float) -> None:
-        """Show the sample at ``t`` [s] of a run. Raises UnknownRecordError; stays where it is past the run's end."""
+        """Show the sample at ``t`` [s] of a run. Raises UnknownRecordError.
+
+        Beyond the end of the run the view does not change.
+        """
         shown = self._read(run_id, t)
         if shown is not None:
             self._shown = shown
 
     def show_flight(self, event_id: int, t: float) -> None:
-        """Show the sample of a flight record nearest to ``t`` [s] from its trip. Raises UnknownRecordError."""
+        """Show the sample of a flight record nearest to ``t`` [s] from its trip.
+
+        Raises UnknownRecordError.
+        """
         columns = read_flight_columns(self._database, event_id)
         if columns["t"].size:
             nearest = int(np.argmin(np.abs(columns["t"] - t)))
@@ -508,33 +517,34 @@ def _build_row(values: Mapping[str, float]) -> NDArray[np.float64]:
     return row
 
 
-# Timeline ------------------------------------------------------------------------------------------
-#
-# Everything that happened, read from the database.
+# Event log -----------------------------------------------------------------------------------------
 
 
 class StoredTimeline:
-    """Looks in the database of one station."""
+    """Reads the event log of one station from the database."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def load_page(self, asked: LogQuery, limit: int) -> Timeline:
-        """Return the newest of what is asked for."""
+    def load_page(self, query: LogQuery, limit: int) -> Timeline:
+        """Return the newest entries of a query."""
         with self._database.reading() as session:
-            found, more_before = timeline.find(session, asked, limit)
-            total = len(found) if more_before is None else timeline.count(session, asked)
+            found, more_before = timeline.find(session, query, limit)
+            total = len(found) if more_before is None else timeline.count(session, query)
         return Timeline(entries=found, total=total, more_before=more_before)
 
     def set_remark(self, event_id: int, said: EventNote, who: str) -> None:
-        """Put a note and tags on an event. Raises UnknownRecordError, TagError, RequestRejectedError."""
+        """Set note and tags of an event.
+
+        Raises UnknownRecordError, TagError, RequestRejectedError.
+        """
         with self._database.session() as session:
             timeline.remark(session, event_id, said.note.strip(), said.tags, who)
 
 
 # Views ---------------------------------------------------------------------------------------------
 #
-# From stored records to what the interface shows of them; no record is changed here.
+# Build the interface's schemas from stored records.
 
 
 def build_run_view(
@@ -550,9 +560,10 @@ def build_run_view(
     result: Result | None = None,
     fits: Mapping[str, float] | None = None,
 ) -> RunView:
-    """Return a run with the extent of what was recorded of it; one whose settings cannot be read says so.
+    """Return a run with the extent of its recording.
 
-    ``fits`` are those of the channels [%] that were identified from it.
+    ``fits`` are the fits [%] of the channels that were identified from it. Unreadable settings become the evaluation
+    problem.
     """
     judged = result is not None or not (run.kind == RunKind.SESSION or run.end_state == EndState.RUNNING)
     metrics, criteria = (None, ()) if result is None else (result.metrics, result.criteria)
@@ -590,7 +601,7 @@ def build_run_view(
 
 
 def build_samples_view(run_id: int, envelope: reader.SampleEnvelope, *, raw: bool) -> SamplesView:
-    """Return an envelope of samples; nan is null."""
+    """Return an envelope of samples; NaN becomes null."""
     return SamplesView(
         run=run_id,
         raw=raw,
@@ -610,7 +621,11 @@ def build_samples_view(run_id: int, envelope: reader.SampleEnvelope, *, raw: boo
 def build_bank_view(
     bank: Bank, runs_of: Mapping[int, int | None], positions: Mapping[int, float], in_use: int | None
 ) -> BankView:
-    """Return a bank; its estimates are mapped to the runs they came from and the joint positions they were made at."""
+    """Return a bank with the runs and joint positions of its estimates.
+
+    ``runs_of`` and ``positions`` map the number of an estimate to its run and its joint position; ``in_use`` is the
+    active bank.
+    """
     return BankView(
         id=bank.id,
         name=bank.name,
@@ -633,7 +648,7 @@ def build_bank_view(
 
 
 def build_experiment_view(run: Run, result: Result | None, progress: float) -> ExperimentView:
-    """Return an experiment run with metrics and criteria, where they have been computed."""
+    """Return an experiment run with its metrics and criteria, if computed."""
     return ExperimentView(
         id=run.id,
         name=run_experiment_name(run),
@@ -654,7 +669,7 @@ def build_dry_run_view(
     duration_s: float,
     settings: dict[str, SettingValue],
 ) -> DryRunView:
-    """Return what a dry run with these settings gave; its run is stored nowhere."""
+    """Return the result of a dry run; its run is not stored."""
     samples = None if curves is None else build_samples_view(run.id, curves, raw=False)
     return DryRunView(
         status=run.end_state,
@@ -692,7 +707,7 @@ def _build_criterion(item: RunCriterion) -> Criterion:
 
 
 def build_run_message(run: Run, result: Result | None) -> str:
-    """Return what is to be said of a run beside its verdict: how it ended, or why there is no result."""
+    """Return how a run ended, or why it has no result."""
     if result is None and run.evaluation_problem:
         return ". ".join(filter(None, (run.end_detail, f"not evaluated: {run.evaluation_problem}")))
     return run.end_detail or ("" if result is None else result.metrics.problem)
@@ -703,7 +718,7 @@ def _replace_nan(values: NDArray[np.float32]) -> list[float | None]:
 
 
 def build_flight_view(flight: Flight) -> FlightView:
-    """Return a flight record with its extent around the trip or trigger."""
+    """Return a flight record with its duration before and after the trip or trigger."""
     before = flight.trip_tick - flight.first_tick
     return FlightView(
         id=flight.event_id,
@@ -720,13 +735,11 @@ def build_flight_view(flight: Flight) -> FlightView:
 
 
 # Stored runs ---------------------------------------------------------------------------------------
-#
-# Stored runs as the page shows them, with their samples, flight records and results.
 
 
 @dataclass(frozen=True)
 class SampleSlice:
-    """What is asked of a recording: ``signals`` from ``from_s`` to ``to_s``, in about ``points`` buckets at most."""
+    """Signals of a recording between two times [s], in about ``points`` buckets."""
 
     run: int
     from_s: float
@@ -737,20 +750,28 @@ class SampleSlice:
 
 @dataclass(frozen=True)
 class RunQuery:
-    """Which runs are asked for: of ``kinds`` (none: of all), with the words of ``search``, that fit all of ``where``.
-
-    ``everywhere``: of all stations, not of this one only.
-    """
+    """Filter, page and station of a list of runs."""
 
     kinds: Sequence[str] = ()
+    """Kinds of runs; empty: all."""
+
     search: str = ""
+    """Words that the runs contain, separated by spaces."""
+
     where: Sequence[str] = ()
+    """Queries that the runs fit, all of them."""
+
     everywhere: bool = False
+    """Whether runs of all stations are found, not of this one only."""
+
     limit: int = 100
     offset: int = 0
 
     def build_query(self) -> Query:
-        """Return what is asked. Raises RequestRejectedError for an unknown kind, QueryError."""
+        """Return the filter as one query.
+
+        Raises RequestRejectedError for an unknown kind, QueryError.
+        """
         for unknown in (one for one in self.kinds if one not in set(RunKind)):
             raise RequestRejectedError(
                 ErrorCode.BAD_VALUE, f"there is no kind {unknown!r} of runs", legal=[str(known) for known in RunKind]
@@ -765,9 +786,9 @@ class RunQuery:
 class StoredRuns:
     """Reads and writes the runs of the database.
 
-    Plain methods wait for the disk: the event loop calls them in a thread. ``task`` tells what the service is doing at
-    present, ``is_evaluated`` whether a run's result is being computed. What reads very many samples is done in the
-    process ``worker``, where there is one.
+    Methods that are not coroutines wait for the disk: the event loop calls them in a thread. ``task`` returns what the
+    service is executing, ``is_evaluated`` whether a run's result is being computed. Reads of very many samples run in
+    ``worker``, if there is one.
     """
 
     def __init__(
@@ -782,12 +803,15 @@ class StoredRuns:
         self._task = task
         self._is_evaluated = is_evaluated
 
-    def find_runs(self, asked: RunQuery) -> RunList:
-        """Return a page of runs, newest first. Raises RequestRejectedError for an unknown kind, QueryError."""
-        query = asked.build_query()
+    def find_runs(self, query: RunQuery) -> RunList:
+        """Return a page of runs, newest first.
+
+        Raises RequestRejectedError for an unknown kind, QueryError.
+        """
+        search_query = query.build_query()
         with self._database.reading() as session:
             page = run_search.search(
-                session, query, everywhere=asked.everywhere, limit=asked.limit, offset=asked.offset
+                session, search_query, everywhere=query.everywhere, limit=query.limit, offset=query.offset
             )
             views = self._build_views(session, runs.of_numbers(session, page.run_ids))
             return RunList(runs=views, total=page.total)
@@ -798,7 +822,7 @@ class StoredRuns:
             return self._build_views(session, [runs.get(session, run_id)])[0]
 
     def set_note(self, run_id: int, note: str) -> RunView:
-        """Write the note of a run. Raises UnknownRecordError."""
+        """Set the note of a run. Raises UnknownRecordError."""
         with self._database.session() as session:
             runs.set_note(session, run_id, note)
         return self.load_run(run_id)
@@ -809,37 +833,37 @@ class StoredRuns:
             return FlightList(flights=[build_flight_view(flight) for flight in flights.find(session)])
 
     def load_experiment(self, run_id: int) -> ExperimentView:
-        """Return one experiment run with its result. Raises UnknownRecordError."""
+        """Return an experiment run with its result. Raises UnknownRecordError."""
         with self._database.reading() as session:
             run = runs.get(session, run_id)
             return build_experiment_view(run, results.newest(session, run_id), self.compute_progress(run))
 
-    async def load_samples(self, asked: SampleSlice) -> SamplesView:
+    async def load_samples(self, query: SampleSlice) -> SamplesView:
         """Return samples or their envelope. Raises UnknownRecordError, UnknownSignalError."""
-        envelope, raw = await self._read_envelope(asked)
-        return await asyncio.to_thread(partial(build_samples_view, asked.run, envelope, raw=raw))
+        envelope, raw = await self._read_envelope(query)
+        return await asyncio.to_thread(partial(build_samples_view, query.run, envelope, raw=raw))
 
-    async def pack_samples(self, asked: SampleSlice) -> bytes:
-        """Return the same, packed by ``backend.wire``. Raises UnknownRecordError, UnknownSignalError."""
-        envelope, raw = await self._read_envelope(asked)
-        return await asyncio.to_thread(_pack_envelope, envelope, raw, asked.signals)
+    async def pack_samples(self, query: SampleSlice) -> bytes:
+        """Return the same in the binary format of ``backend.wire``. Raises the same."""
+        envelope, raw = await self._read_envelope(query)
+        return await asyncio.to_thread(_pack_envelope, envelope, raw, query.signals)
 
-    async def _read_envelope(self, asked: SampleSlice) -> tuple[SampleEnvelope, bool]:
-        if self._worker is not None and await asyncio.to_thread(self._count_samples, asked) > AT_HAND_SAMPLES:
-            return await self._worker.run(read_slice_envelope, self._database, asked)
-        return await asyncio.to_thread(read_slice_envelope, self._database, asked)
+    async def _read_envelope(self, query: SampleSlice) -> tuple[SampleEnvelope, bool]:
+        if self._worker is not None and await asyncio.to_thread(self._count_samples, query) > AT_HAND_SAMPLES:
+            return await self._worker.run(read_slice_envelope, self._database, query)
+        return await asyncio.to_thread(read_slice_envelope, self._database, query)
 
-    def _count_samples(self, asked: SampleSlice) -> float:
-        """Return how many samples have to be read one by one: none where the stored summaries tell it."""
-        if all(name in STORED_NAMES for name in asked.signals):
+    def _count_samples(self, query: SampleSlice) -> float:
+        """Return how many samples must be read, 0 if stored summaries suffice."""
+        if all(name in STORED_NAMES for name in query.signals):
             return 0.0
         with self._database.reading() as session:
-            recording, span = recordings.get(session, asked.run), recordings.span(session, asked.run)
+            recording, span = recordings.get(session, query.run), recordings.span(session, query.run)
         length_s = (span.end_tick - span.first_tick) * recording.period_s
-        return (min(asked.to_s, length_s) - min(asked.from_s, length_s)) / recording.period_s
+        return (min(query.to_s, length_s) - min(query.from_s, length_s)) / recording.period_s
 
     def _build_views(self, session: Session, found: Sequence[Run]) -> list[RunView]:
-        """Return runs with their tags and the extent of what was recorded of them."""
+        """Return runs with their tags and the extents of their recordings."""
         numbers = [run.id for run in found]
         newest, tagged = results.load_newest(session, numbers), tags.of_runs(session, numbers)
         fits = identifications.fits_of_runs(session, numbers)
@@ -849,8 +873,8 @@ class StoredRuns:
             origin = imported[run.id].sentence if run.id in imported else ""
             evaluation = self._get_evaluation_state(run, run.id in newest)
             tagged_with, result = tagged.get(run.id, []), newest.get(run.id)
-            told = partial(build_run_view, tags=tagged_with, origin=origin, result=result, fits=fits.get(run.id))
-            view = partial(told, run, evaluation)
+            reproduced = partial(build_run_view, tags=tagged_with, origin=origin, result=result, fits=fits.get(run.id))
+            view = partial(reproduced, run, evaluation)
             return _add_extent(view, recorded.get(run.id))
 
         return [view_of(run) for run in found]
@@ -864,24 +888,27 @@ class StoredRuns:
         return EvaluationView.DONE if has_result else EvaluationView.MISSING
 
     def compute_progress(self, run: Run) -> float:
-        """Return how far a run is, from 0 to 1."""
+        """Return the progress of a run, from 0 to 1."""
         task = self._task()
         if task is None or task.run != run.id:
             return 1.0
         return min(0.99, task.elapsed_s / task.duration_s)
 
 
-def read_slice_envelope(database: Database, asked: SampleSlice) -> tuple[SampleEnvelope, bool]:
-    """Return what is asked of a recording, and whether its buckets are single samples. Raises like ``samples``."""
+def read_slice_envelope(database: Database, query: SampleSlice) -> tuple[SampleEnvelope, bool]:
+    """Return the envelope of a slice, and whether its buckets are single samples.
+
+    Raises as ``load_samples`` does.
+    """
     with database.reading() as session:
-        period_s = recordings.get(session, asked.run).period_s
+        period_s = recordings.get(session, query.run).period_s
         envelope = read_envelope(
             session=session,
-            run_id=asked.run,
-            points=asked.points,
-            names=asked.signals,
-            from_s=asked.from_s,
-            to_s=asked.to_s,
+            run_id=query.run,
+            points=query.points,
+            names=query.signals,
+            from_s=query.from_s,
+            to_s=query.to_s,
         )
     return envelope, envelope.width_s <= 1.5 * period_s
 

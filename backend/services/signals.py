@@ -1,4 +1,4 @@
-"""Derived signals and figures over every sample of a recorded range."""
+"""Statistics, spectra and values of recorded ranges; formulas of derived signals."""
 
 import asyncio
 import io
@@ -49,30 +49,33 @@ from backend.storage import Database, Formula, formulas, recordings
 from backend.workers import stream_from_process
 from plant import ErrorCode
 
-# Figures -------------------------------------------------------------------------------------------
+# Analysis of ranges --------------------------------------------------------------------------------
 #
-# Computes statistics, values, spectra and files of every sample of a range of a recorded run.
+# Uses every sample of a range, not the envelope of a chart.
 
 
 MAX_RANGES = 6
-"""Ranges that are read at a time."""
+"""Ranges that are read at the same time."""
 
 IN_PROCESS_VALUES = 4_000_000
-"""Samples times signals of which spectra are computed in the service itself: they take 32 MB."""
+"""Samples times signals up to which spectra are computed in the service: 32 MB."""
 
 MAX_SPECTRUM_VALUES = 30_000_000
-"""Samples times signals of which spectra are computed at once: they are held in memory, 240 MB."""
+"""Largest product of samples and signals of a spectrum: 240 MB of memory."""
 
 _SYMBOLS = {one.name: one.symbol for one in FIELDS}
 
 
 @dataclass(frozen=True)
 class RangeQuery:
-    """``signals`` of a run from ``from_s`` to ``to_s`` (both included) since its first sample; None: to its end."""
+    """Signals of a run between two times since its first sample, both included."""
 
     run: int
     from_s: float
+
     to_s: float | None
+    """None: to the end of the run."""
+
     signals: Sequence[str]
 
 
@@ -80,132 +83,149 @@ LineStream = Callable[[Database, RangeQuery], Iterator[bytes]]
 
 
 class RangeAnalysis:
-    """Computes beside the event loop: in threads, and in a process of its own where a range is long.
+    """Reads ranges in threads, long ones in a process of their own.
 
-    What is under way ends when its generator is closed.
+    A computation ends when its generator is closed.
     """
 
     def __init__(self, database: Database) -> None:
         self._database = database
         self._active_count = 0
 
-    async def stream_statistics(self, asked: RangeQuery) -> AsyncGenerator[bytes]:
-        """Return lines of ``StatisticsLine``. Raises UnknownRecordError, UnknownSignalError, refusals."""
-        return await self._start_stream(stream_statistics, asked)
+    async def stream_statistics(self, query: RangeQuery) -> AsyncGenerator[bytes]:
+        """Return lines of ``StatisticsLine``.
 
-    async def stream_spectra(self, asked: RangeQuery) -> AsyncGenerator[bytes]:
-        """Return lines of ``SpectraLine``. Raises UnknownRecordError, UnknownSignalError, refusals."""
-        return await self._start_stream(stream_spectra, asked, IN_PROCESS_VALUES // max(1, len(asked.signals)))
+        Raises UnknownRecordError, UnknownSignalError, RequestRejectedError.
+        """
+        return await self._start_stream(stream_statistics, query)
 
-    async def stream_csv(self, asked: RangeQuery) -> AsyncGenerator[bytes]:
-        """Return every sample as comma-separated text, in pieces. Raises like ``statistics``."""
-        return await self._start_stream(stream_range_csv, asked, at_hand=0)  # its library takes long to load
+    async def stream_spectra(self, query: RangeQuery) -> AsyncGenerator[bytes]:
+        """Return lines of ``SpectraLine``. Raises as ``stream_statistics`` does."""
+        return await self._start_stream(stream_spectra, query, IN_PROCESS_VALUES // max(1, len(query.signals)))
+
+    async def stream_csv(self, query: RangeQuery) -> AsyncGenerator[bytes]:
+        """Return every sample as CSV text. Raises as ``stream_statistics`` does."""
+        return await self._start_stream(
+            stream_range_csv, query, in_process_samples=0
+        )  # in a process: its library takes long to import
 
     def read_values(self, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
-        """Return the values at the samples at or before ``times_s``; waits for the disk. Raises like ``statistics``."""
+        """Return the values of the last samples at or before ``times_s``.
+
+        Waits for the disk. Raises as ``stream_statistics`` does.
+        """
         return read_values(self._database, run, times_s, signals)
 
     async def _start_stream(
-        self, lines: LineStream, asked: RangeQuery, at_hand: int | None = None
+        self, lines: LineStream, query: RangeQuery, in_process_samples: int | None = None
     ) -> AsyncGenerator[bytes]:
-        """Return a stream whose first piece is there: whatever is refused has been refused by then."""
+        """Return a stream once its first chunk is there.
+
+        All errors of the request are raised before.
+        """
         if self._active_count >= MAX_RANGES:
             raise RequestRejectedError(
                 ErrorCode.TOO_MANY, f"{MAX_RANGES} ranges are being read: wait for one of them", retry_after_s=2
             )
-        most = AT_HAND_SAMPLES if at_hand is None else min(at_hand, AT_HAND_SAMPLES)
-        stream = self._count_stream(lines, asked, most)
+        most = AT_HAND_SAMPLES if in_process_samples is None else min(in_process_samples, AT_HAND_SAMPLES)
+        stream = self._count_stream(lines, query, most)
         await anext(stream)
         return stream
 
-    async def _count_stream(self, lines: LineStream, asked: RangeQuery, at_hand: int) -> AsyncGenerator[bytes]:
-        """Yield nothing when the first piece is there, then the pieces."""
+    async def _count_stream(
+        self, lines: LineStream, query: RangeQuery, in_process_samples: int
+    ) -> AsyncGenerator[bytes]:
+        """Yield an empty chunk once the first chunk is there, then all chunks."""
         self._active_count += 1
         try:
-            stretch = await asyncio.to_thread(_find_interval, self._database, asked)
-            long = stretch.ticks > at_hand
-            pieces = (
-                stream_from_process(lines, self._database, asked)
+            interval = await asyncio.to_thread(_find_interval, self._database, query)
+            long = interval.ticks > in_process_samples
+            chunks = (
+                stream_from_process(lines, self._database, query)
                 if long
-                else _iterate_in_thread(lines(self._database, asked))
+                else _iterate_in_thread(lines(self._database, query))
             )
-            async with aclosing(pieces):
-                first = await anext(pieces, b"")
+            async with aclosing(chunks):
+                first = await anext(chunks, b"")
                 yield b""
                 yield first
-                async for piece in pieces:
-                    yield piece
+                async for chunk in chunks:
+                    yield chunk
         finally:
             self._active_count -= 1
 
 
-async def _iterate_in_thread(pieces: Iterator[bytes]) -> AsyncGenerator[bytes]:
-    while (piece := await asyncio.to_thread(next, pieces, None)) is not None:
-        yield piece
+async def _iterate_in_thread(chunks: Iterator[bytes]) -> AsyncGenerator[bytes]:
+    while (chunk := await asyncio.to_thread(next, chunks, None)) is not None:
+        yield chunk
 
 
-def stream_statistics(database: Database, asked: RangeQuery) -> Iterator[bytes]:
-    """Yield lines of ``StatisticsLine`` while the range is read, the result in the last one."""
-    stretch, told, samples = _find_interval(database, asked), _describe_signals(database, asked), 0
-    found = {name: Statistics() for name in asked.signals}
-    for slab in read_slabs(database, stretch, asked.signals):
+def stream_statistics(database: Database, query: RangeQuery) -> Iterator[bytes]:
+    """Yield ``StatisticsLine`` with the progress, the last one with the result."""
+    interval, described, samples = _find_interval(database, query), _describe_signals(database, query), 0
+    found = {name: Statistics() for name in query.signals}
+    for slab in read_slabs(database, interval, query.signals):
         add_slab(found, slab)
         samples += slab.ticks.size
-        yield _encode_line(StatisticsLine(share=_compute_progress(slab, stretch)))
-    signals = {name: _build_statistics(told[name].unit, one, stretch.period_s) for name, one in found.items()}
-    result = RecordedStatistics(**_build_range_fields(stretch, samples), signals=signals)
+        yield _encode_line(StatisticsLine(share=_compute_progress(slab, interval)))
+    signals = {name: _build_statistics(described[name].unit, one, interval.period_s) for name, one in found.items()}
+    result = RecordedStatistics(**_build_range_fields(interval, samples), signals=signals)
     yield _encode_line(StatisticsLine(share=1.0, result=result))
 
 
-def stream_spectra(database: Database, asked: RangeQuery) -> Iterator[bytes]:
-    """Yield lines of ``SpectraLine`` while the range is read, the result in the last one."""
-    stretch, told, samples = _find_interval(database, asked), _describe_signals(database, asked), 0
+def stream_spectra(database: Database, query: RangeQuery) -> Iterator[bytes]:
+    """Yield ``SpectraLine`` with the progress, the last one with the result."""
+    interval, described, samples = _find_interval(database, query), _describe_signals(database, query), 0
     remedy = "choose a shorter range or fewer signals"
     words = "samples times signals of a spectrum"
     check_range(
         "range",
-        stretch.ticks * len(asked.signals),
+        interval.ticks * len(query.signals),
         minimum=None,
         maximum=MAX_SPECTRUM_VALUES,
         unit="1",
         remedy=remedy,
         words=words,
     )
-    values = {name: np.full(stretch.ticks, np.nan) for name in asked.signals}
-    for slab in read_slabs(database, stretch, asked.signals):
+    values = {name: np.full(interval.ticks, np.nan) for name in query.signals}
+    for slab in read_slabs(database, interval, query.signals):
         for name, column in slab.columns.items():
-            values[name][slab.ticks - stretch.begin] = column
+            values[name][slab.ticks - interval.begin] = column
         samples += slab.ticks.size
-        yield _encode_line(SpectraLine(share=0.9 * _compute_progress(slab, stretch)))
+        yield _encode_line(SpectraLine(share=0.9 * _compute_progress(slab, interval)))
     signals = {
-        name: _build_spectrum(told[name].unit, column, samples, stretch.period_s) for name, column in values.items()
+        name: _build_spectrum(described[name].unit, column, samples, interval.period_s)
+        for name, column in values.items()
     }
     yield _encode_line(
-        SpectraLine(share=1.0, result=RecordedSpectra(**_build_range_fields(stretch, samples), signals=signals))
+        SpectraLine(share=1.0, result=RecordedSpectra(**_build_range_fields(interval, samples), signals=signals))
     )
 
 
-def stream_range_csv(database: Database, asked: RangeQuery) -> Iterator[bytes]:
-    """Yield every sample of a range as comma-separated text, with the digits that give each value back exactly.
+def stream_range_csv(database: Database, query: RangeQuery) -> Iterator[bytes]:
+    """Yield every sample of a range as CSV, with all digits of each value.
 
-    Columns of the recording are written as ``data.csv`` of the run has them; combined signals in double precision.
+    Recorded columns are written as in ``data.csv`` of the run; combined signals in double precision.
     """
     import pyarrow as pa
     import pyarrow.csv
 
-    stretch, told = _find_interval(database, asked), _describe_signals(database, asked)
+    interval, described = _find_interval(database, query), _describe_signals(database, query)
     heading = [
-        f"run {stretch.run_id} from {stretch.from_s:.3f} s to {stretch.to_s:.3f} s, Sinew {__version__}; every sample; "
-        "SI units, angles in rad; t counts from the first sample of the run",
-        *(f"{name} [{told[name].unit}] {_SYMBOLS.get(name, name)}: {told[name].meaning}" for name in asked.signals),
+        f"run {interval.run_id} from {interval.from_s:.3f} s to {interval.to_s:.3f} s, Sinew {__version__}; "
+        "every sample; SI units, angles in rad; t counts from the first sample of the run",
+        *(
+            f"{name} [{described[name].unit}] {_SYMBOLS.get(name, name)}: {described[name].meaning}"
+            for name in query.signals
+        ),
     ]
-    names = ["t", *asked.signals]
+    names = ["t", *query.signals]
     head = "\n".join([*map(format_csv_comment, heading), ",".join(map(format_csv_cell, names))]) + "\n"
     plain = pyarrow.csv.WriteOptions(include_header=False, quoting_style="none")
-    for slab in read_slabs(database, stretch, asked.signals):
+    for slab in read_slabs(database, interval, query.signals):
         columns = [
-            slab.ticks * stretch.period_s,
-            *(_cast_to_stored(name, slab.columns[name]) for name in asked.signals),
+            slab.ticks * interval.period_s,
+            *(_cast_to_stored(name, slab.columns[name]) for name in query.signals),
         ]
         buffer = io.BytesIO(head.encode())
         buffer.seek(0, io.SEEK_END)
@@ -217,14 +237,14 @@ def stream_range_csv(database: Database, asked: RangeQuery) -> Iterator[bytes]:
 
 
 def read_values(database: Database, run: int, times_s: Sequence[float], signals: Sequence[str]) -> RecordedValues:
-    """Return the values of signals at the samples at or before ``times_s``.
+    """Return the values of the last samples at or before ``times_s`` [s].
 
-    Raises UnknownRecordError, UnknownSignalError, OutOfRangeError for a time outside the recording.
+    Raises UnknownRecordError, UnknownSignalError, and OutOfRangeError for a time outside the recording.
     """
     with database.reading() as session:
         whole = find_tick_range(session, run)
         for time_s in times_s:
-            if not 0 <= whole.tick_at(time_s) < whole.end:  # a sum of times may miss the last sample by a rounding
+            if not 0 <= whole.tick_at(time_s) < whole.end:  # sums of times have rounding errors
                 remedy = f"choose a time within the recording of run {run}"
                 check_range("at", time_s, minimum=0.0, maximum=whole.to_s, unit="s", remedy=remedy, words="time")
         ticks = [recordings.tick_before(session, run, whole.tick_at(time_s)) for time_s in times_s]
@@ -245,31 +265,31 @@ def _read_values_at_tick(
     return {name: _replace_nan(float(column[0])) for name, column in slab.columns.items()}
 
 
-def _find_interval(database: Database, asked: RangeQuery) -> TickInterval:
+def _find_interval(database: Database, query: RangeQuery) -> TickInterval:
     with database.reading() as session:
         read_samples(
-            session, asked.run, [name for name in asked.signals if name not in COMBINED_SIGNAL_BY_NAME], 0.0, 0.0
+            session, query.run, [name for name in query.signals if name not in COMBINED_SIGNAL_BY_NAME], 0.0, 0.0
         )
-        return find_tick_range(session, asked.run, asked.from_s, asked.to_s)
+        return find_tick_range(session, query.run, query.from_s, query.to_s)
 
 
-def _describe_signals(database: Database, asked: RangeQuery) -> dict[str, Field | Following]:
+def _describe_signals(database: Database, query: RangeQuery) -> dict[str, Field | Following]:
     with database.reading() as session:
-        return describe_signals(session, asked.signals)
+        return describe_signals(session, query.signals)
 
 
-def _compute_progress(slab: Slab, stretch: TickInterval) -> float:
-    return float(slab.ticks[-1] + 1 - stretch.begin) / stretch.ticks
+def _compute_progress(slab: Slab, interval: TickInterval) -> float:
+    return float(slab.ticks[-1] + 1 - interval.begin) / interval.ticks
 
 
-def _build_range_fields(stretch: TickInterval, samples: int) -> dict[str, Any]:
+def _build_range_fields(interval: TickInterval, samples: int) -> dict[str, Any]:
     return {
-        "run": stretch.run_id,
-        "from_s": stretch.from_s,
-        "to_s": stretch.to_s,
-        "period_s": stretch.period_s,
+        "run": interval.run_id,
+        "from_s": interval.from_s,
+        "to_s": interval.to_s,
+        "period_s": interval.period_s,
         "samples": samples,
-        "missing": stretch.ticks - samples,
+        "missing": interval.ticks - samples,
     }
 
 
@@ -278,7 +298,7 @@ def _encode_line(line: StatisticsLine | SpectraLine) -> bytes:
 
 
 def _build_statistics(unit: str, found: Statistics, period_s: float) -> SignalStatistics:
-    def when(extreme: Extreme | None) -> float | None:
+    def to_seconds(extreme: Extreme | None) -> float | None:
         return None if extreme is None else extreme.tick * period_s
 
     return SignalStatistics(
@@ -286,9 +306,9 @@ def _build_statistics(unit: str, found: Statistics, period_s: float) -> SignalSt
         values=found.values,
         without_value=found.without_value,
         minimum=None if found.minimum is None else found.minimum.value,
-        minimum_s=when(found.minimum),
+        minimum_s=to_seconds(found.minimum),
         maximum=None if found.maximum is None else found.maximum.value,
-        maximum_s=when(found.maximum),
+        maximum_s=to_seconds(found.maximum),
         mean=found.mean if found.values else None,
         deviation=found.deviation if found.values else None,
     )
@@ -296,15 +316,15 @@ def _build_statistics(unit: str, found: Statistics, period_s: float) -> SignalSt
 
 def _build_spectrum(unit: str, values: NDArray[np.float64], samples: int, period_s: float) -> SignalSpectrum:
     found, reason = welch_spectrum(values, period_s), ""
-    there = int(np.count_nonzero(np.isfinite(values)))
+    finite_count = int(np.count_nonzero(np.isfinite(values)))
     if found is None:
         reason = f"fewer than {LEAST_SAMPLES} consecutive samples have a value"
         found = Spectrum(step_Hz=0.0, noise_bandwidth_Hz=0.0, segment=0, segments=0, used=0, density=np.empty(0))
     return SignalSpectrum(
         unit=unit,
         reason=reason,
-        values=there,
-        without_value=samples - there,
+        values=finite_count,
+        without_value=samples - finite_count,
         used=found.used,
         segment=found.segment,
         segments=found.segments,
@@ -322,28 +342,26 @@ def _cast_to_stored(name: str, column: NDArray[np.float64]) -> NDArray[np.float3
     return column if name in COMBINED_SIGNAL_BY_NAME else column.astype(np.float32)
 
 
-# Formulas ------------------------------------------------------------------------------------------
-#
-# Derived signals of the station as the page writes them: checked and stored.
+# Formulas of derived signals -----------------------------------------------------------------------
 
 
 MAX_FORMULAS = 50
-"""So many formulas a station may have."""
+"""Largest number of formulas of a station."""
 
 
 class Formulas:
-    """Reads and writes the formulas of a station. All methods wait for the disk."""
+    """Checks and stores the formulas of a station. All methods wait for the disk."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def list_formulas(self) -> FormulaList:
-        """Return the formulas, by name."""
+        """Return all formulas, sorted by name."""
         with self._database.reading() as session:
             return FormulaList(formulas=[_build_view(one) for one in formulas.find(session)])
 
     def save(self, name: str, text: FormulaText, who: str) -> FormulaView:
-        """Write a formula, or change the one of this name. Raises RequestRejectedError."""
+        """Store a new or changed formula. Raises RequestRejectedError."""
         try:
             derived = parse_derived_signal(name, text.unit, text.expression)
         except ExpressionError as error:
@@ -354,10 +372,10 @@ class Formulas:
                 raise RequestRejectedError(
                     ErrorCode.BAD_VALUE, f"a station has {MAX_FORMULAS} formulas at most: remove one first"
                 )
-            alike = next((one for one in others if one.lower() == name.lower()), None)
-            if alike is not None:
+            similar_name = next((one for one in others if one.lower() == name.lower()), None)
+            if similar_name is not None:
                 raise RequestRejectedError(
-                    ErrorCode.BAD_VALUE, f"{name!r} differs from {alike!r} by case only", code="bad_formula"
+                    ErrorCode.BAD_VALUE, f"{name!r} differs from {similar_name!r} by case only", code="bad_formula"
                 )
             steps = [asdict(step) for step in derived.steps]
             return _build_view(

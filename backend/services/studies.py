@@ -1,4 +1,4 @@
-"""Studies: stored and shown, and computed in worker processes."""
+"""Studies: stored, shown, and computed in worker processes."""
 
 import asyncio
 import logging
@@ -45,44 +45,44 @@ from backend.studies import (
 from backend.workers import WorkerDiedError, WorkerProcess
 from plant import ErrorCode, PlantParameters
 
-# Studies -------------------------------------------------------------------------------------------
-#
-# Studies as they are kept and shown: begun from a text, listed, asked to stop, their tables and
-# maps.
+# Stored studies ------------------------------------------------------------------------------------
 
 
 MAX_LISTED = 100
 _RUNNER_LOST = "who computed it died without a word: resume it, what is computed is kept"
-"""Of a study that nobody computes although nobody has let go of it: killed, or its machine lost."""
+"""Problem of a study whose process was killed, or whose machine was lost."""
 MAX_ROWS = 200
-"""Rows of a table that the page is given; the command line has all."""
+"""Rows of a table that the page gets; the command line shows all."""
 
 
 class Studies:
-    """Reads and keeps them; what computes them is ``backend.studies.runner``."""
+    """Creates, reads and stops studies; ``backend.studies.runner`` computes them."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
-    def create(self, written: str, who: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> StudyView:
-        """Keep a study, with the plant and the tuning as they are now. Raises ExperimentError, SettingError."""
+    def create(self, text: str, who: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> StudyView:
+        """Store a new study with the present plant and tuning.
+
+        Raises ExperimentError, SettingError.
+        """
         own = OwnExperiments(self._database)
         new = create_study(
-            written, StudyContext(own.find_definition, parameters, tuning, make_bank_loader(self._database)), who
+            text, StudyContext(own.find_definition, parameters, tuning, make_bank_loader(self._database)), who
         )
         with self._database.session() as session:
-            kept = studies.add(session, new)
-        return self.load_view(kept.id)
+            stored = studies.add(session, new)
+        return self.load_view(stored.id)
 
-    def check(self, written: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> CheckedStudy:
-        """Return what a text says, and whether it is a study that could be begun. Nothing is kept."""
+    def check(self, text: str, parameters: PlantParameters, tuning: Mapping[str, Value]) -> CheckedStudy:
+        """Return the parsed text, and whether it is a valid study. Stores nothing."""
         document: dict[str, Any] | None = None
         try:
-            said = parser.parse_document(written)[0]
-            document = said if isinstance(said, dict) else None
+            parsed = parser.parse_document(text)[0]
+            document = parsed if isinstance(parsed, dict) else None
             own = OwnExperiments(self._database)
             new = create_study(
-                written, StudyContext(own.find_definition, parameters, tuning, make_bank_loader(self._database)), ""
+                text, StudyContext(own.find_definition, parameters, tuning, make_bank_loader(self._database)), ""
             )
         except InvalidValueError as error:
             return CheckedStudy(document=document, points=None, problem=str(error), path=list(error.path))
@@ -91,32 +91,44 @@ class Studies:
     def list_newest(self) -> list[StudyView]:
         """Return the newest studies, newest first."""
         with self._database.reading() as session:
-            return [_build_view(kept, studies.states(session, kept.id)) for kept in studies.newest(session, MAX_LISTED)]
+            return [
+                _build_view(stored, studies.states(session, stored.id))
+                for stored in studies.newest(session, MAX_LISTED)
+            ]
 
     def load_view(self, study_id: int) -> StudyView:
-        """Return one. Raises UnknownRecordError."""
+        """Return one study. Raises UnknownRecordError."""
         with self._database.reading() as session:
             return _build_view(studies.get(session, study_id), studies.states(session, study_id))
 
     def request_stop(self, study_id: int) -> StudyView:
-        """Have whoever computes it stop when the runs in hand are done. Raises UnknownRecordError."""
+        """Ask the process that computes a study to stop after its current runs.
+
+        Raises UnknownRecordError.
+        """
         with self._database.session() as session:
             studies.ask_to_stop(session, study_id)
         return self.load_view(study_id)
 
     def resume(self, study_id: int) -> StudyView:
-        """Have what is missing computed by whoever comes. Raises UnknownRecordError, OtherSoftwareError, TakenError."""
+        """Mark the missing runs of a study for computation.
+
+        Raises UnknownRecordError, OtherSoftwareError, and TakenError while it is being stopped.
+        """
         with self._database.session() as session:
-            kept = studies.get(session, study_id)
-            require_version(kept.base["software"])
-            if kept.stop_asked and is_being_computed(kept):
-                raise TakenError(kept)
+            stored = studies.get(session, study_id)
+            require_version(stored.base["software"])
+            if stored.stop_asked and is_being_computed(stored):
+                raise TakenError(stored)
             studies.want(session, study_id)
         return self.load_view(study_id)
 
     def build_detail(self, study_id: int, rows: int | None = MAX_ROWS, pick: str = maps.WORST) -> StudyDetail:
-        """Return a study with its maps, by ``pick``, and the first rows of its table; all ``rows`` for None."""
-        kept, points, design = self._load(study_id)
+        """Return a study with its maps and the first rows of its table.
+
+        ``pick`` selects the value of a cell with several runs; ``rows`` None returns all rows.
+        """
+        stored, points, design = self._load(study_id)
         named = maps.list_metric_names(parser.parse_canonical(design.base.experiment))
         figures = maps.summarize_distributions(points, named.values())
         axes = dict(design.axes)
@@ -125,7 +137,7 @@ class Studies:
         shown = [] if drawn is None else [maps.build_map(points, axes, *drawn, name, pick) for name in names]
         return StudyDetail(
             study=self.load_view(study_id),
-            text=kept.text,
+            text=stored.text,
             axes=[
                 StudyAxis(
                     name=name,
@@ -144,7 +156,11 @@ class Studies:
     def build_map(
         self, study_id: int, figure: str, pick: str, over: tuple[str, str] | None = None
     ) -> tuple[Map, Design]:
-        """Return the map of a figure, by ``pick``, ``over`` x and y. Raises SettingError, UnknownRecordError."""
+        """Return the map of a metric over two axes, and the design of the study.
+
+        ``pick`` selects the value of a cell with several runs, ``over`` the axes x and y. Raises SettingError,
+        UnknownRecordError.
+        """
         _, points, design = self._load(study_id)
         axes = dict(design.axes)
         x, y = over or maps.choose_map_axes(axes) or ("", "")
@@ -152,33 +168,33 @@ class Studies:
 
     def _load(self, study_id: int) -> tuple[StoredStudy, list[StudyPoint], Design]:
         with self._database.reading() as session:
-            kept = studies.get(session, study_id)
-            return kept, studies.points(session, study_id), parse_design(kept)
+            stored = studies.get(session, study_id)
+            return stored, studies.points(session, study_id), parse_design(stored)
 
 
-def _build_view(kept: StoredStudy, ends: dict[str, int]) -> StudyView:
-    done, computed = sum(ends.values()), is_being_computed(kept)
-    state = "done" if done == kept.points else "stopped"
+def _build_view(stored: StoredStudy, ends: dict[str, int]) -> StudyView:
+    done, computed = sum(ends.values()), is_being_computed(stored)
+    state = "done" if done == stored.points else "stopped"
     if computed:
-        state = "stopping" if kept.stop_asked else "running"
-    lasted_s = (datetime.now(UTC) - kept.begun_at).total_seconds() if kept.begun_at else 0.0
+        state = "stopping" if stored.stop_asked else "running"
+    lasted_s = (datetime.now(UTC) - stored.begun_at).total_seconds() if stored.begun_at else 0.0
     return StudyView(
-        id=kept.id,
-        name=kept.name,
-        title=escape_line(kept.title),
-        who=kept.who,
-        created=kept.created_at,
+        id=stored.id,
+        name=stored.name,
+        title=escape_line(stored.title),
+        who=stored.who,
+        created=stored.created_at,
         state=state,
-        points=kept.points,
+        points=stored.points,
         done=done,
         ends=ends,
-        left_s=estimate_remaining_s(done, kept.begun_with, kept.points, lasted_s) if computed else None,
-        problem=kept.problem or (_RUNNER_LOST if kept.runner and state == "stopped" else ""),
+        left_s=estimate_remaining_s(done, stored.begun_with, stored.points, lasted_s) if computed else None,
+        problem=stored.problem or (_RUNNER_LOST if stored.runner and state == "stopped" else ""),
     )
 
 
 def get_axis_unit(name: str, design: Design) -> str:
-    """Return the SI unit of what is varied: a number of the plant, or a setting."""
+    """Return the SI unit of a varied plant parameter or setting."""
     if "." in name:
         section, entry, *_ = name.split(".")
         return str(design.base.parameters[section][entry]["unit"])
@@ -186,41 +202,41 @@ def get_axis_unit(name: str, design: Design) -> str:
 
 
 def get_axis_symbol(name: str, design: Design) -> str:
-    """Return the symbol of a setting that is varied; a number of the plant has its section and entry."""
+    """Return the symbol of a varied setting; a plant parameter has its dotted name."""
     return _describe_axes(design).get(name, (name, ""))[0]
 
 
 def _describe_axes(design: Design) -> dict[str, tuple[str, str]]:
-    """Symbol and unit of each setting of the experiment and of the loop, by name."""
-    written = parser.parse_canonical(design.base.experiment).settings
-    found = {item.name: (item.symbol or item.name, item.unit) for item in written}
+    """Return symbol and unit of each setting of the experiment and of the loop."""
+    settings = parser.parse_canonical(design.base.experiment).settings
+    found = {item.name: (item.symbol or item.name, item.unit) for item in settings}
     return found | {item.name: (item.symbol, item.unit) for item in describe_settings(LoopSettings)}
 
 
-# Studies under way ---------------------------------------------------------------------------------
+# Study scheduler -----------------------------------------------------------------------------------
 #
-# Studies that the page has computed: one after the other, in processes that give way to all others.
-#
-# One core is left to the loop and the service. What ends with the service goes on where it was,
-# when somebody resumes it.
+# Computes the studies of the page one after the other, in processes of low priority; one core is
+# left to the loop and the service. An operator can resume a study that ended with the service.
 
 
 _log = logging.getLogger(__name__)
 WAITING = "waiting"
-"""State of a study whose turn comes after that of another one."""
+"""State of a study that waits for another one."""
 MAX_WAITING = 20
-"""Studies under way or waiting, at most."""
+"""Largest number of running and waiting studies."""
 COMPUTING_STATES = ("running", "stopping")
 REFRESH_FACTOR = 9.0
-"""The table of a study that is computed is read anew after so many times what that takes: of 100 000 rows, seconds."""
+"""Pause between reads of a running study's table, in durations of a read.
+
+A table of 100 000 rows takes seconds.
+"""
 
 
 class StudyScheduler:
-    """Belongs to the service's event loop.
+    """Starts, stops and shows studies. Belongs to the service's event loop.
 
-    ``computing`` has a process for studies, ``reading`` one for their tables, and ``texts`` those for what is written.
-
-    ``tuning`` tells the one in force, which holds where a study names none.
+    Worker processes: ``computing`` for studies, ``reading`` for their tables, ``texts`` for texts of persons.
+    ``tuning`` returns the active tuning, used by studies that name none.
     """
 
     def __init__(
@@ -241,7 +257,7 @@ class StudyScheduler:
         self._running: dict[int, asyncio.Task[None]] = {}
 
     def set_parameters(self, parameters: PlantParameters) -> None:
-        """Begin studies around these parameters from now on."""
+        """Use these plant parameters for studies that start later."""
         self._parameters = parameters
 
     async def list_newest(self) -> StudyList:
@@ -251,37 +267,37 @@ class StudyScheduler:
         )
 
     async def build_detail(self, study_id: int, pick: str) -> StudyDetail:
-        """Return a study with its maps, by ``pick``, and the first rows of its table. Raises UnknownRecordError.
+        """Return a study with its maps and the first rows of its table.
 
-        The table of one that is computed may be that of before, see REST.
+        The table of a running study may be older, see REFRESH_FACTOR. Raises UnknownRecordError.
         """
         study = await asyncio.to_thread(self._studies.load_view, study_id)
         due, found = self._detail_cache.get((study_id, pick), (0.0, None))
         if found is None or study.state not in COMPUTING_STATES or time.monotonic() >= due:
-            begun = time.monotonic()
+            started = time.monotonic()
             found = await self._reading.run(_detail, self._database, study_id, pick)
             study, ended = found.study, time.monotonic()
-            resting = {other: kept for other, kept in self._detail_cache.items() if kept[0] > ended}
-            self._detail_cache = resting | {(study_id, pick): (ended + REFRESH_FACTOR * (ended - begun), found)}
+            recent = {key: entry for key, entry in self._detail_cache.items() if entry[0] > ended}
+            self._detail_cache = recent | {(study_id, pick): (ended + REFRESH_FACTOR * (ended - started), found)}
         return found.model_copy(update={"study": self._mark_waiting(study)})
 
     async def check(self, text: str, person: User, is_disconnected: IsDisconnected) -> CheckedStudy:
-        """Return what a text says and whether it could be begun.
+        """Return the parsed text, and whether it is a valid study.
 
-        Raises RequestRejectedError where there is no place.
+        Raises RequestRejectedError if too many texts are being checked.
         """
         return await self._texts.run(
             person, is_disconnected, _check, self._database, text, self._parameters, self._tuning()
         )
 
     def list_plant_numbers(self) -> PlantNumbers:
-        """Return the numbers of the plant that a study can vary."""
+        """Return the plant parameters that a study can vary."""
         return PlantNumbers(numbers=[PlantNumber(**vars(number)) for number in list_variable_numbers(self._parameters)])
 
     async def start(self, text: str, who: str) -> StudyView:
-        """Keep a study and have it computed.
+        """Store a study and schedule it.
 
-        Raises ExperimentError, SettingError, and RequestRejectedError for one too many.
+        Raises ExperimentError, SettingError, and RequestRejectedError above MAX_WAITING.
         """
         async with self._start_lock:
             self._require_capacity()
@@ -290,27 +306,28 @@ class StudyScheduler:
             return self._schedule(study)
 
     async def resume(self, study_id: int) -> StudyView:
-        """Have computed what is missing.
+        """Schedule the missing runs of a study.
 
-        Raises UnknownRecordError, OtherSoftwareError, TakenError while it stops, RequestRejectedError for one too many.
+        Raises UnknownRecordError, OtherSoftwareError, TakenError while it stops, and RequestRejectedError above
+        MAX_WAITING.
         """
         async with self._start_lock:
             self._require_capacity()
             return self._schedule(await asyncio.to_thread(self._studies.resume, study_id))
 
     async def stop(self, study_id: int) -> StudyView:
-        """Have a study stop, whoever computes it. Raises UnknownRecordError."""
+        """Stop a study, whichever process computes it. Raises UnknownRecordError."""
         study = await asyncio.to_thread(self._studies.request_stop, study_id)
         due = self._waiting.pop(study_id, None)
-        begun = self._running.get(study_id) if study.state == "stopped" else None  # its process only comes up
-        for task in (due, begun):
+        started = self._running.get(study_id) if study.state == "stopped" else None  # its process only comes up
+        for task in (due, started):
             if task is not None:
                 task.cancel()
                 await asyncio.wait((task,))
         return self._mark_waiting(study)
 
     async def close(self) -> None:
-        """Let go of all; what is computed is kept."""
+        """Cancel all studies; computed runs stay stored."""
         tasks = [*self._waiting.values(), *self._running.values()]
         for task in tasks:
             task.cancel()
@@ -332,13 +349,13 @@ class StudyScheduler:
                 await self._computing.run(_compute, self._database, study_id)
             except WorkerDiedError as died:
                 _log.warning("Study %s: %s", study_id, died)
-            except Exception:  # the study says what it was
+            except Exception:  # the study stores the problem
                 _log.exception("Study %s failed.", study_id)
             finally:
                 del self._running[study_id]
 
     def _mark_waiting(self, study: StudyView) -> StudyView:
-        """Return a study that nobody computes yet as one that waits, where that is so."""
+        """Return a scheduled study whose computation has not started as waiting."""
         under_way = study.id in self._waiting or study.id in self._running
         return study.model_copy(update={"state": WAITING}) if under_way and study.state == "stopped" else study
 
