@@ -12,8 +12,8 @@ from .disturbance_metrics import (
     pair_hits,
 )
 from .evaluation import (
-    FIGURES,
-    USED,
+    METRICS_BY_MEASURE,
+    USED_SETTINGS,
     Evaluation,
     compute_result,
     evaluate_experiment,
@@ -26,20 +26,20 @@ from .evaluation import (
     require_measurable,
     select_used_settings,
 )
-from .frequency_metrics import UNLIKE, Array, Complex, Lines, Response, build_bode_lines, compute_responses
+from .frequency_metrics import VARIATION_MAX, Array, Complex, Lines, Response, build_bode_lines, compute_responses
 from .identification import MOTOR_B, build_identification_document, estimate_run_friction, fit_spring_table
 from .identification_views import build_curves, compute_trend, validate_on_run
-from .step_metrics import AT_REST, SETTLING_BAND, NoSamplesError, find_pushes
+from .step_metrics import REST_TOLERANCES, SETTLING_BAND, NoSamplesError, find_pushes
 
 __all__ = [
-    "AT_REST",
-    "FIGURES",
     "JOINT_STEP",
+    "METRICS_BY_MEASURE",
     "MOTOR_B",
     "PUSH_REST_S",
+    "REST_TOLERANCES",
     "SETTLING_BAND",
-    "UNLIKE",
-    "USED",
+    "USED_SETTINGS",
+    "VARIATION_MAX",
     "Array",
     "Complex",
     "Evaluation",

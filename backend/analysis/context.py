@@ -1,10 +1,10 @@
-"""What controlled at a sample of a run, as far as a prediction has to know it: gains, law, references. Pure."""
+"""The state of the controller at each sample of a run: tuning, gains and references, for predictions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from backend.analysis.step_metrics import timed
+from backend.analysis.step_metrics import iterate_segments
 from backend.banks import TUNING_NAMES, BankError, HasEntries, TuningSettings, list_point_models
 from backend.control import cascade
 from backend.experiments import ExperimentPlan
@@ -14,18 +14,18 @@ from backend.tuning import PointModel, TuningError, make_cascade_tuning
 from plant import PlantParameters, SinewError
 
 
-class NotPredictedError(SinewError, ValueError):
-    """There is nothing to compare a measurement with; says why."""
+class PredictionUnavailableError(SinewError, ValueError):
+    """No prediction is possible; the message says why."""
 
 
 def load_initial_tuning(loop: StoredLoopSettings) -> TuningSettings:
-    """Return the tuning that a run began with, whatever bounds it had then; what was not kept was the default."""
+    """Return the tuning at the start of a run, without checking bounds; settings that were not stored have defaults."""
     known: dict[str, Any] = {name: value for name, value in loop.get_known_values().items() if name in TUNING_NAMES}
     return TuningSettings(**known)
 
 
 def load_bank_points(bank: HasEntries | None) -> tuple[PointModel, ...]:
-    """Return the models of a bank; of one that cannot be read none, so that all but the prediction is told."""
+    """Return the models of a bank; empty for an unreadable bank, so that only predictions are missing."""
     try:
         return list_point_models(bank)
     except (BankError, UnreadableDocumentError):
@@ -34,7 +34,7 @@ def load_bank_points(bank: HasEntries | None) -> tuple[PointModel, ...]:
 
 @dataclass(frozen=True)
 class EvaluationContext:
-    """``tuning`` is the one that the run began with, ``points`` the models of its bank, none for geometry."""
+    """What a run was executed with; ``tuning`` and ``points``, the models of its bank, are those at its start."""
 
     parameters: PlantParameters
     plan: ExperimentPlan
@@ -42,37 +42,37 @@ class EvaluationContext:
     points: Sequence[PointModel] = ()
 
     @property
-    def position_loop(self) -> bool:
-        """Whether the joint loop is closed."""
+    def has_position_loop(self) -> bool:
+        """Whether the position loop is closed."""
         return self.plan.law is not Law.COMPLIANCE
 
-    def choice_at(self, sample: int) -> TuningSettings:
-        """Return the tuning in use at a sample of the program."""
+    def get_tuning_at(self, sample: int) -> TuningSettings:
+        """Return the active tuning at a sample of the program."""
         number = 0
-        for start, _, segment in timed(self.plan.program()):
+        for start, _, segment in iterate_segments(self.plan.program()):
             if start > sample:
                 break
             number = segment.tuning or number
         return self.tuning.replace_values(self.plan.compiled.changes[number - 1]) if number else self.tuning
 
-    def references_before(self, sample: int) -> tuple[float, float]:
-        """Return q_ref [rad] and S_ref [N·m/rad] as they were left by what ended at a sample."""
+    def compute_references_before(self, sample: int) -> tuple[float, float]:
+        """Return q_ref [rad] and S_ref [N·m/rad] after the segments that end at a sample."""
         q, S = 0.0, 10.0
-        for _, end, segment in timed(self.plan.program()):
+        for _, end, segment in iterate_segments(self.plan.program()):
             if end > sample:
                 break
             q, S = final_references(segment, q, S)
         return q, S
 
-    def gains_at(self, sample: int) -> cascade.CascadeTuning:
-        """Return the gains of the cascade at a sample. Raises NotPredictedError."""
+    def compute_gains_at(self, sample: int) -> cascade.CascadeTuning:
+        """Return the gains of the cascade at a sample. Raises PredictionUnavailableError."""
         if self.plan.law not in (Law.CASCADE, Law.COMPLIANCE):
-            raise NotPredictedError(f"of the law {self.plan.law} no prediction is made")
-        choice = self.choice_at(sample)
+            raise PredictionUnavailableError(f"of the law {self.plan.law} no prediction is made")
+        choice = self.get_tuning_at(sample)
         if choice.bank != self.tuning.bank:
-            raise NotPredictedError("a bank was in use that the run did not begin with")
+            raise PredictionUnavailableError("a bank was in use that the run did not begin with")
         if choice.bank and not self.points:
-            raise NotPredictedError("the bank that was in use is not stored with the run, or cannot be read")
+            raise PredictionUnavailableError("the bank that was in use is not stored with the run, or cannot be read")
         try:
             return make_cascade_tuning(
                 parameters=self.parameters,
@@ -84,4 +84,4 @@ class EvaluationContext:
                 k_ext=choice.k_ext,
             )
         except TuningError as error:
-            raise NotPredictedError(str(error)) from None
+            raise PredictionUnavailableError(str(error)) from None

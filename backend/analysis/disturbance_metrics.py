@@ -8,20 +8,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import EvaluationContext, NotPredictedError
+from backend.analysis.context import EvaluationContext, PredictionUnavailableError
 from backend.analysis.step_metrics import (
-    AT_REST,
     NO_NUMBER,
+    REST_TOLERANCES,
     Columns,
     LoadStep,
     NoSamplesError,
-    Whole,
-    figure,
+    WholeMetrics,
+    compute_whole_metrics,
+    declare_metric,
     find_pushes,
+    find_undisturbed_end,
+    iterate_segments,
     rms,
-    timed,
-    undisturbed_from,
-    whole,
 )
 from backend.faults import Limit
 from backend.realtime import Program, Shape
@@ -45,37 +45,43 @@ COMPLIANCE_REST_S = 1.0
 MAX_DELAY_S = 0.040
 """Longest delay of the load cells that is looked for [s]; the paper's have 10-15 ms."""
 
-BOUND_ALIGNED_N = 0.5
+ALIGNED_RMSE_MAX_N = 0.5
 
-LEAST_PUSH_N = 5.0 * BOUND_ALIGNED_N
+PUSH_MIN_N = 5.0 * ALIGNED_RMSE_MAX_N
 """Strongest push below which the forces agree to the bound whatever the stiffness: nothing is measured then [N]."""
 
 
 @dataclass(frozen=True)
-class ComplianceFigures:
+class ComplianceMetrics:
     """Figures of one compliance run, over the time from the first push on.
 
     ``reasons`` tells by name which could not be measured and why.
     """
 
-    rmse_raw_N: float = figure("N", "RMSE, raw", "F_A − F_B against −S_ref q/r_j as measured; the paper: 2.239 N")
-    rmse_aligned_N: float | None = figure(
+    rmse_raw_N: float = declare_metric(
+        "N", "RMSE, raw", "F_A − F_B against −S_ref q/r_j as measured; the paper: 2.239 N"
+    )
+    rmse_aligned_N: float | None = declare_metric(
         "N", "RMSE, aligned", "the same without sensor delay, each minus its mean before"
     )
-    rmse_estimated_N: float | None = figure(
+    rmse_estimated_N: float | None = declare_metric(
         "N", "RMSE, estimated", "F_ext_hat against F_B − F_A, aligned, each minus its mean before"
     )
-    delay_s: float | None = figure("s", "Sensor delay", "of the load cells behind the encoder, that which aligns best")
-    stiffness_felt: float | None = figure("N·m/rad", "Stiffness felt", "slope of −r_j (F_A − F_B) over q, aligned")
-    largest_push_N: float = figure("N", "Strongest push", "largest |F_A − F_B|, aligned")
-    deviation_S: float = figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| while pushed")
-    min_tension_N: float = figure("N", "Smallest tension", "of both load cells from the start of the program")
-    max_tension_N: float = figure("N", "Largest tension", "of both load cells from the start of the program")
-    peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    delay_s: float | None = declare_metric(
+        "s", "Sensor delay", "of the load cells behind the encoder, that which aligns best"
+    )
+    stiffness_felt: float | None = declare_metric(
+        "N·m/rad", "Stiffness felt", "slope of −r_j (F_A − F_B) over q, aligned"
+    )
+    largest_push_N: float = declare_metric("N", "Strongest push", "largest |F_A − F_B|, aligned")
+    deviation_S: float = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| while pushed")
+    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells from the start of the program")
+    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells from the start of the program")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def compliance_figures(columns: ComplianceColumns, r_j: float, first_push_s: float) -> ComplianceFigures:
+def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_push_s: float) -> ComplianceMetrics:
     """Compare measured and expected force. ``columns`` holds q, S, S_ref, F_A, F_B, u_A, u_B, one sample a millisecond.
 
     With F_ext_hat in it, the estimate is compared with what the load cells say. ``r_j`` [m] is the joint pulley's
@@ -101,16 +107,16 @@ def compliance_figures(columns: ComplianceColumns, r_j: float, first_push_s: flo
     felt, q = F[pushed + delay :], columns["q"][pushed : F.size - delay]
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
     largest_push_N = float(np.abs(felt).max())
-    reasons = _why_not(largest_push_N, delay == longest)
-    estimated = _estimated(columns, rest, slice(pushed, F.size - delay))
+    reasons = _find_reasons(largest_push_N, delay == longest)
+    estimated = _select_estimated_force(columns, rest, slice(pushed, F.size - delay))
     if estimated is None:
         reasons["rmse_estimated_N"] = "this recording has no estimate of the outside force"
-    return ComplianceFigures(
+    return ComplianceMetrics(
         rmse_raw_N=rms(measured[pushed:] - expected[pushed:]),
         rmse_aligned_N=None if "rmse_aligned_N" in reasons else errors[delay],
         rmse_estimated_N=None if estimated is None or "rmse_estimated_N" in reasons else rms(estimated + felt),
         delay_s=None if "delay_s" in reasons else delay * T_s,
-        stiffness_felt=None if "stiffness_felt" in reasons else _slope(q, -r_j * felt),
+        stiffness_felt=None if "stiffness_felt" in reasons else _compute_slope(q, -r_j * felt),
         largest_push_N=largest_push_N,
         deviation_S=float(np.abs(columns["S"] - columns["S_ref"])[pushed:].max()),
         min_tension_N=float(tensions.min()),
@@ -120,7 +126,7 @@ def compliance_figures(columns: ComplianceColumns, r_j: float, first_push_s: flo
     )
 
 
-def _estimated(columns: ComplianceColumns, rest: slice, pushed: slice) -> Array | None:
+def _select_estimated_force(columns: ComplianceColumns, rest: slice, pushed: slice) -> Array | None:
     """Outside force [N] while pushed, from its mean at rest; None where it was not recorded as a number throughout."""
     F_ext_hat = columns.get("F_ext_hat")
     if F_ext_hat is None or not np.all(np.isfinite(F_ext_hat[rest.start :])):
@@ -129,11 +135,11 @@ def _estimated(columns: ComplianceColumns, rest: slice, pushed: slice) -> Array 
     return estimated
 
 
-def _why_not(largest_push_N: float, delay_at_end: bool) -> dict[str, str]:
-    if largest_push_N < LEAST_PUSH_N:
+def _find_reasons(largest_push_N: float, delay_at_end: bool) -> dict[str, str]:
+    if largest_push_N < PUSH_MIN_N:
         reason = (
-            f"the strongest push was {largest_push_N:.1f} N: below {LEAST_PUSH_N:g} N any stiffness keeps the bound of "
-            f"{BOUND_ALIGNED_N:g} N"
+            f"the strongest push was {largest_push_N:.1f} N: below {PUSH_MIN_N:g} N any stiffness keeps the bound of "
+            f"{ALIGNED_RMSE_MAX_N:g} N"
         )
         return dict.fromkeys(("rmse_aligned_N", "rmse_estimated_N", "delay_s", "stiffness_felt"), reason)
     if delay_at_end:
@@ -141,7 +147,7 @@ def _why_not(largest_push_N: float, delay_at_end: bool) -> dict[str, str]:
     return {}
 
 
-def _slope(x: Array, y: Array) -> float:
+def _compute_slope(x: Array, y: Array) -> float:
     x, y = x - x.mean(), y - y.mean()
     spread = float(x @ x)
     return float(x @ y) / spread if spread > 0.0 else float("nan")
@@ -154,22 +160,24 @@ def _slope(x: Array, y: Array) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DisturbanceFigures(Whole):
+class DisturbanceMetrics(WholeMetrics):
     """Figures over all pushes. ``reasons`` tells by name which could not be measured and why."""
 
-    push_deviation_q: float = figure("rad", "Joint deviation under pushes", "max |q − q_ref| while the joint is pushed")
-    push_deviation_S: float = figure(
+    push_deviation_q: float = declare_metric(
+        "rad", "Joint deviation under pushes", "max |q − q_ref| while the joint is pushed"
+    )
+    push_deviation_S: float = declare_metric(
         "N·m/rad", "Stiffness deviation under pushes", "max |S − S_ref| while the joint is pushed"
     )
-    push_back_s: float | None = figure(
+    push_back_s: float | None = declare_metric(
         "s",
         "Back after a push",
-        f"longest time from the end of a push until |q − q_ref| stays below {AT_REST['q']} rad",
+        f"longest time from the end of a push until |q − q_ref| stays below {REST_TOLERANCES['q']} rad",
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def disturbance_figures(columns: Columns, program: Program) -> DisturbanceFigures:
+def compute_disturbance_metrics(columns: Columns, program: Program) -> DisturbanceMetrics:
     """Measure one run. ``columns`` holds q, S, their references, tensions and voltages, one sample a millisecond.
 
     Raises NoSamplesError when the run ended before the last push was over.
@@ -181,11 +189,11 @@ def disturbance_figures(columns: Columns, program: Program) -> DisturbanceFigure
     times: list[float] = []
     reasons: dict[str, str] = {}
     for push in pushed:
-        after = off_q[push.stop : min(undisturbed_from(program, push.stop), off_q.size)]
+        after = off_q[push.stop : min(find_undisturbed_end(program, push.stop), off_q.size)]
         if after.size == 0:
             reasons["push_back_s"] = f"nothing was held after the push that ended at {push.stop * T_s:g} s"
             continue
-        away = np.flatnonzero(~(after <= AT_REST["q"]))
+        away = np.flatnonzero(~(after <= REST_TOLERANCES["q"]))
         if away.size and away[-1] == after.size - 1:
             reasons["push_back_s"] = (
                 f"after the push that ended at {push.stop * T_s:g} s the joint was still {after[-1]:.3g} rad off when "
@@ -194,8 +202,8 @@ def disturbance_figures(columns: Columns, program: Program) -> DisturbanceFigure
             continue
         times.append(0.0 if away.size == 0 else float(away[-1] + 1) * T_s)
     under = np.concatenate([np.arange(push.start, push.stop) for push in pushed])
-    return DisturbanceFigures(
-        **whole(columns),
+    return DisturbanceMetrics(
+        **compute_whole_metrics(columns),
         push_deviation_q=float(off_q[under].max()),
         push_deviation_S=float(off_S[under].max()),
         push_back_s=None if reasons or not times else max(times),
@@ -212,7 +220,7 @@ def disturbance_figures(columns: Columns, program: Program) -> DisturbanceFigure
 # acts: a ``hold`` after a step that had its time.
 
 
-LEAST_S = 1.0
+HOLD_MIN_S = 1.0
 """Shorter stretches are no rest [s]."""
 
 JOINT_STEP, MOTOR_STEP = 2.0 * math.pi / 4000.0, 2.0 * math.pi / 8000.0
@@ -242,25 +250,25 @@ class HoldWindow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HoldFigures(Whole):
+class HoldMetrics(WholeMetrics):
     """Figures over all stretches, each the largest. ``reasons`` tells by name which were not measured and why."""
 
-    held_q_swing_counts: float | None = figure(
+    held_q_swing_counts: float | None = declare_metric(
         "1", "Swing of q, in counts", "max − min of q while held, in counts of the joint encoder (4000 where exact)"
     )
-    held_q_swing: float | None = figure("rad", "Swing of q", "max − min of q while held")
-    held_off_counts: float | None = figure(
+    held_q_swing: float | None = declare_metric("rad", "Swing of q", "max − min of q while held")
+    held_off_counts: float | None = declare_metric(
         "1", "Off the reference, in counts", "max |q − q_ref| while held, less the half count that a reading tells to"
     )
-    held_u_swing_V: float | None = figure("V", "Swing of the voltages", "max − min of u_A or u_B while held")
-    held_S_swing: float | None = figure("N·m/rad", "Swing of S", "max − min of S while held")
-    held_moving_percent: float | None = figure(
+    held_u_swing_V: float | None = declare_metric("V", "Swing of the voltages", "max − min of u_A or u_B while held")
+    held_S_swing: float | None = declare_metric("N·m/rad", "Swing of S", "max − min of S while held")
+    held_moving_percent: float | None = declare_metric(
         "%", "Motors moving", "ticks in which the count of a motor's encoder changed while held (8000 where exact)"
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def hold_figures(columns: Columns, program: Program, parameters: PlantParameters) -> HoldFigures:
+def compute_hold_metrics(columns: Columns, program: Program, parameters: PlantParameters) -> HoldMetrics:
     """Measure one run; ``columns`` holds q, S, references, motor angles, tensions, voltages, a sample a millisecond.
 
     Raises NoSamplesError when no stretch was held to its end.
@@ -269,23 +277,23 @@ def hold_figures(columns: Columns, program: Program, parameters: PlantParameters
     if not found:
         raise NoSamplesError("nothing was held to its end")
     worst = {
-        "held_q_swing_counts": max(one.q_swing_counts for one in found),
-        "held_q_swing": max(one.q_swing for one in found),
-        "held_off_counts": max(one.off_counts for one in found),
-        "held_u_swing_V": max(one.u_swing for one in found),
-        "held_S_swing": max(one.S_swing for one in found),
-        "held_moving_percent": max(one.moving_percent for one in found),
+        "held_q_swing_counts": max(item.q_swing_counts for item in found),
+        "held_q_swing": max(item.q_swing for item in found),
+        "held_off_counts": max(item.off_counts for item in found),
+        "held_u_swing_V": max(item.u_swing for item in found),
+        "held_S_swing": max(item.S_swing for item in found),
+        "held_moving_percent": max(item.moving_percent for item in found),
     }
     lost = dict.fromkeys((name for name, value in worst.items() if not math.isfinite(value)), NO_NUMBER)
     kept: dict[str, Any] = {name: None if name in lost else value for name, value in worst.items()}
-    return HoldFigures(**whole(columns), **kept, reasons=lost)
+    return HoldMetrics(**compute_whole_metrics(columns), **kept, reasons=lost)
 
 
-def hold_windows(program: Program) -> tuple[slice, ...]:
+def find_hold_windows(program: Program) -> tuple[slice, ...]:
     """Return the stretches of rest of a program."""
     found: list[slice] = []
     before: tuple[float, float] | None = None
-    for start, end, segment in timed(program):
+    for start, end, segment in iterate_segments(program):
         references = segment.q_ref, segment.S_ref
         acts = segment.F_push or segment.load_A or segment.load_B or segment.shape is not Shape.STEP
         quiet = not acts and references == before and start > 0
@@ -294,16 +302,16 @@ def hold_windows(program: Program) -> tuple[slice, ...]:
         elif quiet:
             found.append(slice(start, end))
         before = None if acts else references
-    return tuple(one for one in found if (one.stop - one.start) * T_s >= LEAST_S)
+    return tuple(item for item in found if (item.stop - item.start) * T_s >= HOLD_MIN_S)
 
 
 def measure_holds(columns: Columns, program: Program, parameters: PlantParameters) -> tuple[HoldWindow, ...]:
     """Measure each stretch that was held to its end."""
     size = columns["q"].size
-    return tuple(_seen_hold(columns, one, parameters) for one in hold_windows(program) if one.stop <= size)
+    return tuple(_measure_hold(columns, item, parameters) for item in find_hold_windows(program) if item.stop <= size)
 
 
-def _seen_hold(columns: Columns, window: slice, parameters: PlantParameters) -> HoldWindow:
+def _measure_hold(columns: Columns, window: slice, parameters: PlantParameters) -> HoldWindow:
     count, motor = parameters.sensors.joint_step or JOINT_STEP, parameters.sensors.motor_step or MOTOR_STEP
     of = {name: np.asarray(columns[name][window]) for name in ("q", "q_ref", "S", "u_A", "u_B", "theta_A", "theta_B")}
     granted = 0.5 if parameters.sensors.joint_step else 0.0  # a reading tells to half a count
@@ -331,16 +339,16 @@ def _seen_hold(columns: Columns, window: slice, parameters: PlantParameters) -> 
 # gave way. Pure.
 
 
-APART_S = 0.3
+HIT_DISTANCE_S = 0.3
 """Contacts that are this far apart are hits of their own; nearer ones are a joint that bounces."""
 
-APPROACH_S = 0.05
+APPROACH_TIME_S = 0.05
 """Over so long before the touch the speed of approach is measured: 30 encoder counts at 1 rad/s."""
 
-ALIKE = 0.1
+SPEED_TOLERANCE = 0.1
 """Hits are compared where their speeds of approach differ by less than this part."""
 
-_S_ALIKE = 1e-6
+_S_TOLERANCE = 1e-6
 
 
 class Hit(NamedTuple):
@@ -372,33 +380,33 @@ class Hit(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImpactFigures(Whole):
+class ImpactMetrics(WholeMetrics):
     """Figures over all hits. ``reasons`` tells by name which could not be measured and why."""
 
-    hits: float = figure("1", "Hits", "contacts with the wall at least 0.3 s after the one before")
-    peak_force_N: float = figure("N", "Largest contact force", "largest |F_wall| of all hits")
-    impulse_Ns: float = figure(
+    hits: float = declare_metric("1", "Hits", "contacts with the wall at least 0.3 s after the one before")
+    peak_force_N: float = declare_metric("N", "Largest contact force", "largest |F_wall| of all hits")
+    impulse_Ns: float = declare_metric(
         "N·s", "Largest impulse", "largest time integral of |F_wall| over a hit, bounces included"
     )
-    soft_to_stiff_peak: float | None = figure(
+    soft_to_stiff_peak: float | None = declare_metric(
         "1", "Peak force, soft over stiff", "mean over the speeds: peak at the lowest S_ref over that at the highest"
     )
-    soft_to_stiff_impulse: float | None = figure(
+    soft_to_stiff_impulse: float | None = declare_metric(
         "1", "Impulse, soft over stiff", "mean over the speeds: impulse at the lowest S_ref over that at the highest"
     )
-    reaction_peak: float | None = figure(
+    reaction_peak: float | None = declare_metric(
         "1", "Peak force, with over without reaction", "mean over stiffness and speed of the peaks' ratio"
     )
-    reaction_impulse: float | None = figure(
+    reaction_impulse: float | None = declare_metric(
         "1", "Impulse, with over without reaction", "mean over stiffness and speed of the impulses' ratio"
     )
-    felt_after_s: float | None = figure(
+    felt_after_s: float | None = declare_metric(
         "s", "Longest time to detect", "from the touch until the estimated force passes the threshold"
     )
-    gave_way_after_s: float | None = figure(
+    gave_way_after_s: float | None = declare_metric(
         "s", "Longest time to react", "from the threshold until the joint gives way"
     )
-    fell_after_s: float | None = figure(
+    fell_after_s: float | None = declare_metric(
         "s", "Longest time to the peak", "from the threshold until the force is at its largest, from where on it falls"
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
@@ -413,26 +421,26 @@ def find_hits(columns: Columns, program: Program | None = None) -> tuple[Hit, ..
     touched = np.flatnonzero(force > 0.0)
     if touched.size == 0:
         return ()
-    parts = np.split(touched, np.flatnonzero(np.diff(touched) > round(APART_S / T_s)) + 1)
-    from_N = _thresholds(program, force.size)
-    return tuple(_hit(columns, force, part, from_N) for part in parts)
+    parts = np.split(touched, np.flatnonzero(np.diff(touched) > round(HIT_DISTANCE_S / T_s)) + 1)
+    thresholds_N = _list_thresholds(program, force.size)
+    return tuple(_measure_hit(columns, force, part, thresholds_N) for part in parts)
 
 
-def _thresholds(program: Program | None, samples: int) -> NDArray[np.float64]:
+def _list_thresholds(program: Program | None, samples: int) -> NDArray[np.float64]:
     """Return the force [N] of a contact in each sample, nan where the program gives way to nothing."""
-    from_N, tick, contact_N = np.full(samples, np.nan), 0, 0.0
+    thresholds_N, tick, contact_N = np.full(samples, np.nan), 0, 0.0
     for segment in program.segments if program is not None and program.touches else ():
         if program is not None and segment.touch:
             contact_N = program.touches[segment.touch - 1].contact_N
         after = tick + round(segment.duration_s / T_s)
-        from_N[tick:after] = contact_N or np.nan
+        thresholds_N[tick:after] = contact_N or np.nan
         tick = after
-    return from_N
+    return thresholds_N
 
 
-def _hit(columns: Columns, force: np.ndarray, touched: np.ndarray, from_N: np.ndarray) -> Hit:
+def _measure_hit(columns: Columns, force: np.ndarray, touched: np.ndarray, thresholds_N: np.ndarray) -> Hit:
     first, end = int(touched[0]), int(touched[-1]) + 1
-    before = columns["q"][max(first - round(APPROACH_S / T_s), 0) : first]
+    before = columns["q"][max(first - round(APPROACH_TIME_S / T_s), 0) : first]
     speed = abs(float(np.polyfit(np.arange(before.size) * T_s, before, 1)[0])) if before.size > 2 else float("nan")
     return Hit(
         slice(first, end),
@@ -441,18 +449,20 @@ def _hit(columns: Columns, force: np.ndarray, touched: np.ndarray, from_N: np.nd
         float(force[first:end].max()),
         float(force[first:end].sum() * T_s),
         touched.size * T_s,
-        *_reaction(columns, force, slice(first, end), float(from_N[first])),
+        *_measure_reaction(columns, force, slice(first, end), float(thresholds_N[first])),
     )
 
 
-def _reaction(columns: Columns, force: np.ndarray, window: slice, contact_N: float) -> tuple[float, ...]:
+def _measure_reaction(columns: Columns, force: np.ndarray, window: slice, contact_N: float) -> tuple[float, ...]:
     """Return the threshold [N] and the times [s] to feel, to give way and to the largest force."""
-    end = window.stop + round(APART_S / T_s)  # a joint that has bounced off already is felt all the same
-    felt = _first(np.abs(columns["F_ext_hat"][window.start : end]) > contact_N) if math.isfinite(contact_N) else None
+    end = window.stop + round(HIT_DISTANCE_S / T_s)  # a joint that has bounced off already is felt all the same
+    felt = (
+        _find_first(np.abs(columns["F_ext_hat"][window.start : end]) > contact_N) if math.isfinite(contact_N) else None
+    )
     if felt is None:
         return contact_N, math.nan, math.nan, math.nan
     began = window.start + felt
-    gave = _first(columns["limits"][began:end].astype(np.int64) & int(Limit.CONTACT) != 0)
+    gave = _find_first(columns["limits"][began:end].astype(np.int64) & int(Limit.CONTACT) != 0)
     largest = int(np.argmax(force[window])) - felt
     return (
         contact_N,
@@ -462,11 +472,11 @@ def _reaction(columns: Columns, force: np.ndarray, window: slice, contact_N: flo
     )
 
 
-def _first(holds: np.ndarray) -> int | None:
+def _find_first(holds: np.ndarray) -> int | None:
     return int(np.argmax(holds)) if holds.any() else None
 
 
-def impact_figures(columns: Columns, program: Program | None = None) -> ImpactFigures:
+def compute_impact_metrics(columns: Columns, program: Program | None = None) -> ImpactMetrics:
     """Measure one run. ``columns`` holds F_wall, q, S_ref, tensions and voltages, one sample a millisecond.
 
     And F_ext_hat and limits, where ``program`` gives way to contacts. Raises NoSamplesError where no wall was hit.
@@ -475,40 +485,42 @@ def impact_figures(columns: Columns, program: Program | None = None) -> ImpactFi
     if not hits:
         raise NoSamplesError("no wall was hit")
     plain, reacting = [hit for hit in hits if not hit.reacts], [hit for hit in hits if hit.reacts]
-    pairs, reason = _pairs(plain or hits)
-    beside, why = pair_hits(hits)
-    unfelt = "" if reacting else _NOT_GIVEN_WAY
+    pairs, reason = _pair_by_stiffness(plain or hits)
+    paired, why = pair_hits(hits)
+    no_reaction = "" if reacting else _NO_REACTION
     missed = sum(not math.isfinite(hit.gave_way_s) for hit in reacting)
     if missed:
-        unfelt = f"{missed} of {len(reacting)} hits were not felt or not given way to"
+        no_reaction = f"{missed} of {len(reacting)} hits were not felt or not given way to"
     reasons = dict.fromkeys(("soft_to_stiff_peak", "soft_to_stiff_impulse"), reason)
-    reasons |= dict.fromkeys(("reaction_peak", "reaction_impulse"), unfelt or why)
-    reasons |= dict.fromkeys(("felt_after_s", "gave_way_after_s", "fell_after_s"), unfelt)
-    beside = () if unfelt else beside
-    return ImpactFigures(
-        **whole(columns),
+    reasons |= dict.fromkeys(("reaction_peak", "reaction_impulse"), no_reaction or why)
+    reasons |= dict.fromkeys(("felt_after_s", "gave_way_after_s", "fell_after_s"), no_reaction)
+    paired = () if no_reaction else paired
+    return ImpactMetrics(
+        **compute_whole_metrics(columns),
         hits=float(len(hits)),
         peak_force_N=max(hit.peak_N for hit in hits),
         impulse_Ns=max(hit.impulse_Ns for hit in hits),
-        soft_to_stiff_peak=_mean([soft.peak_N / stiff.peak_N for soft, stiff in pairs]),
-        soft_to_stiff_impulse=_mean([soft.impulse_Ns / stiff.impulse_Ns for soft, stiff in pairs]),
-        reaction_peak=_mean([reacted.peak_N / plain.peak_N for plain, reacted in beside]),
-        reaction_impulse=_mean([reacted.impulse_Ns / plain.impulse_Ns for plain, reacted in beside]),
-        felt_after_s=None if unfelt else max(hit.felt_s for hit in reacting),
-        gave_way_after_s=None if unfelt else max(hit.gave_way_s for hit in reacting),
-        fell_after_s=None if unfelt else max(hit.fell_s for hit in reacting),
+        soft_to_stiff_peak=_mean_or_none([soft.peak_N / stiff.peak_N for soft, stiff in pairs]),
+        soft_to_stiff_impulse=_mean_or_none([soft.impulse_Ns / stiff.impulse_Ns for soft, stiff in pairs]),
+        reaction_peak=_mean_or_none([reacted.peak_N / plain.peak_N for plain, reacted in paired]),
+        reaction_impulse=_mean_or_none([reacted.impulse_Ns / plain.impulse_Ns for plain, reacted in paired]),
+        felt_after_s=None if no_reaction else max(hit.felt_s for hit in reacting),
+        gave_way_after_s=None if no_reaction else max(hit.gave_way_s for hit in reacting),
+        fell_after_s=None if no_reaction else max(hit.fell_s for hit in reacting),
         reasons={name: why for name, why in reasons.items() if why},
     )
 
 
-_NOT_GIVEN_WAY = "no hit was to be given way to"
+_NO_REACTION = "no hit was to be given way to"
 
 
 def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
     """Return hits without and with reaction, of one stiffness and equally fast, in turn; or why there are none."""
     left, pairs = [hit for hit in hits if not hit.reacts], []
     for hit in (hit for hit in hits if hit.reacts):
-        alike = [other for other in left if abs(other.S_ref - hit.S_ref) < _S_ALIKE and _as_fast(other, hit)]
+        alike = [
+            other for other in left if abs(other.S_ref - hit.S_ref) < _S_TOLERANCE and _is_equally_fast(other, hit)
+        ]
         if not alike:
             return (
                 (),
@@ -517,29 +529,29 @@ def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
         other = min(alike, key=lambda other: abs(other.speed - hit.speed))
         left.remove(other)
         pairs.append((other, hit))
-    return tuple(pairs), "" if pairs else _NOT_GIVEN_WAY
+    return tuple(pairs), "" if pairs else _NO_REACTION
 
 
-def _as_fast(one: Hit, other: Hit) -> bool:
-    return abs(one.speed - other.speed) <= ALIKE * max(one.speed, other.speed)
+def _is_equally_fast(item: Hit, other: Hit) -> bool:
+    return abs(item.speed - other.speed) <= SPEED_TOLERANCE * max(item.speed, other.speed)
 
 
-def _pairs(hits: Sequence[Hit]) -> tuple[list[tuple[Hit, Hit]], str]:
+def _pair_by_stiffness(hits: Sequence[Hit]) -> tuple[list[tuple[Hit, Hit]], str]:
     """Return hits at the lowest and the highest stiffness that were equally fast, in turn; or why there are none."""
     low, high = min(hit.S_ref for hit in hits), max(hit.S_ref for hit in hits)
-    if high - low < _S_ALIKE:
+    if high - low < _S_TOLERANCE:
         return [], f"all hits were at {low:.4g} N·m/rad"
-    soft = [hit for hit in hits if hit.S_ref - low < _S_ALIKE]
-    stiff = [hit for hit in hits if high - hit.S_ref < _S_ALIKE]
+    soft = [hit for hit in hits if hit.S_ref - low < _S_TOLERANCE]
+    stiff = [hit for hit in hits if high - hit.S_ref < _S_TOLERANCE]
     if len(soft) != len(stiff):
         return [], f"{len(soft)} hits were soft and {len(stiff)} stiff: they are compared one by one"
-    for one, other in zip(soft, stiff, strict=True):
-        if not _as_fast(one, other):
-            return [], f"hits at {one.speed:.3g} and {other.speed:.3g} rad/s cannot be compared"
+    for item, other in zip(soft, stiff, strict=True):
+        if not _is_equally_fast(item, other):
+            return [], f"hits at {item.speed:.3g} and {other.speed:.3g} rad/s cannot be compared"
     return list(zip(soft, stiff, strict=True)), ""
 
 
-def _mean(ratios: Sequence[float]) -> float | None:
+def _mean_or_none(ratios: Sequence[float]) -> float | None:
     return float(np.mean(ratios)) if ratios else None
 
 
@@ -560,7 +572,7 @@ PUSH_REST_S = 0.1
 """Deviations count from the mean over so long [s] before the push."""
 
 
-class Window(NamedTuple):
+class PushWindow(NamedTuple):
     """A push: its samples, how it is called, and the sample up to which nothing else acts."""
 
     pushed: slice
@@ -577,7 +589,7 @@ class MeasuredPush:
     ``expected`` (n,) is the deviation that was predicted over the window, None where ``unpredicted`` says why not.
     """
 
-    window: Window
+    window: PushWindow
     F: float
     impulse: float
     S: float
@@ -602,87 +614,91 @@ class MeasuredPush:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PushFigures(Whole):
+class PushMetrics(WholeMetrics):
     """Figures over all pushes. ``reasons`` tells by name which could not be measured and why."""
 
-    pushed_peak_q: float = figure("rad", "Largest deviation of q", "max |q − q before the push|, of all pushes")
-    pushed_peak_S: float = figure("N·m/rad", "Largest deviation of S", "max |S − S before the push|, of all pushes")
-    pushed_back_s: float | None = figure(
-        "s", "Back after a push", f"longest time from a push's end until |q − q_ref| stays below {AT_REST['q']} rad"
+    pushed_peak_q: float = declare_metric("rad", "Largest deviation of q", "max |q − q before the push|, of all pushes")
+    pushed_peak_S: float = declare_metric(
+        "N·m/rad", "Largest deviation of S", "max |S − S before the push|, of all pushes"
     )
-    pushed_off_percent: float | None = figure(
+    pushed_back_s: float | None = declare_metric(
+        "s",
+        "Back after a push",
+        f"longest time from a push's end until |q − q_ref| stays below {REST_TOLERANCES['q']} rad",
+    )
+    pushed_off_percent: float | None = declare_metric(
         "%", "Peaks off their prediction", "largest |measured/predicted − 1| of the peaks of q, gains in use"
     )
-    pushed_static_ratio: float | None = figure(
+    pushed_static_ratio: float | None = declare_metric(
         "1", "Largest share of the static deviation", "largest peak of q over r_j F/S, impulses left out"
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def push_figures(columns: Columns, program: Program, in_force: EvaluationContext) -> PushFigures:
+def compute_push_metrics(columns: Columns, program: Program, context: EvaluationContext) -> PushMetrics:
     """Measure one run; ``columns`` holds q, S, their references, F_push, tensions, voltages, a sample a millisecond.
 
     Raises NoSamplesError when the run ended before the first push was over.
     """
-    found = measure_pushes(columns, program, in_force)
+    found = measure_pushes(columns, program, context)
     if not found:
         raise NoSamplesError(
-            "the run ended before the pushes were over" if push_windows(program) else "nothing pushes the joint"
+            "the run ended before the pushes were over" if find_push_windows(program) else "nothing pushes the joint"
         )
-    back = [one.back_s for one in found]
-    off = [one.off_percent for one in found]
-    ratios = [one.peak_q / one.static for one in found if one.window.shape != "impulse"]
+    back = [item.back_s for item in found]
+    off = [item.off_percent for item in found]
+    ratios = [item.peak_q / item.static for item in found if item.window.shape != "impulse"]
     reasons = {
-        "pushed_back_s": next((one.reason for one in found if one.reason), ""),
-        "pushed_off_percent": next((one.unpredicted for one in found if one.unpredicted), ""),
+        "pushed_back_s": next((item.reason for item in found if item.reason), ""),
+        "pushed_off_percent": next((item.unpredicted for item in found if item.unpredicted), ""),
         "pushed_static_ratio": "" if ratios else "there were impulses alone",
     }
-    return PushFigures(
-        **whole(columns),
-        pushed_peak_q=max(one.peak_q for one in found),
-        pushed_peak_S=max(one.peak_S for one in found),
-        pushed_back_s=_largest(back),
-        pushed_off_percent=_largest([None if one is None else abs(one) for one in off]),
+    return PushMetrics(
+        **compute_whole_metrics(columns),
+        pushed_peak_q=max(item.peak_q for item in found),
+        pushed_peak_S=max(item.peak_S for item in found),
+        pushed_back_s=_largest_or_none(back),
+        pushed_off_percent=_largest_or_none([None if item is None else abs(item) for item in off]),
         pushed_static_ratio=max(ratios, default=None),
         reasons={name: reason for name, reason in reasons.items() if reason},
     )
 
 
-def push_windows(program: Program) -> tuple[Window, ...]:
+def find_push_windows(program: Program) -> tuple[PushWindow, ...]:
     """Return the pushes of a program, each from where the force begins to where it is none again."""
-    found: list[Window] = []
+    found: list[PushWindow] = []
     begun, shapes, before = -1, set[Shape](), 0.0
-    stretches = [*timed(program)]
+    stretches = [*iterate_segments(program)]
     for start, end, segment in stretches:
         acts = segment.F_push != 0.0 or (segment.shape is Shape.RAMP and before != 0.0)
         if begun >= 0 and not acts:
-            found.append(_window(program, slice(begun, start), shapes))
+            found.append(_build_window(program, slice(begun, start), shapes))
             begun, shapes = -1, set[Shape]()
         if acts:
             begun = start if begun < 0 else begun
             shapes.add(segment.shape)
         before = segment.F_push
         if begun >= 0 and end == stretches[-1][1]:
-            found.append(_window(program, slice(begun, end), shapes))
+            found.append(_build_window(program, slice(begun, end), shapes))
     return tuple(found)
 
 
-def _window(program: Program, pushed: slice, shapes: set[Shape]) -> Window:
+def _build_window(program: Program, pushed: slice, shapes: set[Shape]) -> PushWindow:
     short = (pushed.stop - pushed.start) * T_s <= IMPULSE_S + 1e-9
     shape = "impulse" if short else "ramp" if Shape.RAMP in shapes else "step"
-    return Window(pushed, shape, max(undisturbed_from(program, pushed.stop), pushed.stop))
+    return PushWindow(pushed, shape, max(find_undisturbed_end(program, pushed.stop), pushed.stop))
 
 
-def measure_pushes(columns: Columns, program: Program, in_force: EvaluationContext) -> tuple[MeasuredPush, ...]:
+def measure_pushes(columns: Columns, program: Program, context: EvaluationContext) -> tuple[MeasuredPush, ...]:
     """Measure each push that was over before the run was."""
     size = columns["q"].size
-    answers: dict[tuple[object, ...], Array] = {}
-    windows = [one for one in push_windows(program) if one.pushed.stop <= size]
-    return tuple(_seen_push(columns, one, in_force, answers) for one in windows)
+    responses: dict[tuple[object, ...], Array] = {}
+    windows = [item for item in find_push_windows(program) if item.pushed.stop <= size]
+    return tuple(_measure_push(columns, item, context, responses) for item in windows)
 
 
-def _seen_push(
-    columns: Columns, window: Window, in_force: EvaluationContext, answers: dict[tuple[object, ...], Array]
+def _measure_push(
+    columns: Columns, window: PushWindow, context: EvaluationContext, responses: dict[tuple[object, ...], Array]
 ) -> MeasuredPush:
     start, stop = window.pushed.start, window.pushed.stop
     seen = slice(start, min(window.until, columns["q"].size))
@@ -692,12 +708,12 @@ def _seen_push(
     S = float(columns["S_ref"][start])
     q, S_seen = (columns[name][seen] - columns[name][before].mean() for name in ("q", "S"))
     off = np.abs(columns["q"] - columns["q_ref"])[stop : seen.stop]
-    back_s, reason = _back(off, stop)
+    back_s, reason = _find_return_time(off, stop)
     F = float(force[np.argmax(np.abs(force))])
-    r_j = in_force.parameters.geometry.r_j
+    r_j = context.parameters.geometry.r_j
     try:
-        expected, why = _expected(in_force, start, S, r_j * force, answers), ""
-    except NotPredictedError as error:
+        expected, why = _predict_deviation(context, start, S, r_j * force, responses), ""
+    except PredictionUnavailableError as error:
         expected, why = None, str(error)
     static = r_j * abs(F) / S
     return MeasuredPush(
@@ -715,11 +731,11 @@ def _seen_push(
     )
 
 
-def _back(off: Array, stop: int) -> tuple[float | None, str]:
+def _find_return_time(off: Array, stop: int) -> tuple[float | None, str]:
     """Return how long it took until the joint stayed where it belongs, or why that is not known."""
     if off.size == 0:
         return None, f"nothing was held after the push that ended at {stop * T_s:g} s"
-    away = np.flatnonzero(~(off <= AT_REST["q"]))
+    away = np.flatnonzero(~(off <= REST_TOLERANCES["q"]))
     if away.size and away[-1] == off.size - 1:
         return None, (
             f"after the push that ended at {stop * T_s:g} s the joint was still {off[-1]:.3g} rad off when "
@@ -728,26 +744,26 @@ def _back(off: Array, stop: int) -> tuple[float | None, str]:
     return (0.0 if away.size == 0 else float(away[-1] + 1) * T_s), ""
 
 
-def _expected(
-    in_force: EvaluationContext, start: int, S: float, tau: Array, answers: dict[tuple[object, ...], Array]
+def _predict_deviation(
+    context: EvaluationContext, start: int, S: float, tau: Array, responses: dict[tuple[object, ...], Array]
 ) -> Array:
     """Return the deviation of q [rad] that a torque (n,) [N·m] from the sample ``start`` on should give."""
     from scipy.signal import fftconvolve
 
-    choice = in_force.choice_at(start)
+    choice = context.get_tuning_at(start)
     acts = [tau]
-    if choice.k_ext > 0.0 and in_force.position_loop:
-        acts += disturbance_response(in_force.gains_at(start).disturbance_feedforward, tau, S)
-    known = answers.get((choice, S))
+    if choice.k_ext > 0.0 and context.has_position_loop:
+        acts += disturbance_response(context.compute_gains_at(start).disturbance_feedforward, tau, S)
+    known = responses.get((choice, S))
     if known is None or known.shape[1] < tau.size:
-        known = answers[(choice, S)] = _impulse_responses(in_force, start, S, tau.size, len(acts))
-    return np.asarray(sum(fftconvolve(act, answer)[: tau.size] for act, answer in zip(acts, known, strict=True)))
+        known = responses[(choice, S)] = _compute_impulse_responses(context, start, S, tau.size, len(acts))
+    return np.asarray(sum(fftconvolve(act, response)[: tau.size] for act, response in zip(acts, known, strict=True)))
 
 
-def _impulse_responses(in_force: EvaluationContext, start: int, S: float, size: int, count: int) -> Array:
+def _compute_impulse_responses(context: EvaluationContext, start: int, S: float, size: int, count: int) -> Array:
     """Return what q becomes (count, size) of an impulse of the torque, and of what a rejection adds."""
     closed = make_sampled_loop(
-        in_force.parameters, in_force.gains_at(start), S, position_loop=in_force.position_loop
+        context.parameters, context.compute_gains_at(start), S, position_loop=context.has_position_loop
     ).closed
     found = np.empty((count, size))
     for place, act in enumerate((INPUTS.tau_ext, INPUTS.q_e, INPUTS.q_off)[:count]):
@@ -757,7 +773,7 @@ def _impulse_responses(in_force: EvaluationContext, start: int, S: float, size: 
     return found
 
 
-def _largest(values: list[float | None]) -> float | None:
+def _largest_or_none(values: list[float | None]) -> float | None:
     """Return the largest, None where one of them is not known."""
     known = [value for value in values if value is not None]
     return max(known) if len(known) == len(values) else None
@@ -771,36 +787,44 @@ def _largest(values: list[float | None]) -> float | None:
 
 RobustnessColumns = Mapping[str, Array]
 
-BACK_SHARE = 0.05
+RETURN_SHARE = 0.05
 """A motor is back where it stays within this share of the largest deviation."""
 
-_LEAST_COUNTS = 20.0
+_COUNTS_MIN = 20.0
 
 
 @dataclass(frozen=True)
-class RobustnessFigures:
+class RobustnessMetrics:
     """Figures of one run, over all loads on and off. ``reasons`` tells by name which could not be measured and why."""
 
-    deviation_A_rad: float = figure("rad", "Deviation of motor A", "max |θ_A − θ_A,ref| after its load steps on or off")
-    deviation_B_rad: float = figure("rad", "Deviation of motor B", "max |θ_B − θ_B,ref| after its load steps on or off")
-    back_s: float | None = figure(
+    deviation_A_rad: float = declare_metric(
+        "rad", "Deviation of motor A", "max |θ_A − θ_A,ref| after its load steps on or off"
+    )
+    deviation_B_rad: float = declare_metric(
+        "rad", "Deviation of motor B", "max |θ_B − θ_B,ref| after its load steps on or off"
+    )
+    back_s: float | None = declare_metric(
         "s",
         "Back on the reference",
         "longest time from a step of the load until |θ_ref − θ| stays within 5 % of its largest",
     )
-    error_integral_A: float = figure("rad·s", "Integral of the error of A", "of θ_A,ref − θ_A while its load is on")
-    error_integral_B: float = figure("rad·s", "Integral of the error of B", "of θ_B,ref − θ_B while its load is on")
-    deviation_q: float = figure("rad", "Joint deviation", "max |q − q_ref| from the first load on")
-    deviation_S: float = figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| from the first load on")
-    min_tension_N: float = figure("N", "Smallest tension", "of both load cells from the start of the program")
-    max_tension_N: float = figure("N", "Largest tension", "of both load cells from the start of the program")
-    peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    error_integral_A: float = declare_metric(
+        "rad·s", "Integral of the error of A", "of θ_A,ref − θ_A while its load is on"
+    )
+    error_integral_B: float = declare_metric(
+        "rad·s", "Integral of the error of B", "of θ_B,ref − θ_B while its load is on"
+    )
+    deviation_q: float = declare_metric("rad", "Joint deviation", "max |q − q_ref| from the first load on")
+    deviation_S: float = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| from the first load on")
+    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells from the start of the program")
+    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells from the start of the program")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def robustness_figures(
+def compute_robustness_metrics(
     columns: RobustnessColumns, steps: Sequence[LoadStep], motor_step_rad: float
-) -> RobustnessFigures:
+) -> RobustnessMetrics:
     """Measure one run. ``columns`` holds angles, references, q, S, tensions and voltages, one sample a millisecond.
 
     ``motor_step_rad`` is one count of the motor encoders, 0 where they are exact. Raises NoSamplesError when the run
@@ -817,25 +841,25 @@ def robustness_figures(
         if math.isnan(deviations[side]):
             reasons["back_s"] = reasons[f"deviation_{side}_rad"] = f"the angles of motor {side} hold no number"
             continue
-        if not size.max() > _LEAST_COUNTS * motor_step_rad:  # neither is a motor that stood still
-            reasons["back_s"] = f"motor {side} moved by less than {_LEAST_COUNTS:g} encoder counts: load it more"
+        if not size.max() > _COUNTS_MIN * motor_step_rad:  # neither is a motor that stood still
+            reasons["back_s"] = f"motor {side} moved by less than {_COUNTS_MIN:g} encoder counts: load it more"
             continue
-        away = np.flatnonzero(size > BACK_SHARE * size.max())
+        away = np.flatnonzero(size > RETURN_SHARE * size.max())
         if away[-1] == size.size - 1:
             off = float(size[size.size // 2 :].max() / size.max())
             since = error[size.argmax() :] / size.max()
-            away_still.append((off, side, bool(since.min() < -BACK_SHARE and since.max() > BACK_SHARE), size.size))
+            away_still.append((off, side, bool(since.min() < -RETURN_SHARE and since.max() > RETURN_SHARE), size.size))
         times.append(float(away[-1] + 1) * T_s)
     if away_still:
-        reasons["back_s"] = _still_away(*max(away_still))
+        reasons["back_s"] = _format_not_returned(*max(away_still))
     loaded = slice(min(step.window.start for step in steps), None)
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
-    return RobustnessFigures(
+    return RobustnessMetrics(
         deviation_A_rad=deviations["A"],
         deviation_B_rad=deviations["B"],
         back_s=max(times) or None,
-        error_integral_A=_integral(errors["A"], "A", steps),
-        error_integral_B=_integral(errors["B"], "B", steps),
+        error_integral_A=_integrate_error(errors["A"], "A", steps),
+        error_integral_B=_integrate_error(errors["B"], "B", steps),
         deviation_q=float(np.abs(columns["q"] - columns["q_ref"])[loaded].max()),
         deviation_S=float(np.abs(columns["S"] - columns["S_ref"])[loaded].max()),
         min_tension_N=float(tensions.min()),
@@ -845,11 +869,11 @@ def robustness_figures(
     )
 
 
-def _integral(error: Array, side: Side, steps: Sequence[LoadStep]) -> float:
+def _integrate_error(error: Array, side: Side, steps: Sequence[LoadStep]) -> float:
     return float(sum(np.sum(error[step.window]) for step in steps if step.side == side and step.on) * T_s)
 
 
-def _still_away(off: float, side: str, to_both_sides: bool, ticks: int) -> str:
+def _format_not_returned(off: float, side: str, to_both_sides: bool, ticks: int) -> str:
     why = (
         ", to both sides: it hunts, as dry friction makes it do under integral action"
         if to_both_sides

@@ -1,4 +1,4 @@
-"""Evaluates stored runs: measures, criteria, results with their definitions."""
+"""Evaluates runs: measures, criteria, and results with definitions."""
 
 import json
 import logging
@@ -12,42 +12,47 @@ from backend import __version__
 from backend.analysis.context import EvaluationContext, load_bank_points, load_initial_tuning
 from backend.analysis.disturbance_metrics import (
     ComplianceColumns,
-    ComplianceFigures,
-    DisturbanceFigures,
-    HoldFigures,
-    ImpactFigures,
-    PushFigures,
-    RobustnessFigures,
-    compliance_figures,
-    disturbance_figures,
-    hold_figures,
-    impact_figures,
-    push_figures,
-    robustness_figures,
+    ComplianceMetrics,
+    DisturbanceMetrics,
+    HoldMetrics,
+    ImpactMetrics,
+    PushMetrics,
+    RobustnessMetrics,
+    compute_compliance_metrics,
+    compute_disturbance_metrics,
+    compute_hold_metrics,
+    compute_impact_metrics,
+    compute_push_metrics,
+    compute_robustness_metrics,
 )
-from backend.analysis.frequency_metrics import BodeFigures, ResponseFigures, bode_figures, response_figures
+from backend.analysis.frequency_metrics import (
+    BodeMetrics,
+    ResponseMetrics,
+    compute_bode_metrics,
+    compute_response_metrics,
+)
 from backend.analysis.identification import (
-    actuator_figures,
+    build_actuator_record,
+    build_motor_record,
+    build_spring_record,
+    compute_actuator_metrics,
+    compute_motor_metrics,
+    compute_spring_metrics,
     identify_actuator,
     identify_motors,
     identify_springs,
-    motor_figures,
-    spring_figures,
-    to_store_actuator,
-    to_store_motors,
-    to_store_springs,
 )
 from backend.analysis.step_metrics import (
     NoSamplesError,
-    Overall,
+    OverallMetrics,
     StepMetrics,
     TrackingMetrics,
-    ended_early,
+    compute_tracking_metrics,
+    evaluate_criterion,
     find_pushes,
-    judge,
-    load_steps,
-    tracking_metrics,
-    unseen,
+    format_early_end,
+    format_incomplete,
+    list_load_steps,
 )
 from backend.banks import TUNING_NAMES, TUNING_SETTINGS
 from backend.errors import Path
@@ -94,36 +99,34 @@ from plant import ErrorCode, PlantParameters, SinewError, T_s, parse_parameters
 
 # Document ------------------------------------------------------------------------------------------
 #
-# The result of a run as it is stored: every figure with its label, unit and definition.
-#
-# Reports, the page and the command line show what stands here; none of them needs to know how it
-# was computed.
+# The stored result of a run. Each metric has its label, unit and definition, so that reports, page
+# and command line show it without further knowledge.
 
 
-def tracking_document(metrics: TrackingMetrics, phases: Sequence[Phase], missing_samples: int = 0) -> Metrics:
-    """Return completeness, overall figures, steps and phases."""
+def build_tracking_document(metrics: TrackingMetrics, phases: Sequence[Phase], missing_samples: int = 0) -> Metrics:
+    """Return the document of tracking metrics: completeness, overall metrics, steps and phases."""
     return Metrics(
         complete=metrics.complete,
         played_s=metrics.played_s,
         planned_s=metrics.planned_s,
-        figures=figure_documents(metrics.overall, metrics.reasons),
-        steps=tuple(_step(item) for item in metrics.steps),
+        figures=build_metric_documents(metrics.overall, metrics.reasons),
+        steps=tuple(_build_step_figures(item) for item in metrics.steps),
         phases=tuple(phases),
         missing_samples=missing_samples,
     )
 
 
-def figure_documents(figures: Any, reasons: Mapping[str, str] | None = None) -> tuple[MeasuredFigure, ...]:
-    """Return the fields of a dataclass made of ``figure`` declarations with their declarations.
+def build_metric_documents(figures: Any, reasons: Mapping[str, str] | None = None) -> tuple[MeasuredFigure, ...]:
+    """Return the metrics of a dataclass whose fields are declared with ``declare_metric``.
 
-    ``reasons`` tells by name what could not be measured, or not on all steps, and why.
+    ``reasons`` says by name why a metric was not measured, or not for all steps.
     """
     why = reasons or {}
     return tuple(
         MeasuredFigure(
             name=item.name,
             **item.metadata,
-            value=_finite(getattr(figures, item.name)),
+            value=_to_finite(getattr(figures, item.name)),
             reason=why.get(item.name, ""),
         )
         for item in fields(figures)
@@ -131,44 +134,43 @@ def figure_documents(figures: Any, reasons: Mapping[str, str] | None = None) -> 
     )
 
 
-def _step(metrics: StepMetrics) -> StepFigures:
+def _build_step_figures(metrics: StepMetrics) -> StepFigures:
     figures = asdict(metrics)
     return StepFigures(**figures.pop("step"), **figures)
 
 
-def _finite(value: float | None) -> float | None:
+def _to_finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else value
 
 
 # Measures ------------------------------------------------------------------------------------------
 #
-# What can be measured of an experiment, each measure with its figures; what bounds of them may
-# speak of.
+# The measures with their metrics, and the names that the bounds of criteria may contain.
 
 
-FIGURES: dict[Measure, type[Any]] = {
-    Measure.STEPS: Overall,
-    Measure.COMPLIANCE: ComplianceFigures,
-    Measure.LOADS: RobustnessFigures,
-    Measure.RESPONSE: ResponseFigures,
-    Measure.DISTURBANCE: DisturbanceFigures,
-    Measure.BODE: BodeFigures,
-    Measure.PUSHES: PushFigures,
-    Measure.HOLDS: HoldFigures,
-    Measure.IMPACT: ImpactFigures,
+METRICS_BY_MEASURE: dict[Measure, type[Any]] = {
+    Measure.STEPS: OverallMetrics,
+    Measure.COMPLIANCE: ComplianceMetrics,
+    Measure.LOADS: RobustnessMetrics,
+    Measure.RESPONSE: ResponseMetrics,
+    Measure.DISTURBANCE: DisturbanceMetrics,
+    Measure.BODE: BodeMetrics,
+    Measure.PUSHES: PushMetrics,
+    Measure.HOLDS: HoldMetrics,
+    Measure.IMPACT: ImpactMetrics,
 }
 
 
-def names_of(measures: tuple[Measure, ...]) -> tuple[str, ...]:
-    """Return the names of all figures that these measures give."""
-    listed = [item.name for measure in measures for item in fields(FIGURES[measure]) if item.metadata]
+def list_metric_names(measures: tuple[Measure, ...]) -> tuple[str, ...]:
+    """Return the names of all metrics of these measures."""
+    listed = [item.name for measure in measures for item in fields(METRICS_BY_MEASURE[measure]) if item.metadata]
     return tuple(dict.fromkeys(listed))
 
 
-def known_to_bounds(
+def collect_bound_values(
     values: dict[str, Value], parameters: PlantParameters, lambdas: TuningParameters
 ) -> dict[str, bool | int | float | str]:
-    """Return what the bounds of an experiment's criteria may speak of, by name."""
+    """Return the values of all names that the bounds of criteria may contain."""
     return {
         **values,
         "u_max": parameters.motor.u_max,
@@ -182,15 +184,15 @@ def known_to_bounds(
     }
 
 
-_OF_PLANT_AND_TUNING = (*PLANT_NAMES, "lam_q", "lam_S", "lam_motor")
+_PLANT_AND_TUNING_NAMES = (*PLANT_NAMES, "lam_q", "lam_S", "lam_motor")
 
 
 def require_measurable(experiment: Experiment, values: Mapping[str, Value], lines: Lines) -> None:
-    """Raise ExperimentError for a criterion that no run could be judged by."""
-    legal = names_of(experiment.measures)
-    known = {**values, **dict.fromkeys(_OF_PLANT_AND_TUNING, 1.0)}
-    for place, bound in enumerate(experiment.criteria):
-        path: Path = ("criteria", place)
+    """Raise ExperimentError for a criterion without a metric, or with an invalid bound."""
+    legal = list_metric_names(experiment.measures)
+    known = {**values, **dict.fromkeys(_PLANT_AND_TUNING_NAMES, 1.0)}
+    for index, bound in enumerate(experiment.criteria):
+        path: Path = ("criteria", index)
         if bound.figure not in legal:
             given = ", ".join(experiment.measures)
             why = f"{bound.figure!r} is no figure of what is measured ({given}); there are {', '.join(legal)}"
@@ -198,85 +200,87 @@ def require_measurable(experiment: Experiment, values: Mapping[str, Value], line
         if (bound.below is None) is (bound.above is None):
             raise ExperimentError("it needs a bound, either below or above", path, find_line(path, lines))
         try:
-            require_known(limit_of(bound), known)
+            require_known(get_limit(bound), known)
         except ExpressionError as error:
             raise ExperimentError(str(error), path, find_line(path, lines)) from None
 
 
-def limit_of(bound: Bound) -> float | str:
-    """Return the bound itself, whichever side it is on."""
+def get_limit(bound: Bound) -> float | str:
+    """Return the value of a bound, lower or upper."""
     limit = bound.below if bound.below is not None else bound.above
     assert limit is not None
     return limit
 
 
-# Composed ------------------------------------------------------------------------------------------
+# Experiments ---------------------------------------------------------------------------------------
 #
-# The result of an experiment that is data: what it asks to be measured, judged by what it asks for.
-# Pure.
+# Computes the measures that an experiment declares and evaluates its criteria.
 
 
 def evaluate_experiment(
-    columns: ComplianceColumns, in_force: EvaluationContext, outline: Metrics, missed: int
+    columns: ComplianceColumns, context: EvaluationContext, outline: Metrics, missed: int
 ) -> tuple[Metrics, tuple[RunCriterion, ...]]:
-    """Measure and judge a run of what was ``in_force``; ``outline`` tells how long it was.
+    """Compute the measures of a run and evaluate its criteria; ``outline`` has its durations.
 
-    What one of several measures could not be made of is told figure by figure. Raises NoSamplesError where none could.
+    ``missed`` is the number of missing samples. If some measures fail, their metrics have reasons. Raises
+    NoSamplesError if all fail.
     """
-    plan, parameters = in_force.plan, in_force.parameters
+    plan, parameters = context.plan, context.parameters
     metrics, problems = outline, []
     for measure in plan.experiment.measures:
         try:
-            measured = _measured(measure, columns, in_force, metrics)
+            measured = _compute_measure(measure, columns, context, metrics)
         except NoSamplesError as error:
             problems.append(error)
-            measured = replace(metrics, figures=_not_measured(measure, str(error)))
-        metrics = replace(measured, figures=_joined(metrics.figures, measured.figures))
+            measured = replace(metrics, figures=_build_missing_metrics(measure, str(error)))
+        metrics = replace(measured, figures=_merge_metrics(metrics.figures, measured.figures))
     if problems and len(problems) == len(plan.experiment.measures):
         raise problems[0]
-    early = "" if metrics.complete else ended_early(metrics.played_s, metrics.planned_s)
-    known = known_to_bounds(dict(plan.values), parameters, in_force.tuning.lambdas)
-    return metrics, criteria_of(plan.experiment, metrics.figures, known, unseen(missed, early))
+    early = "" if metrics.complete else format_early_end(metrics.played_s, metrics.planned_s)
+    known = collect_bound_values(dict(plan.values), parameters, context.tuning.lambdas)
+    return metrics, evaluate_criteria(plan.experiment, metrics.figures, known, format_incomplete(missed, early))
 
 
-def _measured(measure: Measure, columns: ComplianceColumns, in_force: EvaluationContext, metrics: Metrics) -> Metrics:
-    parameters, plan = in_force.parameters, in_force.plan
+def _compute_measure(
+    measure: Measure, columns: ComplianceColumns, context: EvaluationContext, metrics: Metrics
+) -> Metrics:
+    parameters, plan = context.parameters, context.plan
     program = plan.program()
     figures: Any
     match measure:
         case Measure.STEPS:
             bound = partial(least_reach_time, parameters)
-            tracked = tracking_metrics(columns, program, plan.phases(), bound, parameters.sensors.joint_step)
-            return tracking_document(tracked, plan.phases())
+            tracked = compute_tracking_metrics(columns, program, plan.phases(), bound, parameters.sensors.joint_step)
+            return build_tracking_document(tracked, plan.phases())
         case Measure.COMPLIANCE:
-            pushed = find_pushes(program)
-            if not pushed:
+            pushes = find_pushes(program)
+            if not pushes:
                 raise NoSamplesError("nothing pushes the joint")
-            figures = compliance_figures(columns, parameters.geometry.r_j, pushed[0].start * T_s)
+            figures = compute_compliance_metrics(columns, parameters.geometry.r_j, pushes[0].start * T_s)
         case Measure.LOADS:
-            figures = robustness_figures(columns, load_steps(program), parameters.sensors.motor_step)
+            figures = compute_robustness_metrics(columns, list_load_steps(program), parameters.sensors.motor_step)
         case Measure.RESPONSE:
-            figures = response_figures(columns, program)
+            figures = compute_response_metrics(columns, program)
         case Measure.DISTURBANCE:
-            figures = disturbance_figures(columns, program)
+            figures = compute_disturbance_metrics(columns, program)
         case Measure.BODE:
-            figures = bode_figures(columns, program, in_force)
+            figures = compute_bode_metrics(columns, program, context)
         case Measure.PUSHES:
-            figures = push_figures(columns, program, in_force)
+            figures = compute_push_metrics(columns, program, context)
         case Measure.HOLDS:
-            figures = hold_figures(columns, program, parameters)
+            figures = compute_hold_metrics(columns, program, parameters)
         case Measure.IMPACT:
-            figures = impact_figures(columns, program)
-    return replace(metrics, figures=figure_documents(figures, figures.reasons))
+            figures = compute_impact_metrics(columns, program)
+    return replace(metrics, figures=build_metric_documents(figures, figures.reasons))
 
 
-def _not_measured(measure: Measure, reason: str) -> tuple[MeasuredFigure, ...]:
-    declared = (item for item in fields(FIGURES[measure]) if item.metadata)
+def _build_missing_metrics(measure: Measure, reason: str) -> tuple[MeasuredFigure, ...]:
+    declared = (item for item in fields(METRICS_BY_MEASURE[measure]) if item.metadata)
     return tuple(MeasuredFigure(name=item.name, **item.metadata, value=None, reason=reason) for item in declared)
 
 
-def _joined(figures: Sequence[MeasuredFigure], more: Sequence[MeasuredFigure]) -> tuple[MeasuredFigure, ...]:
-    """Return all of both; a figure that both have is that of the first, unless only the second could be measured."""
+def _merge_metrics(figures: Sequence[MeasuredFigure], more: Sequence[MeasuredFigure]) -> tuple[MeasuredFigure, ...]:
+    """Return both lists; of metrics in both, the first is used, unless only the second has a value."""
     by_name = {item.name: item for item in figures}
     for item in more:
         known = by_name.get(item.name)
@@ -285,29 +289,29 @@ def _joined(figures: Sequence[MeasuredFigure], more: Sequence[MeasuredFigure]) -
     return tuple(by_name.values())
 
 
-def criteria_of(
+def evaluate_criteria(
     experiment: Experiment,
     figures: Sequence[MeasuredFigure],
     known: Mapping[str, bool | int | float | str],
     reason: str = "",
 ) -> tuple[RunCriterion, ...]:
-    """Judge figures by the criteria of an experiment; ``known`` are what its bounds may speak of.
+    """Evaluate the criteria of an experiment; ``known`` are the values for its bounds.
 
-    ``reason`` says why the run was not seen whole, if it was not: nothing passes then.
+    ``reason`` says why the recording of the run is incomplete, empty otherwise: an incomplete run passes no criterion.
     """
     by_name = {item.name: item for item in figures}
-    judged = []
+    criteria = []
     for bound in experiment.criteria:
         found = by_name[bound.figure]
         relation = "<" if bound.below is not None else ">"
         value, why = found.value, found.reason or reason
         try:
-            limit = evaluate_number(limit_of(bound), known)
-        except ExpressionError as error:  # a bound without a value is one that nothing passes
+            limit = evaluate_number(get_limit(bound), known)
+        except ExpressionError as error:  # nothing passes a bound without a value
             limit, value, why = 0.0, None, f"its bound could not be had: {error}"
         title = bound.title or found.label
-        judged.append(
-            judge(
+        criteria.append(
+            evaluate_criterion(
                 name=bound.name or bound.figure,
                 title=title,
                 relation=relation,
@@ -317,17 +321,17 @@ def criteria_of(
                 reason=why,
             )
         )
-    return tuple(judged)
+    return tuple(criteria)
 
 
 # Evaluation ----------------------------------------------------------------------------------------
 #
-# Compute the result of a stored run, and store it beside earlier ones: nothing is overwritten.
+# Computes the result of a stored run and stores it in addition to earlier ones.
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a run gave; ``problem`` says why there is no result or no model."""
+    """Result and identification of a run; ``problem`` says why one of them is missing."""
 
     result: Result | None
     identification: Identification | None
@@ -335,11 +339,16 @@ class Evaluation:
 
 
 def evaluate_finished_run(database: Database, parameters: PlantParameters, plan: Plan, run: Run) -> Evaluation:
-    """Compute what the plan's kind of run gives, and store it; where that is nothing, the run says why."""
+    """Compute and store the results of a run; if there are none, store the reason."""
     columns, missed = read_recorded_columns(database, run.id)
     try:
         new, estimate = compute_result(
-            columns=columns, missed=missed, parameters=parameters, plan=plan, run=run, points=_points(database, run)
+            columns=columns,
+            missed=missed,
+            parameters=parameters,
+            plan=plan,
+            run=run,
+            points=_load_points(database, run),
         )
     except NoSamplesError as error:
         with database.session() as session:
@@ -360,70 +369,69 @@ def compute_result(
     run: Run,
     points: Sequence[PointModel] = (),
 ) -> tuple[NewResult, NewIdentification | None]:
-    """Compute what the plan's kind of run gives, from its samples, of which ``missed`` are lacking; nothing is stored.
+    """Compute the results of a run from its samples, without storing them.
 
-    ``points`` are the models of the bank that the run began with.
-
-    Raises NoSamplesError where there is nothing to compute from.
+    ``missed`` is the number of missing samples, ``points`` are the models of the bank at the start of the run. Raises
+    NoSamplesError if there is nothing to compute from.
     """
     estimate: NewIdentification | None = None
     criteria: tuple[RunCriterion, ...] = ()
     problem = ""
     match plan:
         case ActuatorIdentificationPlan() | MotorIdentificationPlan() | SpringIdentificationPlan():
-            metrics, estimate, problem = _identified(columns, parameters, plan, run)
+            metrics, estimate, problem = _estimate_model(columns, parameters, plan, run)
         case ExperimentPlan():
-            outline = _outline(columns, plan, run)
+            outline = _build_outline(columns, plan, run)
             if columns["t"].size == 0:
                 raise NoSamplesError("the run holds no samples of its program")
-            in_force = EvaluationContext(parameters, plan, load_initial_tuning(run.set_to.loop), points)
-            metrics, criteria = evaluate_experiment(columns, in_force, outline, missed)
+            context = EvaluationContext(parameters, plan, load_initial_tuning(run.set_to.loop), points)
+            metrics, criteria = evaluate_experiment(columns, context, outline, missed)
     metrics = replace(metrics, missing_samples=missed, problem=problem)
     return NewResult(run.id, metrics, criteria, __version__), estimate
 
 
-def _points(database: Database, run: Run) -> tuple[PointModel, ...]:
+def _load_points(database: Database, run: Run) -> tuple[PointModel, ...]:
     if run.bank_id is None:
         return ()
     with database.reading() as session:
         return load_bank_points(banks.get(session, run.bank_id))
 
 
-def _identified(
+def _estimate_model(
     columns: ReaderColumns, parameters: PlantParameters, plan: IdentificationPlan, run: Run
 ) -> tuple[Metrics, NewIdentification | None, str]:
-    """Estimate a model from a whole run; one that ended early gives none, for half a record would mislead."""
-    outline = _outline(columns, plan, run)
+    """Estimate a model from a complete run; an incomplete record would yield a misleading one."""
+    outline = _build_outline(columns, plan, run)
     if not outline.complete:
         return outline, None, f"no model was estimated: the run ended early ({run.end_state})"
     try:
-        figures, estimate = _estimated(columns, parameters, plan, run)
+        figures, estimate = _identify(columns, parameters, plan, run)
     except ValueError as error:
         return outline, None, f"no model was estimated: {error}"
-    return replace(outline, figures=figure_documents(figures)), estimate, ""
+    return replace(outline, figures=build_metric_documents(figures)), estimate, ""
 
 
-def _estimated(
+def _identify(
     columns: ReaderColumns, parameters: PlantParameters, plan: IdentificationPlan, run: Run
 ) -> tuple[object, NewIdentification]:
     match plan:
         case MotorIdentificationPlan():
             motors = identify_motors(columns, parameters)
-            figures = motor_figures(columns, motors)
-            return figures, to_store_motors(run, plan, motors, parameters, __version__)
+            figures = compute_motor_metrics(columns, motors)
+            return figures, build_motor_record(run, plan, motors, parameters, __version__)
         case SpringIdentificationPlan():
             springs = identify_springs(columns, plan, parameters)
-            stretched = spring_figures(columns, plan, springs)
-            return stretched, to_store_springs(run, plan, springs, parameters, __version__)
+            stretched = compute_spring_metrics(columns, plan, springs)
+            return stretched, build_spring_record(run, plan, springs, parameters, __version__)
         case ActuatorIdentificationPlan():
             excitation = plan.excitation()
             method = Method(plan.estimator)
             estimate = identify_actuator(columns, excitation, parameters, method)
-            moved = actuator_figures(columns, excitation, estimate)
-            return moved, to_store_actuator(run, plan, columns, estimate, __version__)
+            moved = compute_actuator_metrics(columns, excitation, estimate)
+            return moved, build_actuator_record(run, plan, columns, estimate, __version__)
 
 
-def _outline(columns: ReaderColumns, plan: Plan, run: Run) -> Metrics:
+def _build_outline(columns: ReaderColumns, plan: Plan, run: Run) -> Metrics:
     return Metrics(
         complete=run.end_state == EndState.COMPLETED,
         played_s=columns["t"].size * T_s,
@@ -432,25 +440,25 @@ def _outline(columns: ReaderColumns, plan: Plan, run: Run) -> Metrics:
     )
 
 
-# Again ---------------------------------------------------------------------------------------------
+# Re-evaluation -------------------------------------------------------------------------------------
 #
-# Evaluate a stored run once more, from nothing but what is stored of it.
+# Evaluates a run again from its stored data.
 
 
 _LOG = logging.getLogger(__name__)
 
 
 class NotEvaluableError(SinewError, ValueError):
-    """A run that gives no result: it goes on, or it is of a kind that is not evaluated."""
+    """The run cannot have a result: it has not ended, or its kind is not evaluated."""
 
     category = ErrorCode.NOT_NOW
 
 
 def reevaluate_run(database: Database, run_id: int) -> Evaluation:
-    """Compute the result as at the run's end, with its own settings and parameters, and store it beside earlier ones.
+    """Evaluate a run again with its own settings and parameters, and store the result in addition.
 
-    Raises UnknownRecordError, NotEvaluableError; SettingError or OutOfRangeError for settings that have no meaning any
-    more, and ParameterError for such parameters.
+    Raises UnknownRecordError, NotEvaluableError; SettingError, OutOfRangeError or ParameterError for settings or
+    parameters that this version does not support.
     """
     with database.reading() as session:
         run = runs.get(session, run_id)
@@ -460,21 +468,15 @@ def reevaluate_run(database: Database, run_id: int) -> Evaluation:
 
 
 def find_pending_runs(database: Database, run_ids: Sequence[int]) -> list[int]:
-    """Return which of these runs ended with what played them, before their result could be computed.
-
-    Raises UnknownRecordError.
-    """
+    """Return the runs whose process ended before the result was computed. Raises UnknownRecordError."""
     with database.reading() as session:
-        due = [run.id for run in (runs.get(session, number) for number in run_ids) if _is_due(run)]
+        due = [run.id for run in (runs.get(session, number) for number in run_ids) if _is_pending(run)]
         evaluated = results.present(session, due)
         return [number for number in due if number not in evaluated]
 
 
 def evaluate_pending_runs(database: Database, run_ids: Sequence[int]) -> None:
-    """Evaluate those of these runs that were left behind; why one has no result is kept with it.
-
-    Raises UnknownRecordError.
-    """
+    """Evaluate the pending runs among these, and store why one has no result. Raises UnknownRecordError."""
     for run_id in find_pending_runs(database, run_ids):
         try:
             reevaluate_run(database, run_id)
@@ -484,12 +486,12 @@ def evaluate_pending_runs(database: Database, run_ids: Sequence[int]) -> None:
                 runs.set_evaluation_problem(session, run_id, f"{type(error).__name__}: {error}")
 
 
-def _is_due(run: Run) -> bool:
+def _is_pending(run: Run) -> bool:
     return run.kind != RunKind.SESSION and run.end_state == EndState.SERVICE_DIED and run.evaluation_problem == ""
 
 
 def require_evaluable(run: Run) -> None:
-    """Raise NotEvaluableError for a run that cannot have a result."""
+    """Raise NotEvaluableError for a run without a result."""
     if run.kind == RunKind.SESSION:
         raise NotEvaluableError(f"run {run.id} was driven by hand: a session has samples and no result")
     if run.end_state == EndState.RUNNING:
@@ -498,40 +500,39 @@ def require_evaluable(run: Run) -> None:
 
 # Used settings -------------------------------------------------------------------------------------
 #
-# What a stored run was set to, as far as its control law uses it: for page, report and command
-# line. Pure.
+# The settings of a stored run that its control law uses, for page, report and command line.
 
 
-_OF_KIND = {
+_LAW_BY_KIND = {
     RunKind.COMPLIANCE: Law.COMPLIANCE,
     RunKind.ACTUATOR_IDENTIFICATION: Law.FORCE_HOLD,
     RunKind.MOTOR_IDENTIFICATION: Law.MOTOR_STEPS,
     RunKind.SPRING_IDENTIFICATION: Law.TENSION_SWEEP,
 }
-_WITHOUT_CASCADE = ("lam_q", "lam_S")
-USED: dict[Law, tuple[str, ...]] = {
+_TUNING_WITHOUT_CASCADE = ("lam_q", "lam_S")
+USED_SETTINGS: dict[Law, tuple[str, ...]] = {
     Law.CASCADE: TUNING_NAMES,
     Law.COMPLIANCE: tuple(name for name in TUNING_NAMES if name not in ("lam_q", "k_ext")),
-    Law.SINGLE_LOOP: _WITHOUT_CASCADE,
-    Law.FEEDBACK_LINEARIZATION: _WITHOUT_CASCADE,
+    Law.SINGLE_LOOP: _TUNING_WITHOUT_CASCADE,
+    Law.FEEDBACK_LINEARIZATION: _TUNING_WITHOUT_CASCADE,
     **dict.fromkeys(IDENTIFYING, ("lam_motor",)),
 }
-"""Parts of the tuning that each law uses; an open position loop rejects no push and has no λ_q."""
+"""Settings of the tuning that each law uses; without a position loop there are no λ_q and no disturbance rejection."""
 
 
 def find_control_law(run: Run) -> Law:
-    """Return the control law that a run was played under; the cascade for a session."""
+    """Return the control law of a run; the cascade for a session."""
     plan = run.set_to.plan or {}
     if "experiment" in plan:
         named = json.loads(str(plan["experiment"])).get("law", Law.CASCADE)
         return Law(str(plan.get(named, named)))
-    return _OF_KIND.get(RunKind(run.kind)) or Law(run.set_to.law)
+    return _LAW_BY_KIND.get(RunKind(run.kind)) or Law(run.set_to.law)
 
 
 def select_used_settings(run: Run) -> Sequence[DeclaredValue]:
-    """Return the settings of a run in order, without the parts of the tuning that its law does not use.
+    """Return the settings of a run in order, without those that its control law does not use.
 
-    Programs store them declared; a session has a tuning only.
+    Programs store their settings with declarations; a session stores a tuning only.
     """
     stored = run.set_to
     if stored.declared is None:
@@ -541,7 +542,7 @@ def select_used_settings(run: Run) -> Sequence[DeclaredValue]:
             for setting in TUNING_SETTINGS
             if setting.name in tuning
         ]
-    unused = set(TUNING_NAMES) - set(USED[find_control_law(run)])
+    unused = set(TUNING_NAMES) - set(USED_SETTINGS[find_control_law(run)])
     if stored.loop.budget == 0.0:
         unused.add("u_plan")
     return [item for item in stored.declared if item.name not in unused]

@@ -7,8 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.context import EvaluationContext, NotPredictedError
-from backend.analysis.step_metrics import NO_NUMBER, Columns, Excited, NoSamplesError, Whole, excitations, figure, whole
+from backend.analysis.context import EvaluationContext, PredictionUnavailableError
+from backend.analysis.step_metrics import (
+    NO_NUMBER,
+    Columns,
+    NoSamplesError,
+    ReferenceExcitation,
+    WholeMetrics,
+    compute_whole_metrics,
+    declare_metric,
+    list_excitations,
+)
 from backend.control import cascade
 from backend.faults import Limit
 from backend.realtime import Program
@@ -26,16 +35,16 @@ from plant import T_s
 
 Array = NDArray[np.float64]
 
-LEAST_SHARE = 0.05
+LINE_SHARE_MIN = 0.05
 """Lines of the excitation below this share of its strongest are not measured."""
 
-LEAST_GAIN = 0.05
+GAIN_MIN = 0.05
 """A loop that follows less of its reference at the lowest line has no bandwidth to speak of."""
 
-BAND = 1.12
+BAND_RATIO = 1.12
 """Lines of a sweep or a sequence are taken together within bands of this ratio of frequencies."""
 
-LEAST_LOW_GAIN = 0.6
+LOW_GAIN_MIN = 0.6
 """Least gain of the lowest line from which a bandwidth below it is interpolated towards the gain 1 at rest.
 
 There the bandwidth is within 1.1 % for loops of two equal lags, within 2 % for four.
@@ -60,19 +69,27 @@ class Response:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ResponseFigures(Whole):
+class ResponseMetrics(WholeMetrics):
     """Figures of both responses. ``reasons`` tells by name which could not be measured and why."""
 
-    bandwidth_q_Hz: float | None = figure("Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1")
-    bandwidth_S_Hz: float | None = figure("Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707; at rest it is 1")
-    resonance_q_dB: float | None = figure("dB", "Resonance of q", "largest |q/q_ref| over that at rest, which is 1")
-    resonance_S_dB: float | None = figure("dB", "Resonance of S", "largest |S/S_ref| over that at rest, which is 1")
-    lag_q_deg: float | None = figure("°", "Lag of q at its bandwidth", "phase of q behind q_ref there")
-    lag_S_deg: float | None = figure("°", "Lag of S at its bandwidth", "phase of S behind S_ref there")
+    bandwidth_q_Hz: float | None = declare_metric(
+        "Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1"
+    )
+    bandwidth_S_Hz: float | None = declare_metric(
+        "Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707; at rest it is 1"
+    )
+    resonance_q_dB: float | None = declare_metric(
+        "dB", "Resonance of q", "largest |q/q_ref| over that at rest, which is 1"
+    )
+    resonance_S_dB: float | None = declare_metric(
+        "dB", "Resonance of S", "largest |S/S_ref| over that at rest, which is 1"
+    )
+    lag_q_deg: float | None = declare_metric("°", "Lag of q at its bandwidth", "phase of q behind q_ref there")
+    lag_S_deg: float | None = declare_metric("°", "Lag of S at its bandwidth", "phase of S behind S_ref there")
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def response_figures(columns: Columns, program: Program) -> ResponseFigures:
+def compute_response_metrics(columns: Columns, program: Program) -> ResponseMetrics:
     """Measure both responses. ``columns`` holds q, S, their references, tensions, voltages, one sample a millisecond.
 
     Raises NoSamplesError when no excitation was played to its end.
@@ -83,43 +100,41 @@ def response_figures(columns: Columns, program: Program) -> ResponseFigures:
     values: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     for signal in ("q", "S"):
-        response = next((one for one in found if one.signal == signal), None)
+        response = next((item for item in found if item.signal == signal), None)
         names = (f"bandwidth_{signal}_Hz", f"resonance_{signal}_dB", f"lag_{signal}_deg")
         if response is None:
             values |= dict.fromkeys(names)
             reasons |= dict.fromkeys(names, f"the reference of {signal} alone was not excited to the end")
             continue
-        if unmeasurable := why_not(response):
+        if unmeasurable := find_problem(response):
             values |= dict.fromkeys(names)
             reasons |= dict.fromkeys(names, unmeasurable)
             continue
-        values[names[1]] = resonance(response)
-        edge, reason = bandwidth(response)
-        values[names[0]] = edge
-        values[names[2]] = None if edge is None else lag_at(response, edge)
-        if edge is None:
+        values[names[1]] = compute_resonance(response)
+        bandwidth_Hz, reason = compute_bandwidth(response)
+        values[names[0]] = bandwidth_Hz
+        values[names[2]] = None if bandwidth_Hz is None else compute_lag(response, bandwidth_Hz)
+        if bandwidth_Hz is None:
             reasons |= {names[0]: reason, names[2]: reason}
-    return ResponseFigures(**whole(columns), **values, reasons=reasons)
+    return ResponseMetrics(**compute_whole_metrics(columns), **values, reasons=reasons)
 
 
-def why_not(response: Response) -> str:
+def find_problem(response: Response) -> str:
     """Return why nothing can be told of a response, "" where it can."""
     if not np.isfinite(response.H).all():
         return NO_NUMBER
-    if abs(response.H[0]) < LEAST_GAIN:
-        return (
-            f"{response.signal} did not follow its reference at the lowest line: its gain there was below {LEAST_GAIN}"
-        )
+    if abs(response.H[0]) < GAIN_MIN:
+        return f"{response.signal} did not follow its reference at the lowest line: its gain there was below {GAIN_MIN}"
     return ""
 
 
 def compute_responses(columns: Columns, program: Program) -> tuple[Response, ...]:
     """Return the response to each excitation that was played to its end; of one signal the first comes first."""
     size = columns["q"].size
-    return tuple(_response(columns, one) for one in excitations(program) if one.window.stop <= size)
+    return tuple(_compute_response(columns, item) for item in list_excitations(program) if item.window.stop <= size)
 
 
-def bandwidth(response: Response) -> tuple[float | None, str]:
+def compute_bandwidth(response: Response) -> tuple[float | None, str]:
     """Return where the gain first falls to −3 dB of that at rest [Hz], or None and why that is not measured.
 
     Between two lines, and between rest and the lowest one, 1/|H|² is interpolated over f² by a monotone cubic (Fritsch
@@ -132,7 +147,7 @@ def bandwidth(response: Response) -> tuple[float | None, str]:
     if below.size == 0:
         return None, f"it is still above −3 dB at {f[-1]:.3g} Hz, the highest line: excite it higher"
     k = int(below[0])
-    if k == 0 and gain[0] < LEAST_LOW_GAIN:
+    if k == 0 and gain[0] < LOW_GAIN_MIN:
         return None, f"its gain is {gain[0]:.2g} already at {f[0]:.3g} Hz, the lowest line: take a longer period"
     used = slice(0, k + 2 if k + 1 < f.size and gain[k + 1] > 0.0 else k + 1)
     x, inverse = np.append(0.0, f[used] ** 2), np.append(1.0, gain[used] ** -2)
@@ -140,12 +155,12 @@ def bandwidth(response: Response) -> tuple[float | None, str]:
     return float(np.sqrt(crossings[(crossings >= x[k]) & (crossings <= x[k + 1])][0])), ""
 
 
-def resonance(response: Response) -> float:
+def compute_resonance(response: Response) -> float:
     """Return the largest gain of the lines over that at rest [dB]; 0 where none is larger."""
     return 20.0 * float(np.log10(max(1.0, response.gain.max())))
 
 
-def lag_at(response: Response, f: float) -> float:
+def compute_lag(response: Response, f: float) -> float:
     """Return how far the signal is behind its reference at ``f`` [Hz], in degrees; at rest it is not."""
     from scipy.interpolate import PchipInterpolator
 
@@ -153,34 +168,34 @@ def lag_at(response: Response, f: float) -> float:
     return -float(np.degrees(PchipInterpolator(np.append(0.0, response.f), phase)(f)))
 
 
-def _response(columns: Columns, excited: Excited) -> Response:
-    window, period = excited.window, excited.period
+def _compute_response(columns: Columns, excitation: ReferenceExcitation) -> Response:
+    window, period = excitation.window, excitation.period
     if period is not None:
         window = slice(window.stop - period, window.stop)
-    u, y = (np.asarray(columns[name][window]) for name in (f"{excited.signal}_ref", excited.signal))
+    u, y = (np.asarray(columns[name][window]) for name in (f"{excitation.signal}_ref", excitation.signal))
     U, Y = (np.fft.rfft(signal - signal.mean())[1:] for signal in (u, y))
     f = np.arange(1, U.size + 1) / (u.size * T_s)
-    kept = np.abs(U) >= LEAST_SHARE * np.abs(U).max()
-    f, U, Y = f[kept], U[kept], Y[kept]
+    selected = np.abs(U) >= LINE_SHARE_MIN * np.abs(U).max()
+    f, U, Y = f[selected], U[selected], Y[selected]
     if f.size <= 60 and period is not None:
-        return Response(excited.signal, f, Y / U)
-    f, H, _ = banded(f, U, Y)
-    return Response(excited.signal, f, H)
+        return Response(excitation.signal, f, Y / U)
+    f, H, _ = average_bands(f, U, Y)
+    return Response(excitation.signal, f, H)
 
 
-def banded(
+def average_bands(
     f: Array, U: NDArray[np.complex128], Y: NDArray[np.complex128]
 ) -> tuple[Array, NDArray[np.complex128], Array]:
     """Take lines together in bands of the ratio BAND: frequency [Hz], response and √(1 − γ²) of each, nan of a line."""
-    bands = np.floor(np.log(f / f[0]) / np.log(BAND)).astype(int)
+    bands = np.floor(np.log(f / f[0]) / np.log(BAND_RATIO)).astype(int)
     members = [bands == band for band in np.unique(bands)]
-    both = np.array([np.vdot(U[one], Y[one]) for one in members])
-    UU, YY = (np.array([np.vdot(X[one], X[one]).real for one in members]) for X in (U, Y))
+    both = np.array([np.vdot(U[item], Y[item]) for item in members])
+    UU, YY = (np.array([np.vdot(X[item], X[item]).real for item in members]) for X in (U, Y))
     with np.errstate(divide="ignore", invalid="ignore"):
-        unlike = np.sqrt(np.maximum(1.0 - np.abs(both) ** 2 / (UU * YY), 0.0))
-    unlike[[one.sum() < 2 for one in members]] = np.nan
-    centre = np.array([np.exp(np.log(f[one]).mean()) for one in members])
-    return centre, both / UU, unlike
+        variation = np.sqrt(np.maximum(1.0 - np.abs(both) ** 2 / (UU * YY), 0.0))
+    variation[[item.sum() < 2 for item in members]] = np.nan
+    centre = np.array([np.exp(np.log(f[item]).mean()) for item in members])
+    return centre, both / UU, variation
 
 
 # Predicted response --------------------------------------------------------------------------------
@@ -191,10 +206,10 @@ def banded(
 
 Complex = NDArray[np.complex128]
 
-SLOWEST_HZ, FASTEST_HZ = 0.01, 100.0
+BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 0.01, 100.0
 """Between these a predicted bandwidth is looked for; the faster is a tenth of the sampling."""
 
-_GRID = 2000
+_GRID_POINTS = 2000
 
 
 @dataclass(frozen=True)
@@ -204,11 +219,11 @@ class PredictedResponse:
     signal: str
     S: float
     tuning: cascade.CascadeTuning
-    in_force: EvaluationContext
+    context: EvaluationContext
 
     def response(self, f: Array) -> Complex:
         """Return it at ``f`` (n,) [Hz]."""
-        parameters, closed = self.in_force.parameters, self.in_force.position_loop
+        parameters, closed = self.context.parameters, self.context.has_position_loop
         if self.tuning.following.budget > 0.0:
             H = planned_response(parameters, self.tuning, self.S, f, position_loop=closed)
         else:
@@ -216,28 +231,30 @@ class PredictedResponse:
         output, to = (OUTPUTS.q, INPUTS.q_ref) if self.signal == "q" else (OUTPUTS.S, INPUTS.S_ref)
         return np.asarray(H[:, output, to])
 
-    def bandwidth(self) -> float | None:
+    def compute_bandwidth(self) -> float | None:
         """Where the gain falls to −3 dB of that at rest [Hz], as it is measured; None where it does not."""
-        f = np.geomspace(SLOWEST_HZ, FASTEST_HZ, _GRID)
-        found, _ = bandwidth(Response(self.signal, f, self.response(f)))
+        f = np.geomspace(BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ, _GRID_POINTS)
+        found, _ = compute_bandwidth(Response(self.signal, f, self.response(f)))
         return found
 
 
-def predicted(in_force: EvaluationContext, excited: Excited, references: Array) -> PredictedResponse:
+def predict_response(
+    context: EvaluationContext, excitation: ReferenceExcitation, references: Array
+) -> PredictedResponse:
     """Return what is expected of an excitation whose references (n, 2) were these. Raises NotPredictedError."""
-    tuning = in_force.gains_at(excited.window.start)
-    _, S = in_force.references_before(excited.window.start)
+    tuning = context.compute_gains_at(excitation.window.start)
+    _, S = context.compute_references_before(excitation.window.start)
     budget = tuning.following.budget
     if budget > 0.0:
-        asked = asked_voltage(tuning, S, references)
+        asked = compute_required_voltage(tuning, S, references)
         if asked > budget:
-            raise NotPredictedError(
+            raise PredictionUnavailableError(
                 f"the excitation asks the plan for {asked:.1f} V of its {budget:g} V: take a smaller amplitude"
             )
-    return PredictedResponse(excited.signal, S, tuning, in_force)
+    return PredictedResponse(excitation.signal, S, tuning, context)
 
 
-def asked_voltage(tuning: cascade.CascadeTuning, S: float, references: Array) -> float:
+def compute_required_voltage(tuning: cascade.CascadeTuning, S: float, references: Array) -> float:
     """Largest |u_d| + |u_c| [V] with which the axes of a plan keep up with references (n, 2): (T θ'' + θ')/K."""
     model = tuning.following.model
     theta = (references - references[0]) @ decoupling_matrix(tuning.decoupler, S).T
@@ -257,10 +274,10 @@ def asked_voltage(tuning: cascade.CascadeTuning, S: float, references: Array) ->
 # measured only where no limit acted.
 
 
-UNLIKE = 0.1
+VARIATION_MAX = 0.1
 """A line that differs by more than this share from one period to the next is not measured."""
 
-_ACTED = {
+_LIMIT_REASONS = {
     Limit.VOLTAGE_A: "the voltage of motor A was clipped",
     Limit.VOLTAGE_B: "the voltage of motor B was clipped",
     Limit.GOVERNOR: "the governor held the reference back",
@@ -283,7 +300,7 @@ class Lines:
     signal: str
     f: Array
     H: Complex
-    unlike: Array
+    variation: Array
     residual: float
     reasons: tuple[str, ...]
     expected: Complex | None
@@ -298,75 +315,83 @@ class Lines:
     @property
     def response(self) -> Response:
         """Measured lines alone."""
-        kept = self.measured
-        return Response(self.signal, self.f[kept], self.H[kept])
+        selected = self.measured
+        return Response(self.signal, self.f[selected], self.H[selected])
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodeFigures(Whole):
+class BodeMetrics(WholeMetrics):
     """Figures of both responses. ``reasons`` tells by name which could not be measured and why."""
 
-    bandwidth_q_Hz: float | None = figure("Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1")
-    bandwidth_q_predicted_Hz: float | None = figure(
+    bandwidth_q_Hz: float | None = declare_metric(
+        "Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1"
+    )
+    bandwidth_q_predicted_Hz: float | None = declare_metric(
         "Hz", "Bandwidth of q, predicted", "the same of the response that models and gains in use let expect"
     )
-    gain_off_q_dB: float | None = figure(
+    gain_off_q_dB: float | None = declare_metric(
         "dB",
         "Gain of q off its prediction",
         "largest difference of both gains at the measured lines up to the predicted bandwidth",
     )
-    phase_off_q_deg: float | None = figure("°", "Phase of q off its prediction", "the same of the phase")
-    resonance_q_dB: float | None = figure("dB", "Resonance of q", "largest |q/q_ref| over that at rest, which is 1")
-    lag_q_deg: float | None = figure("°", "Lag of q at its bandwidth", "phase of q behind q_ref there")
-    unlike_q_percent: float | None = figure(
+    phase_off_q_deg: float | None = declare_metric("°", "Phase of q off its prediction", "the same of the phase")
+    resonance_q_dB: float | None = declare_metric(
+        "dB", "Resonance of q", "largest |q/q_ref| over that at rest, which is 1"
+    )
+    lag_q_deg: float | None = declare_metric("°", "Lag of q at its bandwidth", "phase of q behind q_ref there")
+    unlike_q_percent: float | None = declare_metric(
         "%", "Repeatability of q", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
     )
-    residual_q_percent: float | None = figure(
+    residual_q_percent: float | None = declare_metric(
         "%", "Residual of q", "root mean square of q beside its lines over that at them, last period: friction, noise"
     )
-    bandwidth_S_Hz: float | None = figure("Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707; at rest it is 1")
-    bandwidth_S_predicted_Hz: float | None = figure(
+    bandwidth_S_Hz: float | None = declare_metric(
+        "Hz", "Bandwidth of S", "where |S/S_ref| falls to 0.707; at rest it is 1"
+    )
+    bandwidth_S_predicted_Hz: float | None = declare_metric(
         "Hz", "Bandwidth of S, predicted", "the same of the response that models and gains in use let expect"
     )
-    gain_off_S_dB: float | None = figure(
+    gain_off_S_dB: float | None = declare_metric(
         "dB",
         "Gain of S off its prediction",
         "largest difference of both gains at the measured lines up to the predicted bandwidth",
     )
-    phase_off_S_deg: float | None = figure("°", "Phase of S off its prediction", "the same of the phase")
-    resonance_S_dB: float | None = figure("dB", "Resonance of S", "largest |S/S_ref| over that at rest, which is 1")
-    lag_S_deg: float | None = figure("°", "Lag of S at its bandwidth", "phase of S behind S_ref there")
-    unlike_S_percent: float | None = figure(
+    phase_off_S_deg: float | None = declare_metric("°", "Phase of S off its prediction", "the same of the phase")
+    resonance_S_dB: float | None = declare_metric(
+        "dB", "Resonance of S", "largest |S/S_ref| over that at rest, which is 1"
+    )
+    lag_S_deg: float | None = declare_metric("°", "Lag of S at its bandwidth", "phase of S behind S_ref there")
+    unlike_S_percent: float | None = declare_metric(
         "%", "Repeatability of S", "largest change of a measured line from one period to the next, in a sweep √(1 − γ²)"
     )
-    residual_S_percent: float | None = figure(
+    residual_S_percent: float | None = declare_metric(
         "%", "Residual of S", "root mean square of S beside its lines over that at them, last period: friction, noise"
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-def bode_figures(columns: Columns, program: Program, in_force: EvaluationContext) -> BodeFigures:
+def compute_bode_metrics(columns: Columns, program: Program, context: EvaluationContext) -> BodeMetrics:
     """Measure both responses; ``columns`` holds q, S, their references, tensions, voltages, limits, a sample a ms.
 
     Raises NoSamplesError when no excitation was played to its end.
     """
-    found = build_bode_lines(columns, program, in_force)
+    found = build_bode_lines(columns, program, context)
     if not found:
         raise NoSamplesError("no excitation of one reference alone was played to its end")
     values: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     for signal in ("q", "S"):
-        lines = next((one for one in found if one.signal == signal), None)
+        lines = next((item for item in found if item.signal == signal), None)
         named, missing = (
             ({}, dict.fromkeys(_NAMES, f"the reference of {signal} alone was not excited to the end"))
             if lines is None
-            else _figures(lines)
+            else _compute_metrics(lines)
         )
         for name in _NAMES:
             values[name.format(signal)] = named.get(name)
             if name in missing:
                 reasons[name.format(signal)] = missing[name]
-    return BodeFigures(**whole(columns), **values, reasons=reasons)
+    return BodeMetrics(**compute_whole_metrics(columns), **values, reasons=reasons)
 
 
 _WIDTH, _EXPECTED, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE, _RESIDUAL = _NAMES = (
@@ -381,38 +406,40 @@ _WIDTH, _EXPECTED, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE, _RESIDUAL = _NAM
 )
 
 
-def _figures(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
+def _compute_metrics(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
     """Return the figures of one response, and why some are missing, by the names of ``_NAMES``."""
     values: dict[str, float | None] = {}
     missing: dict[str, str] = {}
     if lines.predicted is None:
         missing |= dict.fromkeys((_EXPECTED, _GAIN_OFF, _PHASE_OFF), lines.unpredicted)
     else:
-        values[_EXPECTED] = lines.predicted.bandwidth()
+        values[_EXPECTED] = lines.predicted.compute_bandwidth()
         if values[_EXPECTED] is None:
             missing[_EXPECTED] = "it is expected to stay above −3 dB wherever a response can be sampled"
-    kept = lines.measured
-    bad = lines.reasons[0] or why_not(lines.response)
-    if bad:  # all is told by its lowest line
-        return values, dict.fromkeys((_WIDTH, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE, _RESIDUAL), bad) | missing
+    selected = lines.measured
+    problem = lines.reasons[0] or find_problem(lines.response)
+    if problem:  # all is told by its lowest line
+        return values, dict.fromkeys(
+            (_WIDTH, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE, _RESIDUAL), problem
+        ) | missing
     response = lines.response
-    values[_PEAK] = resonance(response)
-    edge, reason = bandwidth(response)
-    values[_WIDTH] = edge
-    if edge is None:
+    values[_PEAK] = compute_resonance(response)
+    bandwidth_Hz, reason = compute_bandwidth(response)
+    values[_WIDTH] = bandwidth_Hz
+    if bandwidth_Hz is None:
         missing |= {_WIDTH: reason, _LAG: reason}
     else:
-        values[_LAG] = lag_at(response, edge)
+        values[_LAG] = compute_lag(response, bandwidth_Hz)
     if lines.expected is not None:
         within = response.f <= (values[_EXPECTED] or np.inf)  # beyond it friction is what is left
-        off = (response.H / lines.expected[kept])[within]
+        off = (response.H / lines.expected[selected])[within]
         if off.size:
             values[_GAIN_OFF] = float(np.abs(20.0 * np.log10(np.abs(off))).max())
             values[_PHASE_OFF] = float(np.degrees(np.abs(np.angle(off))).max())
         else:
             reason = f"no line lies below the predicted bandwidth, the lowest is {response.f[0]:.3g} Hz"
             missing |= {_GAIN_OFF: f"{reason}: take a longer period", _PHASE_OFF: f"{reason}: take a longer period"}
-    known = lines.unlike[kept & np.isfinite(lines.unlike)]
+    known = lines.variation[selected & np.isfinite(lines.variation)]
     if known.size:
         values[_UNLIKE] = 100.0 * float(known.max())
     else:
@@ -424,42 +451,43 @@ def _figures(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
     return values, missing
 
 
-def build_bode_lines(columns: Columns, program: Program, in_force: EvaluationContext) -> tuple[Lines, ...]:
+def build_bode_lines(columns: Columns, program: Program, context: EvaluationContext) -> tuple[Lines, ...]:
     """Return the response to each excitation that was played to its end; of one signal the first comes first."""
     size = columns["q"].size
-    return tuple(_lines(columns, one, in_force) for one in excitations(program) if one.window.stop <= size)
+    return tuple(_build_lines(columns, item, context) for item in list_excitations(program) if item.window.stop <= size)
 
 
-def _lines(columns: Columns, excited: Excited, in_force: EvaluationContext) -> Lines:
-    window, period = excited.window, excited.period
+def _build_lines(columns: Columns, excitation: ReferenceExcitation, context: EvaluationContext) -> Lines:
+    window, period = excitation.window, excitation.period
     last = window if period is None else slice(window.stop - period, window.stop)
-    f, U, Y = _spectra(columns, excited.signal, last)
-    kept = np.abs(U) >= LEAST_SHARE * np.abs(U).max()
-    H, unlike = Y[kept] / U[kept], np.full(int(kept.sum()), np.nan)
+    f, U, Y = _compute_spectra(columns, excitation.signal, last)
+    selected = np.abs(U) >= LINE_SHARE_MIN * np.abs(U).max()
+    H, variation = Y[selected] / U[selected], np.full(int(selected.sum()), np.nan)
     power = np.abs(Y) ** 2
-    residual = np.nan if period is None else float(np.sqrt(power[~kept].sum() / power[kept].sum()))
-    if period is None or kept.sum() > MOST_LINES:
-        f, H, unlike = banded(f[kept], U[kept], Y[kept])
+    residual = np.nan if period is None else float(np.sqrt(power[~selected].sum() / power[selected].sum()))
+    if period is None or selected.sum() > LINES_MAX:
+        f, H, variation = average_bands(f[selected], U[selected], Y[selected])
     else:
-        f = f[kept]
+        f = f[selected]
         if window.stop - window.start >= 3 * period:
-            _, _, before = _spectra(columns, excited.signal, slice(last.start - period, last.start))
+            _, _, before = _compute_spectra(columns, excitation.signal, slice(last.start - period, last.start))
             with np.errstate(divide="ignore", invalid="ignore"):
-                unlike = np.abs(Y - before)[kept] / np.abs(Y[kept])
-    acted = _limits(columns, last, in_force.choice_at(window.start).budget > 0.0)
+                variation = np.abs(Y - before)[selected] / np.abs(Y[selected])
+    active_limit = _find_active_limit(columns, last, context.get_tuning_at(window.start).budget > 0.0)
     reasons = tuple(
-        acted or (f"it differs by {100.0 * part:.0f} % from one period to the next" if part > UNLIKE else "")
-        for part in unlike
+        active_limit
+        or (f"it differs by {100.0 * part:.0f} % from one period to the next" if part > VARIATION_MAX else "")
+        for part in variation
     )
     try:
         references = np.column_stack([columns[name][last] for name in ("q_ref", "S_ref")])
-        expected = predicted(in_force, excited, references)
-    except NotPredictedError as error:
+        expected = predict_response(context, excitation, references)
+    except PredictionUnavailableError as error:
         return Lines(
-            signal=excited.signal,
+            signal=excitation.signal,
             f=f,
             H=H,
-            unlike=unlike,
+            variation=variation,
             residual=residual,
             reasons=reasons,
             expected=None,
@@ -467,10 +495,10 @@ def _lines(columns: Columns, excited: Excited, in_force: EvaluationContext) -> L
             unpredicted=str(error),
         )
     return Lines(
-        signal=excited.signal,
+        signal=excitation.signal,
         f=f,
         H=H,
-        unlike=unlike,
+        variation=variation,
         residual=residual,
         reasons=reasons,
         expected=expected.response(f),
@@ -479,20 +507,20 @@ def _lines(columns: Columns, excited: Excited, in_force: EvaluationContext) -> L
     )
 
 
-MOST_LINES = 60
+LINES_MAX = 60
 """More lines than this are taken together in bands."""
 
 
-def _spectra(columns: Columns, signal: str, window: slice) -> tuple[Array, Complex, Complex]:
+def _compute_spectra(columns: Columns, signal: str, window: slice) -> tuple[Array, Complex, Complex]:
     u, y = (np.asarray(columns[name][window]) for name in (f"{signal}_ref", signal))
-    U, Y = (np.fft.rfft(one - one.mean())[1:] for one in (u, y))
+    U, Y = (np.fft.rfft(item - item.mean())[1:] for item in (u, y))
     return np.arange(1, U.size + 1) / (u.size * T_s), U, Y
 
 
-def _limits(columns: Columns, window: slice, planned: bool) -> str:
+def _find_active_limit(columns: Columns, window: slice, planned: bool) -> str:
     """Return which limit acted in a stretch and for how long, "" where none did: what it did is no linear response."""
     flags = np.asarray(columns["limits"][window]).astype(int)
-    for limit, words in _ACTED.items():
+    for limit, words in _LIMIT_REASONS.items():
         if limit is Limit.GOVERNOR and planned:  # there it says that the trajectory moves
             continue
         ticks = int(np.count_nonzero(flags & int(limit)))

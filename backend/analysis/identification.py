@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.step_metrics import NoSamplesError, figure
+from backend.analysis.step_metrics import NoSamplesError, declare_metric
 from backend.control import build_decoupler, stiffness_slope
 from backend.experiments import (
     ActuatorIdentificationPlan,
@@ -94,16 +94,16 @@ _COUNTS_WHERE_EXACT = 4000, 8000
 
 
 @dataclass(frozen=True)
-class IdentificationFigures:
+class ActuatorMetrics:
     """What the actuator went through during the excitation."""
 
-    motion_counts: float = figure("1", "Joint motion", "peak to peak during the excitation, in encoder counts")
-    min_tension_N: float = figure("N", "Smallest tension", "of both load cells during the excitation")
-    max_tension_N: float = figure("N", "Largest tension", "of both load cells during the excitation")
-    peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| during the excitation")
+    motion_counts: float = declare_metric("1", "Joint motion", "peak to peak during the excitation, in encoder counts")
+    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells during the excitation")
+    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells during the excitation")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| during the excitation")
 
 
-def excitation_start(columns: ActuatorColumns, excitation: Excitation) -> int:
+def find_excitation_start(columns: ActuatorColumns, excitation: Excitation) -> int:
     """Return the index of the first excited sample of a run that played its program to the end.
 
     The travel to the nominal point takes as long as it takes, so the excitation is found from its end.
@@ -131,17 +131,17 @@ def identify_actuator(
         round(sensors.joint_counts) or q_counts,
         round(sensors.motor_counts) or theta_counts,
     )
-    return estimate_actuator(columns, T_s, known, excitation_start(columns, excitation), method=method)
+    return estimate_actuator(columns, T_s, known, find_excitation_start(columns, excitation), method=method)
 
 
-def actuator_figures(
+def compute_actuator_metrics(
     columns: ActuatorColumns, excitation: Excitation, estimate: ActuatorIdentification
-) -> IdentificationFigures:
+) -> ActuatorMetrics:
     """Return what the actuator went through."""
-    excited = slice(excitation_start(columns, excitation), None)
+    excited = slice(find_excitation_start(columns, excitation), None)
     tensions = np.concatenate([columns[name][excited] for name in ("F_A", "F_B")])
     voltages = np.concatenate([columns[name][excited] for name in ("u_A", "u_B")])
-    return IdentificationFigures(
+    return ActuatorMetrics(
         motion_counts=estimate.motion_counts,
         min_tension_N=float(tensions.min()),
         max_tension_N=float(tensions.max()),
@@ -149,7 +149,7 @@ def actuator_figures(
     )
 
 
-def to_store_actuator(
+def build_actuator_record(
     run: Run,
     plan: ActuatorIdentificationPlan,
     columns: ActuatorColumns,
@@ -157,7 +157,7 @@ def to_store_actuator(
     software: str,
 ) -> NewIdentification:
     """Return the estimate as it is stored: model, quality, and which samples it came from."""
-    start = excitation_start(columns, plan.excitation())
+    start = find_excitation_start(columns, plan.excitation())
     signals = {"input": "theta_A_ref", "outputs": ["q", "S"]}
     channels = {"G_q": estimate.G_q, "G_S": estimate.G_S}
     return NewIdentification(
@@ -212,19 +212,19 @@ def _actuator_quality(channel: Estimate, candidates: Candidates, arx: Estimate |
         usable=channel.verdict.grade is not Grade.UNUSABLE,
         grade=channel.verdict.grade,
         verdict=channel.verdict.sentence,
-        candidates=_candidates(candidates),
-        arx=_arx(arx),
+        candidates=_summarize_candidates(candidates),
+        arx=_summarize_arx(arx),
     )
 
 
-def _arx(found: Estimate | str) -> ArxEstimate | MissingArxEstimate:
+def _summarize_arx(found: Estimate | str) -> ArxEstimate | MissingArxEstimate:
     """Return what the paper's method gives on the same record, or why it gives nothing."""
     if isinstance(found, str):
         return MissingArxEstimate(found)
     return ArxEstimate(method=found.method, fit_percent=found.fit_percent, **asdict(found.first_order))
 
 
-def _candidates(candidates: Candidates) -> tuple[TriedStructure | FailedCandidate, ...]:
+def _summarize_candidates(candidates: Candidates) -> tuple[TriedStructure | FailedCandidate, ...]:
     """List every structure that was tried, best first, in brief; one that gave no model says why."""
     ranked = [
         TriedStructure(
@@ -249,7 +249,7 @@ def _candidates(candidates: Candidates) -> tuple[TriedStructure | FailedCandidat
 Array = NDArray[np.float64]
 MotorColumns = Mapping[str, Array]
 
-COUNTS_WHERE_EXACT = 8000
+MOTOR_COUNTS_WHERE_EXACT = 8000
 """Counts per turn of the paper's motor encoder, used where a parameter set has ideal sensors."""
 
 _MOTOR_CURVE_POINTS = 120
@@ -264,36 +264,40 @@ class SideSteps:
 
 
 @dataclass(frozen=True)
-class MotorFigures:
+class MotorMetrics:
     """What came out for both motors, and what they went through."""
 
-    K_m_A: float = figure("rad/(V·s)", "K_m of motor A", "least squares on position over all steps")
-    K_m_B: float = figure("rad/(V·s)", "K_m of motor B", "least squares on position over all steps")
-    T_m_A: float = figure("s", "T_m of motor A", "least squares on position over all steps")
-    T_m_B: float = figure("s", "T_m of motor B", "least squares on position over all steps")
-    u_c_A: float = figure("V", "Coulomb voltage of motor A", "part of the voltage that only overcomes dry friction")
-    u_c_B: float = figure("V", "Coulomb voltage of motor B", "part of the voltage that only overcomes dry friction")
-    turn_rad: float = figure("rad", "Largest turn", "largest |θ| of both motors, of ±15.7 rad")
-    load_N: float = figure("N", "Largest load", "largest tendon force of both load cells during the steps")
-    peak_voltage_V: float = figure("V", "Peak voltage", "largest step of both motors")
+    K_m_A: float = declare_metric("rad/(V·s)", "K_m of motor A", "least squares on position over all steps")
+    K_m_B: float = declare_metric("rad/(V·s)", "K_m of motor B", "least squares on position over all steps")
+    T_m_A: float = declare_metric("s", "T_m of motor A", "least squares on position over all steps")
+    T_m_B: float = declare_metric("s", "T_m of motor B", "least squares on position over all steps")
+    u_c_A: float = declare_metric(
+        "V", "Coulomb voltage of motor A", "part of the voltage that only overcomes dry friction"
+    )
+    u_c_B: float = declare_metric(
+        "V", "Coulomb voltage of motor B", "part of the voltage that only overcomes dry friction"
+    )
+    turn_rad: float = declare_metric("rad", "Largest turn", "largest |θ| of both motors, of ±15.7 rad")
+    load_N: float = declare_metric("N", "Largest load", "largest tendon force of both load cells during the steps")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest step of both motors")
 
 
-def stretches(columns: MotorColumns) -> list[slice]:
+def find_open_loop_intervals(columns: MotorColumns) -> list[slice]:
     """Return where the motors were driven without position loop: zero volts, a step, braking."""
     open_loop = np.isnan(columns["theta_A_ref"])
     edges = np.flatnonzero(np.diff(np.concatenate(([False], open_loop, [False])).astype(int)))
     return [slice(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def side_steps(columns: MotorColumns, side: Side, parameters: PlantParameters) -> SideSteps:
+def extract_side_steps(columns: MotorColumns, side: Side, parameters: PlantParameters) -> SideSteps:
     """Cut the run into the steps of one motor; a step that cannot be used is kept with its reason.
 
     Raises NoSamplesError where the run holds no step.
     """
     steps: list[VoltageStepRecord] = []
     refused: list[tuple[float, str]] = []
-    for stretch in stretches(columns):
-        u = columns[f"u_{side}"][stretch]
+    for interval in find_open_loop_intervals(columns):
+        u = columns[f"u_{side}"][interval]
         driven = np.flatnonzero(u)
         if not driven.size:
             continue
@@ -305,10 +309,10 @@ def side_steps(columns: MotorColumns, side: Side, parameters: PlantParameters) -
                 VoltageStepRecord(
                     period_s=T_s,
                     u=u[:end],
-                    theta=columns[f"theta_{side}"][stretch][:end],
+                    theta=columns[f"theta_{side}"][interval][:end],
                     u_max=parameters.select_motor(side).u_max,
-                    count_rad=_count_rad(parameters),
-                    tension_N=columns[f"F_{side}"][stretch][:end],
+                    count_rad=_compute_count_rad(parameters),
+                    tension_N=columns[f"F_{side}"][interval][:end],
                 )
             )
         except RecordError as error:
@@ -324,7 +328,7 @@ def identify_motors(
     """Identify both motors. Raises NoSamplesError, IdentificationError naming the motor."""
     found: dict[Side, tuple[SideSteps, MotorIdentification]] = {}
     for side in SIDES:
-        cut = side_steps(columns, side, parameters)
+        cut = extract_side_steps(columns, side, parameters)
         try:
             found[side] = cut, identify_motor(cut.steps)
         except IdentificationError as error:
@@ -332,11 +336,13 @@ def identify_motors(
     return found
 
 
-def motor_figures(columns: MotorColumns, found: Mapping[Side, tuple[SideSteps, MotorIdentification]]) -> MotorFigures:
+def compute_motor_metrics(
+    columns: MotorColumns, found: Mapping[Side, tuple[SideSteps, MotorIdentification]]
+) -> MotorMetrics:
     """Return what came out and what the motors went through."""
-    driven = stretches(columns)
+    driven = find_open_loop_intervals(columns)
     A, B = (found[side][1] for side in SIDES)
-    return MotorFigures(
+    return MotorMetrics(
         K_m_A=A.K_m,
         K_m_B=B.K_m,
         T_m_A=A.T_m,
@@ -344,12 +350,12 @@ def motor_figures(columns: MotorColumns, found: Mapping[Side, tuple[SideSteps, M
         u_c_A=A.u_c,
         u_c_B=B.u_c,
         turn_rad=max(float(np.abs(columns[f"theta_{side}"]).max()) for side in SIDES),
-        load_N=max(float(columns[f"F_{side}"][stretch].max()) for side in SIDES for stretch in driven),
+        load_N=max(float(columns[f"F_{side}"][interval].max()) for side in SIDES for interval in driven),
         peak_voltage_V=max(abs(step.voltage) for side in SIDES for step in found[side][0].steps),
     )
 
 
-def to_store_motors(
+def build_motor_record(
     run: Run,
     plan: MotorIdentificationPlan,
     found: Mapping[Side, tuple[SideSteps, MotorIdentification]],
@@ -394,11 +400,11 @@ def _motor_quality(cut: SideSteps, result: MotorIdentification) -> MotorQuality:
         grade=result.verdict.grade,
         verdict=result.verdict.sentence,
         refused=tuple(RefusedStep(voltage, reason) for voltage, reason in cut.refused),
-        steps=tuple(_curve(step, result) for step in cut.steps),
+        steps=tuple(_build_step_curve(step, result) for step in cut.steps),
     )
 
 
-def _curve(step: VoltageStepRecord, result: MotorIdentification) -> StoredStepCurve:
+def _build_step_curve(step: VoltageStepRecord, result: MotorIdentification) -> StoredStepCurve:
     """Return a few points of a step as measured and as the model says, to draw: t [s], turn [rad]."""
     t = np.arange(step.u.size - step.first) * step.period_s
     model = turn_from_rest(t, steady_speed(step.voltage, result.K_m, result.u_c), result.T_m)
@@ -406,18 +412,18 @@ def _curve(step: VoltageStepRecord, result: MotorIdentification) -> StoredStepCu
     shown = np.unique(np.linspace(0, t.size - 1, _MOTOR_CURVE_POINTS).astype(int))
     return StoredStepCurve(
         voltage=step.voltage,
-        t=_listed_motors(t[shown]),
-        measured=_listed_motors(turned[shown]),
-        model=_listed_motors((model + np.mean(turned - model))[shown]),
+        t=_round_values_6(t[shown]),
+        measured=_round_values_6(turned[shown]),
+        model=_round_values_6((model + np.mean(turned - model))[shown]),
     )
 
 
-def _listed_motors(values: Sequence[float] | Array) -> tuple[float, ...]:
+def _round_values_6(values: Sequence[float] | Array) -> tuple[float, ...]:
     return tuple(round(float(value), 6) for value in values)
 
 
-def _count_rad(parameters: PlantParameters) -> float:
-    return 2.0 * math.pi / (round(parameters.sensors.motor_counts) or COUNTS_WHERE_EXACT)
+def _compute_count_rad(parameters: PlantParameters) -> float:
+    return 2.0 * math.pi / (round(parameters.sensors.motor_counts) or MOTOR_COUNTS_WHERE_EXACT)
 
 
 # Spring identification -----------------------------------------------------------------------------
@@ -449,34 +455,38 @@ class LoadSweep:
         """Force on the way up minus force on the way down [N], at elongations that both ways passed."""
         if self.rising.all() or not self.rising.any():
             return np.empty(0)
-        up, down = (np.argsort(self.x[way]) for way in (self.rising, ~self.rising))
+        up, down = (np.argsort(self.x[mask]) for mask in (self.rising, ~self.rising))
         x_up, F_up = self.x[self.rising][up], self.F[self.rising][up]
         x_down, F_down = self.x[~self.rising][down], self.F[~self.rising][down]
         x = np.linspace(max(x_up[0], x_down[0]), min(x_up[-1], x_down[-1]), _SPRING_CURVE_POINTS)
-        return np.asarray(_smooth(x, x_up, F_up) - _smooth(x, x_down, F_down))
+        return np.asarray(_average_locally(x, x_up, F_up) - _average_locally(x, x_down, F_down))
 
 
 @dataclass(frozen=True)
-class SpringFigures:
+class SpringMetrics:
     """What came out for both springs, and what they went through."""
 
-    rms_A_N: float = figure("N", "Error of spring A", "RMS of measured minus fitted force, recommended order")
-    rms_B_N: float = figure("N", "Error of spring B", "RMS of measured minus fitted force, recommended order")
-    max_error_N: float = figure("N", "Largest error", "of both springs, recommended order")
-    hysteresis_N: float = figure("N", "Hysteresis", "largest mean force difference between the ways up and down")
-    min_tension_N: float = figure("N", "Smallest tension", "of both load cells during the sweep")
-    max_tension_N: float = figure("N", "Largest tension", "of both load cells during the sweep")
-    q_deviation: float = figure("rad", "Joint deviation", "largest |q| during the sweep; 0 would be perfect antagonism")
+    rms_A_N: float = declare_metric("N", "Error of spring A", "RMS of measured minus fitted force, recommended order")
+    rms_B_N: float = declare_metric("N", "Error of spring B", "RMS of measured minus fitted force, recommended order")
+    max_error_N: float = declare_metric("N", "Largest error", "of both springs, recommended order")
+    hysteresis_N: float = declare_metric(
+        "N", "Hysteresis", "largest mean force difference between the ways up and down"
+    )
+    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells during the sweep")
+    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells during the sweep")
+    q_deviation: float = declare_metric(
+        "rad", "Joint deviation", "largest |q| during the sweep; 0 would be perfect antagonism"
+    )
 
 
-def load_sweep(
+def extract_load_sweep(
     columns: SpringColumns, plan: SpringIdentificationPlan, side: Side, parameters: PlantParameters
 ) -> LoadSweep:
     """Return the pairs of one spring (equations 1 and 2). Raises NoSamplesError.
 
     Elongations count from the zero that pretension gave the encoders.
     """
-    swept = _swept(columns, plan)
+    swept = _find_sweep(columns, plan)
     g = parameters.geometry
     sign = -1.0 if side == "A" else 1.0
     x = g.r_m * columns[f"theta_{side}"][swept] + sign * g.r_j * columns["q"][swept]
@@ -492,31 +502,31 @@ def identify_springs(
     columns: SpringColumns, plan: SpringIdentificationPlan, parameters: PlantParameters
 ) -> dict[Side, tuple[LoadSweep, SpringIdentification]]:
     """Fit both springs. Raises NoSamplesError, IdentificationError."""
-    sweeps = {side: load_sweep(columns, plan, side, parameters) for side in SIDES}
+    sweeps = {side: extract_load_sweep(columns, plan, side, parameters) for side in SIDES}
     return {side: (sweep, identify_spring(sweep.x, sweep.F)) for side, sweep in sweeps.items()}
 
 
-def spring_figures(
+def compute_spring_metrics(
     columns: SpringColumns,
     plan: SpringIdentificationPlan,
     found: Mapping[Side, tuple[LoadSweep, SpringIdentification]],
-) -> SpringFigures:
+) -> SpringMetrics:
     """Return what came out and what the springs went through."""
-    swept = _swept(columns, plan)
+    swept = _find_sweep(columns, plan)
     tensions = np.concatenate([columns[f"F_{side}"][swept] for side in SIDES])
     (sweep_A, A), (sweep_B, B) = (found[side] for side in SIDES)
-    return SpringFigures(
+    return SpringMetrics(
         rms_A_N=A.best.rms_N,
         rms_B_N=B.best.rms_N,
         max_error_N=max(A.best.max_N, B.best.max_N),
-        hysteresis_N=max(_largest(sweep_A.hysteresis()), _largest(sweep_B.hysteresis())),
+        hysteresis_N=max(_max_magnitude(sweep_A.hysteresis()), _max_magnitude(sweep_B.hysteresis())),
         min_tension_N=float(tensions.min()),
         max_tension_N=float(tensions.max()),
         q_deviation=float(np.abs(columns["q"][swept]).max()),
     )
 
 
-def to_store_springs(
+def build_spring_record(
     run: Run,
     plan: SpringIdentificationPlan,
     found: Mapping[Side, tuple[LoadSweep, SpringIdentification]],
@@ -525,7 +535,7 @@ def to_store_springs(
 ) -> NewIdentification:
     """Return both springs as they are stored: polynomials, quality, and which samples they came from."""
     before = {str(side): tuple(parameters.select_identified(side).k) for side in SIDES}
-    return _record(
+    return _build_spring_record(
         {f"Spring {side}": pair for side, pair in found.items()},
         {str(side): pair for side, pair in found.items()},
         before,
@@ -569,7 +579,7 @@ def fit_spring_table(
     rising = np.ones(x.size, dtype=bool)
     pair = LoadSweep(x, F, rising), identify_spring(x, F)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    return _record(
+    return _build_spring_record(
         {"The table": pair},
         {"table": pair},
         {},
@@ -581,7 +591,7 @@ def fit_spring_table(
     )
 
 
-def _record(
+def _build_spring_record(
     named: Mapping[str, tuple[LoadSweep, SpringIdentification]],
     found: Mapping[str, tuple[LoadSweep, SpringIdentification]],
     before: Mapping[str, tuple[float, ...]],
@@ -632,12 +642,12 @@ def _spring_quality(sweep: LoadSweep, result: SpringIdentification) -> SpringQua
     hysteresis = sweep.hysteresis()
     return SpringQuality(
         pairs=int(sweep.x.size),
-        hysteresis_N=_largest(hysteresis) if hysteresis.size else None,
-        x=_listed_springs(sweep.x[shown]),
-        F=_listed_springs(sweep.F[shown]),
+        hysteresis_N=_max_magnitude(hysteresis) if hysteresis.size else None,
+        x=_round_values_7(sweep.x[shown]),
+        F=_round_values_7(sweep.F[shown]),
         rising=tuple(bool(value) for value in sweep.rising[shown]),
-        errors={str(fit.order): _listed_springs(fit.errors[shown]) for fit in result.fits},
-        curve={"x": _listed_springs(x), **{str(fit.order): _listed_springs(fit.force(x)) for fit in result.fits}},
+        errors={str(fit.order): _round_values_7(fit.errors[shown]) for fit in result.fits},
+        curve={"x": _round_values_7(x), **{str(fit.order): _round_values_7(fit.force(x)) for fit in result.fits}},
     )
 
 
@@ -652,11 +662,11 @@ def _verdict(sweep: LoadSweep, result: SpringIdentification) -> str:
     if best.max_N > MAX_ERROR_N:
         return f"not usable, order {best.order} misses a pair by {best.max_N:.2f} N, more than {MAX_ERROR_N:g} N."
     hysteresis = sweep.hysteresis()
-    ways = f", the ways up and down differ by {_largest(hysteresis):.2f} N" if hysteresis.size else ""
-    return f"usable with order {best.order}, largest error {best.max_N:.2f} N{ways}."
+    hysteresis_text = f", the ways up and down differ by {_max_magnitude(hysteresis):.2f} N" if hysteresis.size else ""
+    return f"usable with order {best.order}, largest error {best.max_N:.2f} N{hysteresis_text}."
 
 
-def _swept(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice:
+def _find_sweep(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice:
     """Find the sweep from its end: the way to the lowest tension takes as long as it takes."""
     ticks = 2 * plan.cycles * round(plan.sweep_s / T_s)
     start = columns["t"].size - ticks
@@ -665,7 +675,7 @@ def _swept(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice:
     return slice(start, None)
 
 
-def _smooth(x: Array, x_measured: Array, F_measured: Array) -> Array:
+def _average_locally(x: Array, x_measured: Array, F_measured: Array) -> Array:
     """Force at ``x`` from scattered pairs of one way: a local line through the pairs of a tenth of the range."""
     half = 0.05 * (x_measured[-1] - x_measured[0])
     values = []
@@ -676,11 +686,11 @@ def _smooth(x: Array, x_measured: Array, F_measured: Array) -> Array:
     return np.array(values)
 
 
-def _largest(values: Array) -> float:
+def _max_magnitude(values: Array) -> float:
     return float(np.nanmax(np.abs(values)))
 
 
-def _listed_springs(values: Array) -> tuple[float, ...]:
+def _round_values_7(values: Array) -> tuple[float, ...]:
     return tuple(round(float(value), 7) for value in values)
 
 
@@ -698,28 +708,28 @@ def estimate_run_friction(played: Sequence[tuple[Run, Columns]]) -> LoadFriction
 
     All have to be of the plant, station and parameters of the newest one: other motors have other friction.
     """
-    made = [(run, columns) for run, columns in played if run.kind == RunKind.ACTUATOR_IDENTIFICATION]
-    if not made:
+    identification_runs = [(run, columns) for run, columns in played if run.kind == RunKind.ACTUATOR_IDENTIFICATION]
+    if not identification_runs:
         return estimate_load_friction((), 0.0)
-    newest = max((run for run, _ in made), key=lambda run: run.id)
+    newest = max((run for run, _ in identification_runs), key=lambda run: run.id)
     usable: list[TensionRun] = []
     left_out: list[str] = []
-    for run, columns in made:
-        if _rig(run) != _rig(newest):
+    for run, columns in identification_runs:
+        if _get_rig_identity(run) != _get_rig_identity(newest):
             left_out.append(f"run {run.id}: plant, station or parameters are not those of run {newest.id}")
             continue
         try:
-            usable.append(_excited(run, columns))
+            usable.append(_build_tension_run(run, columns))
         except (NoSamplesError, UnreadableDocumentError) as error:
             left_out.append(f"run {run.id}: {error}")
     found = estimate_load_friction(usable, newest.number("geometry", "r_m"))
     return LoadFrictionResult(found.estimate, found.problem, (*left_out, *found.left_out))
 
 
-def load_friction_of_newest(database: Database, made: Sequence[Run]) -> LoadFrictionResult:
+def estimate_newest_load_friction(database: Database, identification_runs: Sequence[Run]) -> LoadFrictionResult:
     """Return the same of stored runs: the newest completed one at each tension that was asked for."""
     newest: dict[object, Run] = {}
-    for run in sorted(made, key=lambda run: run.id, reverse=True):
+    for run in sorted(identification_runs, key=lambda run: run.id, reverse=True):
         if run.end_state == EndState.COMPLETED:
             newest.setdefault((run.set_to.plan or {}).get("tension_N"), run)
     chosen = sorted(newest.values(), key=lambda run: run.id)
@@ -736,17 +746,17 @@ def build_identification_document(found: LoadFrictionResult) -> Document:
     }
 
 
-def _rig(run: Run) -> tuple[str, str, Document]:
+def _get_rig_identity(run: Run) -> tuple[str, str, Document]:
     return run.plant, run.station, run.parameters
 
 
-def _excited(run: Run, columns: Columns) -> TensionRun:
+def _build_tension_run(run: Run, columns: Columns) -> TensionRun:
     plan = parse_stored_plan(run.kind, run.set_to.plan or {})
     if not isinstance(plan, ActuatorIdentificationPlan):
         raise NoSamplesError("it has no excitation")
     if run.end_state != EndState.COMPLETED:
         raise NoSamplesError(f"it ended as {run.end_state}")
-    start = excitation_start(columns, plan.excitation())
+    start = find_excitation_start(columns, plan.excitation())
     if count_missing_ticks({"t": columns["t"][start:]}):
         raise NoSamplesError("samples of its excitation are missing")
     return TensionRun(run.id, T_s, {name: columns[name][start:] for name in COLUMNS if name in columns})

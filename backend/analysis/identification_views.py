@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from backend.analysis.identification import (
     build_identification_document,
-    excitation_start,
-    load_friction_of_newest,
-    side_steps,
+    estimate_newest_load_friction,
+    extract_side_steps,
+    find_excitation_start,
 )
 from backend.analysis.step_metrics import NoSamplesError
 from backend.control import compute_bounds
@@ -73,21 +73,21 @@ def build_curves(found: Identification) -> Document:
     curves: Document = {"channels": [], "motors": [], "springs": []}
     match found.kind:
         case "actuator":
-            curves["channels"] = [_curve_channel(name, found.actuator.channel(name)) for name in CHANNELS]
+            curves["channels"] = [_build_channel_curves(name, found.actuator.channel(name)) for name in CHANNELS]
         case "motor":
-            curves["motors"] = [_motor(side, found.motors.side(side)) for side in SIDES]
+            curves["motors"] = [_build_motor_curves(side, found.motors.side(side)) for side in SIDES]
         case "spring":
-            curves["springs"] = [_spring(name, spring.quality) for name, spring in found.springs.items()]
+            curves["springs"] = [_build_spring_curves(name, spring.quality) for name, spring in found.springs.items()]
         case _:
             raise ValueError(f"identification {found.id} is of unknown kind {found.kind!r}: it has no curves")
     return curves
 
 
-def _motor(side: Side, found: MotorResult) -> Document:
+def _build_motor_curves(side: Side, found: MotorResult) -> Document:
     return {"side": side, "steps": list(found.quality.steps)}
 
 
-def _curve_channel(name: ChannelName, channel: IdentifiedChannel) -> Document:
+def _build_channel_curves(name: ChannelName, channel: IdentifiedChannel) -> Document:
     from scipy.signal import step
 
     model, quality = channel.model, channel.quality
@@ -97,33 +97,33 @@ def _curve_channel(name: ChannelName, channel: IdentifiedChannel) -> Document:
     _, y = step(([found.gain], found.denominator[::-1]), T=t)
     return {
         "name": name,
-        "model": _bode(found.response(OMEGA)),
-        "first_order": _bode(np.asarray(K / (1j * OMEGA * T + 1.0), dtype=np.complex128)),
-        "measured": _measured(quality.frequency),
+        "model": _build_bode(found.response(OMEGA)),
+        "first_order": _build_bode(np.asarray(K / (1j * OMEGA * T + 1.0), dtype=np.complex128)),
+        "measured": _build_measured_lines(quality.frequency),
         "step_t": t.tolist(),
         "step_model": y.tolist(),
         "step_first_order": (K * (1.0 - np.exp(-t / T))).tolist(),
-        "whiteness": _correlation(quality.residuals.whiteness),
-        "input_correlation": _correlation(quality.residuals.input_correlation),
-        "candidates": [_candidate(item) for item in quality.candidates],
+        "whiteness": _build_correlation(quality.residuals.whiteness),
+        "input_correlation": _build_correlation(quality.residuals.input_correlation),
+        "candidates": [_build_candidate(item) for item in quality.candidates],
     }
 
 
-def _bode(response: NDArray[np.complex128]) -> Document:
+def _build_bode(response: NDArray[np.complex128]) -> Document:
     phase = np.degrees(np.unwrap(np.angle(response)))
     return {"omega": OMEGA.tolist(), "magnitude": np.abs(response).tolist(), "phase_deg": phase.tolist()}
 
 
-def _measured(frequency: FrequencyCheck | None) -> Document | None:
+def _build_measured_lines(frequency: FrequencyCheck | None) -> Document | None:
     """Return the lines drawn of the estimate without a model; none of a run made before it was kept."""
     if frequency is None:
         return None
-    shown = [line for line, omega in enumerate(frequency.omega) if OMEGA[0] <= omega <= OMEGA[-1]]
+    shown_lines = [line for line, omega in enumerate(frequency.omega) if OMEGA[0] <= omega <= OMEGA[-1]]
     columns = {name: getattr(frequency, name) for name in ("omega", "magnitude", "phase_deg", "coherence")}
-    return {name: [column[line] for line in shown] for name, column in columns.items()}
+    return {name: [column[line] for line in shown_lines] for name, column in columns.items()}
 
 
-def _correlation(test: CorrelationTest) -> Document:
+def _build_correlation(test: CorrelationTest) -> Document:
     found = read_whiteness_test(test)
     outcome = {"bound": list(found.bound), "statistic": found.statistic, "critical": found.critical}
     return {
@@ -135,13 +135,13 @@ def _correlation(test: CorrelationTest) -> Document:
     }
 
 
-def _candidate(item: TriedStructure | FailedCandidate) -> Document:
+def _build_candidate(item: TriedStructure | FailedCandidate) -> Document:
     figures = {name: getattr(item, name, None) for name in ("K", "T", "fit_percent", "BIC")}
     grade = item.grade if isinstance(item, TriedStructure) else ""
     return {"structure": item.structure, "grade": grade, "problem": item.problem, **figures}
 
 
-def _spring(name: str, quality: SpringQuality) -> Document:
+def _build_spring_curves(name: str, quality: SpringQuality) -> Document:
     orders = [
         {"order": int(order), "errors": list(errors), "force": list(quality.curve[order])}
         for order, errors in quality.errors.items()
@@ -160,7 +160,7 @@ def _spring(name: str, quality: SpringQuality) -> Document:
 # predicted: to the first two thirds, or to all other steps.
 
 
-POINTS = 400
+PLOT_POINTS = 400
 """At most so many samples of a stretch are drawn, evenly spaced; fit and residual are those of all."""
 
 OUTPUTS = {"G_q": ("q", "rad"), "G_S": ("S", "N·m/rad")}
@@ -173,10 +173,10 @@ class NotComparableError(SinewError, ValueError):
 
 
 @dataclass(frozen=True)
-class _Stretch:
+class _ComparedInterval:
     label: str
     t: NDArray[np.float64]
-    beside: ModelComparison
+    comparison: ModelComparison
 
 
 def validate_on_run(database: Database, run_id: int, of: int) -> Document:
@@ -195,49 +195,54 @@ def validate_on_run(database: Database, run_id: int, of: int) -> Document:
     columns, _ = read_recorded_columns(database, of)
     parameters = parse_parameters(source.parameters_name, source.parameters)
     own = run_id == of
-    outputs = _channels(estimate, source, columns, own=own) if kind == "actuator" else None
-    listed = list(outputs or _motors(estimate, columns, parameters, own=own))
-    return {"run": run_id, "of": of, "own": own, "kind": kind, "outputs": listed}
+    outputs = _compare_channels(estimate, source, columns, own=own) if kind == "actuator" else None
+    documents = list(outputs or _compare_motors(estimate, columns, parameters, own=own))
+    return {"run": run_id, "of": of, "own": own, "kind": kind, "outputs": documents}
 
 
-def _channels(estimate: Identification, source: Run, columns: Columns, *, own: bool) -> Iterator[Document]:
+def _compare_channels(estimate: Identification, source: Run, columns: Columns, *, own: bool) -> Iterator[Document]:
     plan = parse_stored_plan(source.kind, source.set_to.plan or {})
     if not isinstance(plan, ActuatorIdentificationPlan):
         raise NotComparableError(f"run {source.id} has no excitation")
     for name in CHANNELS:
         signal, unit = OUTPUTS[name]
         try:
-            start = excitation_start(columns, plan.excitation())
+            start = find_excitation_start(columns, plan.excitation())
             record = Record(T_s, columns["theta_A_ref"][start:], columns[signal][start:])
             method = Method(estimate.actuator_options.estimator or Method.DEFAULT)
-            shown = _of_channel(estimate.actuator.channel(name).model, record, method, own=own)
-            first = start + count_fitted_samples(record) + shown.first
-            yield _output(name, signal, unit, [_Stretch("", columns["t"][first : first + shown.measured.size], shown)])
+            comparison = _compare_channel(estimate.actuator.channel(name).model, record, method, own=own)
+            first = start + count_fitted_samples(record) + comparison.first
+            yield _build_output(
+                name,
+                signal,
+                unit,
+                [_ComparedInterval("", columns["t"][first : first + comparison.measured.size], comparison)],
+            )
         except (IdentificationError, NoSamplesError, np.linalg.LinAlgError) as error:
-            yield _nothing(name, signal, unit, str(error))
+            yield _build_failed_output(name, signal, unit, str(error))
 
 
-def _of_channel(model: ChannelModel, record: Record, method: Method, *, own: bool) -> ModelComparison:
+def _compare_channel(model: ChannelModel, record: Record, method: Method, *, own: bool) -> ModelComparison:
     if own:
         return validate_held_out(fit_parameters(record, find_structure(model.structure), method))
     return validate_on_record(Model(model.structure, model.parameters), split_last_part(record))
 
 
-def _motors(
+def _compare_motors(
     estimate: Identification, columns: Columns, parameters: PlantParameters, *, own: bool
 ) -> Iterator[Document]:
     for side in SIDES:
         try:
-            steps = side_steps(columns, side, parameters).steps
-            shown = [_of_step(estimate, side, steps, number, own=own) for number in range(len(steps))]
-            yield _output(side, f"theta_{side}", "rad", shown)
+            steps = extract_side_steps(columns, side, parameters).steps
+            compared = [_compare_step(estimate, side, steps, number, own=own) for number in range(len(steps))]
+            yield _build_output(side, f"theta_{side}", "rad", compared)
         except (IdentificationError, NoSamplesError) as error:
-            yield _nothing(side, f"theta_{side}", "rad", str(error))
+            yield _build_failed_output(side, f"theta_{side}", "rad", str(error))
 
 
-def _of_step(
+def _compare_step(
     estimate: Identification, side: Side, steps: tuple[VoltageStepRecord, ...], number: int, *, own: bool
-) -> _Stretch:
+) -> _ComparedInterval:
     step = steps[number]
     if own:
         found = identify_motor([other for other in steps if other is not step])
@@ -247,14 +252,14 @@ def _of_step(
         if kept.K_m is None or kept.T_m is None or kept.u_c is None:
             raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not found: evaluate that run again")
         known = kept.K_m, kept.T_m, kept.u_c
-    shown = validate_motor_step(step, *known)
-    return _Stretch(f"{step.voltage:.3g} V", np.asarray(np.arange(shown.measured.size) * T_s), shown)
+    comparison = validate_motor_step(step, *known)
+    return _ComparedInterval(f"{step.voltage:.3g} V", np.asarray(np.arange(comparison.measured.size) * T_s), comparison)
 
 
-def _output(name: str, signal: str, unit: str, stretches: list[_Stretch]) -> Document:
-    if not stretches:
-        return _nothing(name, signal, unit, "the record holds nothing to compare with")
-    each = [stretch.beside for stretch in stretches]
+def _build_output(name: str, signal: str, unit: str, intervals: list[_ComparedInterval]) -> Document:
+    if not intervals:
+        return _build_failed_output(name, signal, unit, "the record holds nothing to compare with")
+    each = [interval.comparison for interval in intervals]
     error = np.concatenate([item.measured - item.predicted for item in each])
     motion = np.concatenate([item.measured - np.mean(item.measured) for item in each])
     return {
@@ -265,17 +270,17 @@ def _output(name: str, signal: str, unit: str, stretches: list[_Stretch]) -> Doc
         "rms": float(np.sqrt(np.mean(error**2))),
         "samples": int(error.size),
         "problem": "",
-        "stretches": [_drawn(stretch) for stretch in stretches],
+        "stretches": [_build_plot(interval) for interval in intervals],
     }
 
 
-def _drawn(stretch: _Stretch) -> Document:
-    every = slice(None, None, max(1, -(-stretch.t.size // POINTS)))
-    columns = {"t": stretch.t, "measured": stretch.beside.measured, "predicted": stretch.beside.predicted}
-    return {"label": stretch.label, **{name: column[every].tolist() for name, column in columns.items()}}
+def _build_plot(interval: _ComparedInterval) -> Document:
+    every = slice(None, None, max(1, -(-interval.t.size // PLOT_POINTS)))
+    columns = {"t": interval.t, "measured": interval.comparison.measured, "predicted": interval.comparison.predicted}
+    return {"label": interval.label, **{name: column[every].tolist() for name, column in columns.items()}}
 
 
-def _nothing(name: str, signal: str, unit: str, problem: str) -> Document:
+def _build_failed_output(name: str, signal: str, unit: str, problem: str) -> Document:
     figures: Document = {"fit_percent": None, "rms": None, "samples": 0, "stretches": []}
     return {"name": name, "signal": signal, "unit": unit, "problem": problem, **figures}
 
@@ -296,54 +301,54 @@ def compute_trend(database: Database, parameters: PlantParameters, lam_motor: fl
         for found in identifications.find(session, kind="actuator"):
             if found.run_id is not None:
                 newest.setdefault(found.run_id, found)
-        made = [(found, runs.get(session, number)) for number, found in newest.items()]
-    friction = load_friction_of_newest(database, [run for _, run in made])
+        estimates = [(found, runs.get(session, number)) for number, found in newest.items()]
+    friction = estimate_newest_load_friction(database, [run for _, run in estimates])
     rows, left_out = [], []
-    for found, run in made:
+    for found, run in estimates:
         try:
-            rows.append(_row(found, run))
+            rows.append(_build_row(found, run))
         except (UnreadableDocumentError, ParameterError, TuningError, ValueError) as error:
             left_out.append(f"run {run.id}: {error}")
     bounds = compute_bounds(parameters)
     S = np.linspace(bounds.S_min, bounds.S_max, _STIFFNESS_CURVE_POINTS)
     return {
         "rows": sorted(rows, key=lambda row: float(row["S"])),
-        "predicted": _curves(S.tolist(), [predicted(parameters, lam_motor, at) for at in S.tolist()]),
+        "predicted": _build_trend_curves(S.tolist(), [predict_point(parameters, lam_motor, at) for at in S.tolist()]),
         "left_out": left_out,
         "friction": build_identification_document(friction),
     }
 
 
-def predicted(parameters: PlantParameters, lam_motor: float, S: float) -> PointModel:
+def predict_point(parameters: PlantParameters, lam_motor: float, S: float) -> PointModel:
     """Return gains and sums of lags from one motor reference that are to be expected at stiffness S [N·m/rad]."""
     return linearize_one_motor(parameters, make_motor_loops(parameters, lam_motor), S)
 
 
-def _row(found: Identification, run: Run) -> Document:
+def _build_row(found: Identification, run: Run) -> Document:
     lam_motor = run.set_to.loop.lam_motor
     if lam_motor is None:
         raise ValueError("λ of the motor loops was not kept with it, so that no lag can be predicted")
     S = found.actuator.model.S_nominal
-    point = predicted(parse_parameters(run.parameters_name, run.parameters), lam_motor, S)
+    point = predict_point(parse_parameters(run.parameters_name, run.parameters), lam_motor, S)
     return {
         "run": run.id,
         "S": S,
-        "G_q": _stiffness_channel(found, "G_q", point.K_q, point.T_q),
-        "G_S": _stiffness_channel(found, "G_S", point.K_S, point.T_S),
+        "G_q": _compare_stiffness_channel(found, "G_q", point.K_q, point.T_q),
+        "G_S": _compare_stiffness_channel(found, "G_S", point.K_S, point.T_S),
     }
 
 
-def _stiffness_channel(found: Identification, name: ChannelName, K: float, T: float) -> Document:
+def _compare_stiffness_channel(found: Identification, name: ChannelName, K: float, T: float) -> Document:
     channel: IdentifiedChannel = found.actuator.channel(name)
     model = channel.model.first_order
-    gain, lag = _against(model.K, model.K_std, K), _against(model.T, model.T_std, T)
+    gain, lag = _compare(model.K, model.K_std, K), _compare(model.T, model.T_std, T)
     return {"K": gain, "T": lag, "grade": channel.quality.grade}
 
 
-def _against(identified: float, std: float | None, predicted: float) -> Document:
+def _compare(identified: float, std: float | None, predicted: float) -> Document:
     off = 100.0 * (identified / predicted - 1.0)
     return {"identified": identified, "std": std, "predicted": predicted, "off_percent": off}
 
 
-def _curves(S: Sequence[float], points: Sequence[PointModel]) -> Document:
+def _build_trend_curves(S: Sequence[float], points: Sequence[PointModel]) -> Document:
     return {"S": list(S), **{name: [getattr(at, name) for at in points] for name in ("K_q", "T_q", "K_S", "T_S")}}

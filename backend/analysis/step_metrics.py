@@ -1,4 +1,4 @@
-"""Metrics of reference steps and of whole runs (definitions of method section 7). Pure."""
+"""Metrics of reference steps and of whole runs (definitions of method section 7)."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,24 +14,23 @@ from plant import SIDES, ErrorCode, Side, SinewError, T_s
 
 # Criteria ------------------------------------------------------------------------------------------
 #
-# Pass or fail of an experiment: criterion, bound, figure; and why one that was not measured is
-# neither.
+# A criterion passes, fails, or is not measured, with a reason.
 
 
-def ended_early(played_s: float, planned_s: float) -> str:
-    """Return the reason that a run which ended before its program gives nothing to pass by."""
+def format_early_end(played_s: float, planned_s: float) -> str:
+    """Return the reason why a run that ended early passes no criterion."""
     return f"the run ended after {played_s:.1f} s of {planned_s:.1f} s"
 
 
-def unseen(missed: int, early: str) -> str:
-    """Return why a run was not seen whole: samples that its recording lacks, an early end; "" where it was."""
+def format_incomplete(missed: int, early: str) -> str:
+    """Return why a recording is incomplete: missing samples or an early end; empty if it is complete."""
     return f"the recording lacks {missed} samples" if missed else early
 
 
-def judge(
+def evaluate_criterion(
     name: str, title: str, relation: str, bound: float, figure: float | None, unit: str, reason: str = ""
 ) -> RunCriterion:
-    """Judge one figure. With a ``reason`` why not all of it was measured it can fail and cannot pass."""
+    """Evaluate one criterion. With a ``reason`` why the metric is incomplete, it can fail but not pass."""
     if figure is None or math.isnan(figure):
         return RunCriterion(
             name=name,
@@ -43,70 +42,68 @@ def judge(
             passed=None,
             reason=reason or "the signal holds no number",
         )
-    held = figure < bound if relation == "<" else figure > bound
-    if held and reason:
+    holds = figure < bound if relation == "<" else figure > bound
+    if holds and reason:
         return RunCriterion(
             name=name, title=title, relation=relation, bound=bound, figure=figure, unit=unit, passed=None, reason=reason
         )
     return RunCriterion(
-        name=name, title=title, relation=relation, bound=bound, figure=figure, unit=unit, passed=held, reason=reason
+        name=name, title=title, relation=relation, bound=bound, figure=figure, unit=unit, passed=holds, reason=reason
     )
 
 
 # Rest ----------------------------------------------------------------------------------------------
 #
-# Whether there is anything to measure of a reference step: did it begin at rest, did it come to
-# rest? Pure.
-#
-# A figure of a step is one only where the motion before was over when it began. Else it is a figure
-# of both motions.
+# Whether a reference step began at rest and came to rest. A step that begins during the previous
+# motion has no metrics of its own.
 
 
 Array = NDArray[np.float64]
 
 SETTLING_BAND = 0.02
-"""A step has settled where the signal stays this near its reference, as a share of the step."""
+"""Settling band around the reference, as a fraction of the step."""
 
-BEGIN_BAND = 0.05
-"""A step begins at rest where the signal was this near to where it steps from, as a share of the step."""
+START_BAND = 0.05
+"""Band around the initial value in which a signal is at rest before a step, as a fraction of the step."""
 
-REST_S = 0.1
-"""So long before a step [s] the signals must have rested: one that only passes by is not at rest."""
+REST_BEFORE_S = 0.1
+"""Time [s] before a step during which signals must be at rest; a single sample could be a zero crossing."""
 
-AT_REST = {"q": 0.01, "S": 0.05}
-"""A signal that is to stay is at rest this near to its reference: q [rad], six counts of the paper's encoder; S
-[N·m/rad], half of the least deviation that a criterion refuses."""
+REST_TOLERANCES = {"q": 0.01, "S": 0.05}
+"""Largest deviation from the reference at rest: q [rad], six counts of the paper's encoder; S [N·m/rad], half of the
+smallest deviation that a criterion rejects."""
 
 NO_NUMBER = "a sample of it holds no number"
 NOT_SETTLED = "it was not within ±2 % of its reference when its time was over"
-MOVED_AS_ITS_END_CAME = "it still moved when its time was over"
+STILL_MOVING = "it still moved when its time was over"
 BOTH_STEP = "both references step at once"
 
 _UNITS = {"q": "rad", "S": "N·m/rad"}
 
 
-def motion_before(rising: Array) -> str:
-    """Return why a step did not begin at rest, "" where it did.
+def check_rest_before(normalized: Array) -> str:
+    """Return why a step did not begin at rest; empty if it did.
 
-    ``rising`` is the signal over the REST_S before the step and at its first sample, shape (N,), as a share of its way.
+    ``normalized`` (N,) is the signal during REST_BEFORE_S before the step and at its first sample, as a fraction of the
+    step.
     """
-    off = float(rising[np.argmax(np.abs(rising))])
-    if abs(off) <= BEGIN_BAND:
+    off = float(normalized[np.argmax(np.abs(normalized))])
+    if abs(off) <= START_BAND:
         return ""
-    if abs(rising[-1]) > BEGIN_BAND:
-        return f"it began at {_percent(float(rising[-1]))} of its way: the motion before was not over"
-    return f"it moved as it began, from {_percent(off)} of its way: the motion before was not over"
+    if abs(normalized[-1]) > START_BAND:
+        return f"it began at {_format_percent(float(normalized[-1]))} of its way: the motion before was not over"
+    return f"it moved as it began, from {_format_percent(off)} of its way: the motion before was not over"
 
 
-def way_left(rising: Array) -> str:
-    """Return how far a step came that did not come to 90 % of its way."""
-    return f"it came to {_percent(float(rising.max()))} of its way in its time"
+def format_largest_share(normalized: Array) -> str:
+    """Return the reason for a step that did not reach 90 %, with the largest fraction."""
+    return f"it came to {_format_percent(float(normalized.max()))} of its way in its time"
 
 
-def other_moving(signal: str, deviation: Array) -> str:
-    """Return why a signal that should stay was not at rest, "" where it was; ``deviation`` is from its reference."""
+def check_other_at_rest(signal: str, deviation: Array) -> str:
+    """Return why the other signal was not at rest; empty if it was. ``deviation`` is from its reference."""
     off = float(np.abs(deviation).max())
-    if off <= AT_REST[signal]:
+    if off <= REST_TOLERANCES[signal]:
         return ""
     return (
         f"{signal} was {off:.2f} {_UNITS[signal]} from its reference as this step began: the motion before was not over"
@@ -115,14 +112,14 @@ def other_moving(signal: str, deviation: Array) -> str:
 
 @dataclass(frozen=True)
 class Missing:
-    """A step of which a figure could not be measured: when it began [s], and why."""
+    """A step without a metric: its start [s] and the reason."""
 
     start_s: float
     reason: str
 
 
-def in_words(missing: Sequence[Missing], of: int) -> str:
-    """Return which of so many steps lack a figure and why the first one does; "" where none lacks it."""
+def format_missing(missing: Sequence[Missing], of: int) -> str:
+    """Return how many of ``of`` steps lack a metric, and why the first one does; empty if none does."""
     if not missing:
         return ""
     verb = "was" if len(missing) == 1 else "were"
@@ -130,14 +127,13 @@ def in_words(missing: Sequence[Missing], of: int) -> str:
     return f"{len(missing)} of {of} steps {verb} not measured; the one at {first.start_s:g} s: {first.reason}"
 
 
-def _percent(share: float) -> str:
+def _format_percent(share: float) -> str:
     return f"{100.0 * share:.0f} %".replace("-", "−")
 
 
 # Steps ---------------------------------------------------------------------------------------------
 #
-# Reference steps of a program, and how one went, on measured signals (definitions of method section
-# 7). Pure.
+# Reference steps of a program and their metrics, from measured signals.
 #
 # Times in s from the start of the program, q in rad, S in N·m/rad.
 
@@ -147,7 +143,7 @@ STEADY_WINDOW_S = 0.5
 
 @dataclass(frozen=True)
 class ReferenceStep:
-    """One reference step: ``signal`` is "q" or "S"; ``alone`` when the other reference stays where it is."""
+    """A reference step of ``signal`` "q" or "S"; ``alone``: the other reference is constant."""
 
     signal: str
     phase: str
@@ -160,13 +156,12 @@ class ReferenceStep:
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """How one step went.
+    """Metrics of one step.
 
-    ``rise_s`` 10-90 %; ``reach_s`` from the step to 90 %; ``settling_s`` last exit from ±2 % of the step around the new
-    reference, all three to half a count; ``overshoot_percent`` of the step; ``steady_error`` mean of signal minus
-    reference over the last half second; ``cross_coupling`` largest deviation of the other signal from its reference,
-    for a step that moves alone. What could not be measured has its reason in ``reasons``, by name: it is None, or of a
-    largest value what was seen of it, so that it is at least that.
+    ``rise_s`` is from 10 % to 90 %, ``reach_s`` from the step to 90 %, ``settling_s`` the last exit from ±2 % of the
+    step; all three to half a count. ``overshoot_percent`` is relative to the step, ``steady_error`` the mean deviation
+    in the last half second, ``cross_coupling`` the largest deviation of the other signal for a step alone. ``reasons``
+    says by name why a metric was not measured: it is None, or, for a maximum, a lower bound.
     """
 
     step: ReferenceStep
@@ -179,8 +174,8 @@ class StepMetrics:
     reasons: Mapping[str, str]
 
 
-def steps_of(program: Program, phases: Sequence[Phase]) -> tuple[ReferenceStep, ...]:
-    """Return the reference steps of a program. The first segment leads in from wherever the joint is, so it is none."""
+def list_reference_steps(program: Program, phases: Sequence[Phase]) -> tuple[ReferenceStep, ...]:
+    """Return the reference steps of a program, without the first segment, which starts from any position."""
     steps: list[ReferenceStep] = []
     start = program.segments[0].duration_s
     for before, segment in zip(program.segments, program.segments[1:], strict=False):
@@ -196,34 +191,33 @@ def steps_of(program: Program, phases: Sequence[Phase]) -> tuple[ReferenceStep, 
     return tuple(steps)
 
 
-def step_metrics(
+def compute_step_metrics(
     t: Array, y: Array, step: ReferenceStep, before: Array | None = None, count: float = 0.0
 ) -> StepMetrics:
-    """Measure one step on its own samples, ``t`` and ``y`` of shape (N,), first tick to before the next step.
+    """Compute the metrics of one step from its samples ``t`` and ``y`` (N,), up to the next step.
 
-    ``before`` holds the signal just before the step, shape (M,): one that still moves there begins no step to measure.
-
-    ``count`` is the resolution of ``y``. A reading tells to half a count, and so much counts in favour of the signal:
-    else rounding would decide where a bound lies on a count, as 90 % of π/3 do with 4000 counts.
+    ``before`` (M,) is the signal just before the step, to check that it begins at rest. ``count`` is the resolution of
+    ``y``. Comparisons allow half a count in favour of the signal; otherwise rounding would decide if a bound coincides
+    with a count, as 90 % of π/3 does with 4000 counts.
     """
-    way = step.after - step.before
-    rising = (y - step.before) / way
-    margin = 0.5 * count / abs(way)
-    begun = rising[:1] if before is None else np.append((before - step.before) / way, rising[0])
-    moving = motion_before(begun) if np.isfinite(rising).all() else NO_NUMBER
-    t_10, t_90 = (None if moving else _first_crossing(t, rising, level - margin) for level in (0.1, 0.9))
-    settling_s = None if moving else _settling(t - step.start_s, rising, SETTLING_BAND + margin)
-    beyond = max(0.0, float(rising.max() - 1.0))
+    step_size = step.after - step.before
+    normalized = (y - step.before) / step_size
+    margin = 0.5 * count / abs(step_size)
+    initial = normalized[:1] if before is None else np.append((before - step.before) / step_size, normalized[0])
+    moving = check_rest_before(initial) if np.isfinite(normalized).all() else NO_NUMBER
+    t_10, t_90 = (None if moving else _find_first_crossing(t, normalized, level - margin) for level in (0.1, 0.9))
+    settling_s = None if moving else _compute_settling_time(t - step.start_s, normalized, SETTLING_BAND + margin)
+    beyond = max(0.0, float(normalized.max() - 1.0))
     last = y[t >= t[-1] - STEADY_WINDOW_S]
-    steady = float(np.ptp(last)) <= SETTLING_BAND * abs(way) + count
-    too_short = "" if t_90 is not None else moving or way_left(rising)
+    steady = float(np.ptp(last)) <= SETTLING_BAND * abs(step_size) + count
+    too_short = "" if t_90 is not None else moving or format_largest_share(normalized)
     unsettled = "" if settling_s is not None else moving or NOT_SETTLED
     reasons = {
         "rise_s": too_short,
         "reach_s": too_short,
         "settling_s": unsettled,
         "overshoot_percent": unsettled,
-        "steady_error": "" if steady else MOVED_AS_ITS_END_CAME,
+        "steady_error": "" if steady else STILL_MOVING,
         "cross_coupling": too_short,
     }
     return StepMetrics(
@@ -238,7 +232,7 @@ def step_metrics(
     )
 
 
-def _first_crossing(t: Array, y: Array, level: float) -> float | None:
+def _find_first_crossing(t: Array, y: Array, level: float) -> float | None:
     above = np.flatnonzero(y >= level)
     if above.size == 0:
         return None
@@ -248,8 +242,8 @@ def _first_crossing(t: Array, y: Array, level: float) -> float | None:
     return float(t[k - 1] + (level - y[k - 1]) / (y[k] - y[k - 1]) * (t[k] - t[k - 1]))
 
 
-def _settling(t: Array, rising: Array, band: float) -> float | None:
-    outside = np.flatnonzero(np.abs(rising - 1.0) > band)
+def _compute_settling_time(t: Array, normalized: Array, band: float) -> float | None:
+    outside = np.flatnonzero(np.abs(normalized - 1.0) > band)
     if outside.size == 0:
         return 0.0
     last = int(outside[-1])
@@ -258,109 +252,107 @@ def _settling(t: Array, rising: Array, band: float) -> float | None:
 
 # Metrics -------------------------------------------------------------------------------------------
 #
-# Metrics of step experiments, on measured signals (definitions of method section 7). Pure.
+# Metrics over all steps of a run.
 #
-# Times in s from the start of the program, q in rad, S in N·m/rad, tensions in N, voltages in V.
-# What could not be measured (a step that began on its way, one that never reached 90 %, a signal
-# that never settled) is told with its reason, and is never a number that looks like one.
+# Times in s from the start of the program, q in rad, S in N·m/rad, tensions in N, voltages in V. A
+# metric that could not be measured is None and has a reason.
 
 
 Columns = Mapping[str, NDArray[np.float64]]
 """Samples by column name, equally long; ``t`` [s] counts from the start of the program."""
 
-AT_LEAST = ("overshoot_percent", "cross_coupling")
-"""What was seen of these stays a figure where some steps could not be measured: there may have been more, not less."""
+LOWER_BOUND_METRICS = ("overshoot_percent", "cross_coupling")
+"""Maxima that keep their value as a lower bound if some steps could not be measured."""
 
-SETTLED_S = 1.0
-"""So long after a step has settled [s] the voltages are those of rest."""
+SETTLED_DELAY_S = 1.0
+"""Time [s] after settling from which voltages count as those at rest."""
 
-LEAST_REST_S = 1.0
-"""Shorter stretches are no rest [s]."""
+REST_MIN_S = 1.0
+"""Least duration of rest [s]."""
 
 NO_SUCH_STEP = "no such step was played to its end"
 
 
-def figure(unit: str, label: str, definition: str) -> Any:
-    """Declare a figure of a result with what its reader needs to know."""
+def declare_metric(unit: str, label: str, definition: str) -> Any:
+    """Declare a metric as a dataclass field with unit, label and definition."""
     return field(metadata={"unit": unit, "label": label, "definition": definition})
 
 
 @dataclass(frozen=True)
-class Overall:
-    """Figures over all samples of the program; a maximum over steps is None when not every step has a figure.
+class OverallMetrics:
+    """Metrics of a whole run. A maximum over steps is None if a step lacks it, except LOWER_BOUND_METRICS."""
 
-    Of overshoot and deviation, what was seen of them stays when not every step has a figure: they are at least that.
-    """
-
-    rise_q_s: float | None = figure("s", "Rise time of q", "longest 10-90 % time of all q steps")
-    rise_S_s: float | None = figure("s", "Rise time of S", "longest 10-90 % time of all S steps")
-    settling_q_s: float | None = figure(
+    rise_q_s: float | None = declare_metric("s", "Rise time of q", "longest 10-90 % time of all q steps")
+    rise_S_s: float | None = declare_metric("s", "Rise time of S", "longest 10-90 % time of all S steps")
+    settling_q_s: float | None = declare_metric(
         "s", "Settling time of q", "latest last exit from ±2 % of the step and half a count, q steps"
     )
-    settling_S_s: float | None = figure("s", "Settling time of S", "latest last exit from ±2 % of the step, S steps")
-    reach_q_s: float | None = figure(
+    settling_S_s: float | None = declare_metric(
+        "s", "Settling time of S", "latest last exit from ±2 % of the step, S steps"
+    )
+    reach_q_s: float | None = declare_metric(
         "s",
         "Largest q step alone, to 90 %",
         "longest time to 90 %, less half a count, of the largest q steps that are made while S_ref stays",
     )
-    reach_bound_q_s: float | None = figure(
+    reach_bound_q_s: float | None = declare_metric(
         "s",
         "Bound of the motors for it",
         "90 % of the same turn by one motor at full voltage, unloaded: K_m, T_m alone",
     )
-    reach_ratio_q: float | None = figure(
+    reach_ratio_q: float | None = declare_metric(
         "1", "Times the bound of the motors", "time to 90 % divided by the bound of the motors; none can be below 1"
     )
-    overshoot_q_percent: float | None = figure("%", "Overshoot of q", "largest, in per cent of its step")
-    overshoot_S_percent: float | None = figure("%", "Overshoot of S", "largest, in per cent of its step")
-    deviation_S: float | None = figure("N·m/rad", "Stiffness deviation", "max |S − S_ref| while q alone steps")
-    deviation_q: float | None = figure("rad", "Joint deviation", "max |q − q_ref| while S alone steps")
-    rmse_q: float = figure("rad", "RMSE of q", "root mean square of q − q_ref, whole run, steps included")
-    rmse_S: float = figure("N·m/rad", "RMSE of S", "root mean square of S − S_ref, whole run, steps included")
-    min_tension_N: float = figure("N", "Smallest tension", "of both load cells from the start of the program")
-    max_tension_N: float = figure("N", "Largest tension", "of both load cells from the start of the program")
-    peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
-    u_rest_rms_V: float | None = figure(
+    overshoot_q_percent: float | None = declare_metric("%", "Overshoot of q", "largest, in per cent of its step")
+    overshoot_S_percent: float | None = declare_metric("%", "Overshoot of S", "largest, in per cent of its step")
+    deviation_S: float | None = declare_metric("N·m/rad", "Stiffness deviation", "max |S − S_ref| while q alone steps")
+    deviation_q: float | None = declare_metric("rad", "Joint deviation", "max |q − q_ref| while S alone steps")
+    rmse_q: float = declare_metric("rad", "RMSE of q", "root mean square of q − q_ref, whole run, steps included")
+    rmse_S: float = declare_metric("N·m/rad", "RMSE of S", "root mean square of S − S_ref, whole run, steps included")
+    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells from the start of the program")
+    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells from the start of the program")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    u_rest_rms_V: float | None = declare_metric(
         "V",
         "Voltage at rest",
-        f"root mean square of u_A or u_B about its mean, the larger one, from {SETTLED_S:g} s after each step has "
-        "settled to its end",
+        f"root mean square of u_A or u_B about its mean, the larger one, from {SETTLED_DELAY_S:g} s after each step "
+        "has settled to its end",
     )
 
 
 @dataclass(frozen=True)
 class TrackingMetrics:
-    """``complete`` is False when the run ended before its program: figures then cover what was played.
+    """Tracking metrics of a run; ``complete`` is False if the run ended before its program.
 
-    ``reasons`` tells by name which overall figures could not be measured, or not on all steps, and why.
+    ``reasons`` says by name why an overall metric was not measured, or not for all steps.
     """
 
     complete: bool
     played_s: float
     planned_s: float
     steps: tuple[StepMetrics, ...]
-    overall: Overall
+    overall: OverallMetrics
     reasons: Mapping[str, str]
 
 
 class NoSamplesError(SinewError, ValueError):
-    """There is nothing to compute from."""
+    """There are no samples to compute a metric from."""
 
     category = ErrorCode.NOT_NOW
 
 
-def tracking_metrics(
+def compute_tracking_metrics(
     columns: Columns,
     program: Program,
     phases: Sequence[Phase],
     reach_bound: Callable[[float], float] | None = None,
     q_count: float = 0.0,
 ) -> TrackingMetrics:
-    """Measure every step that was played to its end, and the whole.
+    """Compute the metrics of all completed steps and of the whole run.
 
-    ``columns`` holds t, q, q_ref, S, S_ref, F_A, F_B, u_A, u_B; ``reach_bound`` gives the time [s] that the motors need
-    at least for 90 % of a q step [rad], ``q_count`` the joint encoder's resolution [rad], 0 where it is exact.
-    Raises NoSamplesError when there are no samples.
+    ``columns`` has t, q, q_ref, S, S_ref, F_A, F_B, u_A, u_B. ``reach_bound`` returns the least time [s] in which the
+    motors can complete 90 % of a q step [rad]; ``q_count`` is the resolution of the joint encoder [rad], 0 if exact.
+    Raises NoSamplesError.
     """
     t = columns["t"]
     if t.size == 0:
@@ -369,9 +361,9 @@ def tracking_metrics(
     played_s = float(t[-1]) + period_s
     planned_s = program.duration_s
     slack_s = 1.5 * period_s
-    ended = [step for step in steps_of(program, phases) if step.end_s <= played_s + slack_s]
-    steps = tuple(_measured(columns, step, q_count if step.signal == "q" else 0.0) for step in ended)
-    overall, reasons = _overall(columns, steps, reach_bound)
+    ended = [step for step in list_reference_steps(program, phases) if step.end_s <= played_s + slack_s]
+    steps = tuple(_measure_step(columns, step, q_count if step.signal == "q" else 0.0) for step in ended)
+    overall, reasons = _compute_overall(columns, steps, reach_bound)
     return TrackingMetrics(
         complete=played_s + slack_s >= planned_s,
         played_s=played_s,
@@ -382,51 +374,53 @@ def tracking_metrics(
     )
 
 
-def _measured(columns: Columns, step: ReferenceStep, count: float) -> StepMetrics:
+def _measure_step(columns: Columns, step: ReferenceStep, count: float) -> StepMetrics:
     t = columns["t"]
-    early, first, end = np.searchsorted(t, [step.start_s - REST_S - 1e-9, step.start_s - 1e-9, step.end_s - 1e-9])
+    early, first, end = np.searchsorted(
+        t, [step.start_s - REST_BEFORE_S - 1e-9, step.start_s - 1e-9, step.end_s - 1e-9]
+    )
     y = columns[step.signal]
-    result = step_metrics(t[first:end], y[first:end], step, y[early:first], count)
+    result = compute_step_metrics(t[first:end], y[first:end], step, y[early:first], count)
     if not step.alone:
         return replace(result, reasons={**result.reasons, "cross_coupling": BOTH_STEP})
     other = "S" if step.signal == "q" else "q"
     deviation = np.abs(columns[other] - columns[f"{other}_ref"])
     if not np.isfinite(deviation[early:end]).all():
         return replace(result, reasons={**result.reasons, "cross_coupling": NO_NUMBER})
-    if moving := other_moving(other, deviation[early : first + 1]):
+    if moving := check_other_at_rest(other, deviation[early : first + 1]):
         return replace(result, reasons={**result.reasons, "cross_coupling": moving})
     return replace(result, cross_coupling=float(deviation[first:end].max()))
 
 
-def _overall(
+def _compute_overall(
     columns: Columns, steps: Sequence[StepMetrics], reach_bound: Callable[[float], float] | None
-) -> tuple[Overall, dict[str, str]]:
+) -> tuple[OverallMetrics, dict[str, str]]:
     q, S = ([item for item in steps if item.step.signal == signal] for signal in "qS")
     q_alone, S_alone = ([item for item in moved if item.step.alone] for moved in (q, S))
-    turned = _largest_turns(q_alone)
+    largest_turns = _select_largest_turns(q_alone)
     over_steps = {
         "rise_q_s": (q, "rise_s"),
         "rise_S_s": (S, "rise_s"),
         "settling_q_s": (q, "settling_s"),
         "settling_S_s": (S, "settling_s"),
-        "reach_q_s": (turned, "reach_s"),
+        "reach_q_s": (largest_turns, "reach_s"),
         "overshoot_q_percent": (q, "overshoot_percent"),
         "overshoot_S_percent": (S, "overshoot_percent"),
         "deviation_S": (q_alone, "cross_coupling"),
         "deviation_q": (S_alone, "cross_coupling"),
     }
-    reasons = {name: _why_not(*asked) for name, asked in over_steps.items()}
-    largest = {name: _largest(*asked) for name, asked in over_steps.items()}
+    reasons = {name: _format_reason(*arguments) for name, arguments in over_steps.items()}
+    largest = {name: _select_largest(*arguments) for name, arguments in over_steps.items()}
     reach, bound = largest["reach_q_s"], None
-    if turned and reach_bound is not None:
-        bound = reach_bound(abs(turned[0].step.after - turned[0].step.before))
+    if largest_turns and reach_bound is not None:
+        bound = reach_bound(abs(largest_turns[0].step.after - largest_turns[0].step.before))
     if bound is None:
         reasons["reach_bound_q_s"] = reasons["reach_q_s"] or "no bound is known for these motors"
     reasons["reach_ratio_q"] = reasons["reach_q_s"] or reasons.get("reach_bound_q_s", "")
-    u_rest, reasons["u_rest_rms_V"] = _voltage_at_rest(columns, steps)
+    u_rest, reasons["u_rest_rms_V"] = _compute_voltage_at_rest(columns, steps)
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
     voltages = np.concatenate([columns["u_A"], columns["u_B"]])
-    overall = Overall(
+    overall = OverallMetrics(
         **largest,
         reach_bound_q_s=bound,
         reach_ratio_q=None if reach is None or not bound else reach / bound,
@@ -440,67 +434,65 @@ def _overall(
     return overall, {name: reason for name, reason in reasons.items() if reason}
 
 
-def _largest(steps: Sequence[StepMetrics], quantity: str) -> float | None:
+def _select_largest(steps: Sequence[StepMetrics], quantity: str) -> float | None:
     values = [getattr(item, quantity) for item in steps]
     known = [value for value in values if value is not None]
-    return max(known) if known and (quantity in AT_LEAST or len(known) == len(values)) else None
+    return max(known) if known and (quantity in LOWER_BOUND_METRICS or len(known) == len(values)) else None
 
 
-def _why_not(steps: Sequence[StepMetrics], quantity: str) -> str:
+def _format_reason(steps: Sequence[StepMetrics], quantity: str) -> str:
     if not steps:
         return NO_SUCH_STEP
     missing = [Missing(item.step.start_s, item.reasons[quantity]) for item in steps if quantity in item.reasons]
-    return in_words(missing, len(steps))
+    return format_missing(missing, len(steps))
 
 
-def _largest_turns(alone: Sequence[StepMetrics]) -> list[StepMetrics]:
-    """Return the largest of the q steps that move alone, all of equal size."""
+def _select_largest_turns(alone: Sequence[StepMetrics]) -> list[StepMetrics]:
+    """Return the largest q steps alone, which have equal size."""
     turns = [abs(item.step.after - item.step.before) for item in alone]
     return [item for turn, item in zip(turns, alone, strict=True) if turn > max(turns) - 1e-9]
 
 
-def _voltage_at_rest(columns: Columns, steps: Sequence[StepMetrics]) -> tuple[float | None, str]:
-    """Return the rms [V] of the motor that moves more while references stay and all has settled, or why there is none.
+def _compute_voltage_at_rest(columns: Columns, steps: Sequence[StepMetrics]) -> tuple[float | None, str]:
+    """Return the larger rms [V] of both motors at rest, or the reason why there is none.
 
-    Each stretch counts from its own mean: what holds the tension is none of it.
+    Each interval is measured from its own mean, because a constant voltage holds the tension.
     """
-    apart: dict[str, list[NDArray[np.float64]]] = {"u_A": [], "u_B": []}
+    by_motor: dict[str, list[NDArray[np.float64]]] = {"u_A": [], "u_B": []}
     for start_s, end_s in dict.fromkeys((item.step.start_s, item.step.end_s) for item in steps):
         settled = [item.settling_s for item in steps if item.step.start_s == start_s]
         times = [time_s for time_s in settled if time_s is not None]
-        if len(times) < len(settled) or end_s - (rest_s := start_s + max(times) + SETTLED_S) < LEAST_REST_S - 1e-9:
+        if len(times) < len(settled) or end_s - (rest_s := start_s + max(times) + SETTLED_DELAY_S) < REST_MIN_S - 1e-9:
             continue
         inside = slice(*np.searchsorted(columns["t"], [rest_s - 1e-9, end_s - 1e-9]))
-        for name, found in apart.items():
+        for name, found in by_motor.items():
             u = columns[name][inside]
             found.append(u - u.mean())
-    if not apart["u_A"]:
-        return None, f"no step was followed by {LEAST_REST_S:g} s of rest, {SETTLED_S:g} s after it had settled"
-    found_V = max(rms(np.concatenate(found)) for found in apart.values())
+    if not by_motor["u_A"]:
+        return None, f"no step was followed by {REST_MIN_S:g} s of rest, {SETTLED_DELAY_S:g} s after it had settled"
+    found_V = max(rms(np.concatenate(found)) for found in by_motor.values())
     return (found_V, "") if np.isfinite(found_V) else (None, NO_NUMBER)
 
 
 def rms(error: NDArray[np.float64]) -> float:
-    """Root mean square of an error [N,]."""
+    """Return the root mean square of an error (N,)."""
     return float(np.sqrt(np.mean(np.square(error))))
 
 
-# Whole ---------------------------------------------------------------------------------------------
-#
-# Figures that every experiment has: the tensions and the voltage over the whole of it. Pure.
+# Whole run -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
-class Whole:
-    """Over all samples of the program."""
+class WholeMetrics:
+    """Metrics that every experiment has, over all samples of the program."""
 
-    min_tension_N: float = figure("N", "Smallest tension", "of both load cells from the start of the program")
-    max_tension_N: float = figure("N", "Largest tension", "of both load cells from the start of the program")
-    peak_voltage_V: float = figure("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
+    min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells from the start of the program")
+    max_tension_N: float = declare_metric("N", "Largest tension", "of both load cells from the start of the program")
+    peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest |u_A|, |u_B| after limits")
 
 
-def whole(columns: Columns) -> dict[str, float]:
-    """Measure it, by name."""
+def compute_whole_metrics(columns: Columns) -> dict[str, float]:
+    """Return the values of WholeMetrics by name."""
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
     return {
         "min_tension_N": float(tensions.min()),
@@ -511,32 +503,31 @@ def whole(columns: Columns) -> dict[str, float]:
 
 # Windows -------------------------------------------------------------------------------------------
 #
-# Where in a program something acts on the actuator: pushes, loads, excitations, as samples from its
-# start. Pure.
+# Sample ranges of pushes, loads and excitations in a program.
 
 
 _STILL = 1e-12
-"""A reference that is nearer to where it was has not moved: the rest is rounding."""
+"""Smallest change of a reference; smaller ones are rounding errors."""
 
 
 class LoadStep(NamedTuple):
-    """A load of one motor's shaft that steps on or off, and the samples until a load steps again."""
+    """A load step on one motor shaft, and the samples until the next load step."""
 
     side: Side
     window: slice
     on: bool
 
 
-class Excited(NamedTuple):
-    """An excitation of one reference, "q" or "S"; ``period`` is None for a sweep, which has none."""
+class ReferenceExcitation(NamedTuple):
+    """An excitation of one reference, "q" or "S"; ``period`` is None for a sweep."""
 
     signal: str
     window: slice
     period: int | None
 
 
-def timed(program: Program) -> Iterator[tuple[int, int, Segment]]:
-    """Give each segment with its first sample and the one after its last."""
+def iterate_segments(program: Program) -> Iterator[tuple[int, int, Segment]]:
+    """Yield each segment with its first sample and the sample after its last one."""
     start = 0
     for segment in program.segments:
         end = start + round(segment.duration_s / T_s)
@@ -544,11 +535,11 @@ def timed(program: Program) -> Iterator[tuple[int, int, Segment]]:
         start = end
 
 
-def load_steps(program: Program) -> tuple[LoadStep, ...]:
-    """Return the steps of the loads, in order."""
+def list_load_steps(program: Program) -> tuple[LoadStep, ...]:
+    """Return the load steps in order."""
     found: list[tuple[Side, int, bool]] = []
     before: dict[Side, float] = dict.fromkeys(SIDES, 0.0)
-    for start, _, segment in timed(program):
+    for start, _, segment in iterate_segments(program):
         now: dict[Side, float] = {"A": segment.load_A, "B": segment.load_B}
         found += [(side, start, abs(now[side]) > abs(before[side])) for side in SIDES if now[side] != before[side]]
         before = now
@@ -558,9 +549,9 @@ def load_steps(program: Program) -> tuple[LoadStep, ...]:
 
 
 def find_pushes(program: Program) -> tuple[slice, ...]:
-    """Return the stretches over which the joint is pushed."""
+    """Return the sample ranges in which the joint is pushed."""
     found: list[slice] = []
-    for start, end, segment in timed(program):
+    for start, end, segment in iterate_segments(program):
         if not segment.F_push:
             continue
         if found and found[-1].stop == start:
@@ -570,35 +561,35 @@ def find_pushes(program: Program) -> tuple[slice, ...]:
     return tuple(found)
 
 
-def excitations(program: Program) -> tuple[Excited, ...]:
-    """Return where one of the references alone is excited by a known spectrum."""
-    found: list[Excited] = []
+def list_excitations(program: Program) -> tuple[ReferenceExcitation, ...]:
+    """Return the excitations of a single reference."""
+    found: list[ReferenceExcitation] = []
     q, S = 0.0, 0.0
-    for start, end, segment in timed(program):
+    for start, end, segment in iterate_segments(program):
         if segment.shape not in (Shape.SWEEP, Shape.PRBS, Shape.MULTISINE):
             q, S = final_references(segment, q, S)
             continue
         moved = [name for name, by in (("q", segment.q_ref - q), ("S", segment.S_ref - S)) if abs(by) > _STILL]
         if len(moved) == 1:
-            found.append(Excited(moved[0], slice(start, end), _period(segment)))
+            found.append(ReferenceExcitation(moved[0], slice(start, end), _get_period(segment)))
     return tuple(found)
 
 
-def undisturbed_from(program: Program, at: int) -> int:
-    """Return the sample up to which nothing acts and no reference moves from ``at`` on."""
-    held, until = (0.0, 0.0), at
-    for _, end, segment in timed(program):
+def find_undisturbed_end(program: Program, at: int) -> int:
+    """Return the first sample after ``at`` at which a disturbance or a change of reference begins."""
+    references, until = (0.0, 0.0), at
+    for _, end, segment in iterate_segments(program):
         if end <= at:
-            held = final_references(segment, *held)
+            references = final_references(segment, *references)
             continue
         acts = segment.F_push or segment.load_A or segment.load_B or segment.shape is not Shape.STEP
-        if acts or (segment.q_ref, segment.S_ref) != held:
+        if acts or (segment.q_ref, segment.S_ref) != references:
             break
         until = end
     return until
 
 
-def _period(segment: Segment) -> int | None:
+def _get_period(segment: Segment) -> int | None:
     if segment.shape is Shape.SWEEP:
         return None
     chips = 2**segment.count - 1 if segment.shape is Shape.PRBS else 1

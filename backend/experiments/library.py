@@ -292,9 +292,9 @@ def _find_hold_end(columns: Sequence[tuple[Column, float]], at: int) -> int:
 def _find_ramp_end(ramps: Sequence[tuple[Column, float, float]], at: int, share: float) -> int:
     """Return the end of the longest ramp from the value of each column before ``at``.
 
-    Each item of ``ramps`` is a column, its initial value and its tolerance. The slopes that pass all ticks within ``share`` of the
-    tolerance form a cone, which narrows with each tick. The ramp ends at the last tick whose own slope lies in the
-    cone. The inspected span is doubled while the whole span can be one ramp.
+    Each item of ``ramps`` is a column, its initial value and its tolerance. The slopes that pass all ticks within
+    ``share`` of the tolerance form a cone, which narrows with each tick. The ramp ends at the last tick whose own slope
+    lies in the cone. The inspected span is doubled while the whole span can be one ramp.
     """
     span, length = 64, len(ramps[0][0])
     while True:

@@ -232,19 +232,19 @@ def _figure_entry(name: str, label: str, unit: str, meanings: dict[str, list[str
 
 
 RESULTS = {
-    step_metrics.Overall: "Steps",
-    step_metrics.Whole: "Whole run",
-    frequency_metrics.ResponseFigures: "Response",
-    frequency_metrics.BodeFigures: "Bode",
-    disturbance_metrics.ComplianceFigures: "Compliance",
-    disturbance_metrics.DisturbanceFigures: "Disturbance",
-    disturbance_metrics.HoldFigures: "Hold",
-    disturbance_metrics.ImpactFigures: "Impact",
-    disturbance_metrics.PushFigures: "Push",
-    disturbance_metrics.RobustnessFigures: "Robustness",
-    identification.IdentificationFigures: "Actuator identification",
-    identification.MotorFigures: "Motor identification",
-    identification.SpringFigures: "Spring identification",
+    step_metrics.OverallMetrics: "Steps",
+    step_metrics.WholeMetrics: "Whole run",
+    frequency_metrics.ResponseMetrics: "Response",
+    frequency_metrics.BodeMetrics: "Bode",
+    disturbance_metrics.ComplianceMetrics: "Compliance",
+    disturbance_metrics.DisturbanceMetrics: "Disturbance",
+    disturbance_metrics.HoldMetrics: "Hold",
+    disturbance_metrics.ImpactMetrics: "Impact",
+    disturbance_metrics.PushMetrics: "Push",
+    disturbance_metrics.RobustnessMetrics: "Robustness",
+    identification.ActuatorMetrics: "Actuator identification",
+    identification.MotorMetrics: "Motor identification",
+    identification.SpringMetrics: "Spring identification",
 }
 """What declares figures, and how its result is called."""
 

@@ -19,7 +19,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
-from backend.analysis import AT_REST, SETTLING_BAND
+from backend.analysis import REST_TOLERANCES, SETTLING_BAND
 from backend.identification import Model, Residuals, read_whiteness_test, simulate_response
 from backend.models import ChannelModel, ChannelName, StepFigures
 from backend.recording import Columns as ReaderColumns
@@ -561,7 +561,7 @@ def largest_error(signal: str, error: Array, reference: Array) -> float:
         steps, sizes = [0, *steps], [abs(error[0]), *sizes]
     known = np.isfinite(error)
     for start, end, size in zip(steps, [*steps, error.size][1:], sizes, strict=True):
-        there = np.flatnonzero(np.abs(error[start:end]) <= max(0.02 * size, AT_REST[signal]))
+        there = np.flatnonzero(np.abs(error[start:end]) <= max(0.02 * size, REST_TOLERANCES[signal]))
         known[start : start + there[0] if there.size else end] = False
     return float(np.abs(error[known]).max()) if known.any() else 0.0
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from backend.analysis import USED, find_control_law, select_used_settings
+from backend.analysis import USED_SETTINGS, find_control_law, select_used_settings
 from backend.experiments import PAPER_EXPERIMENTS, experiments_by_name, library, parser
 from backend.identification import Grade
 from backend.models import (
@@ -105,7 +105,7 @@ _KNOWN = "the identified geometry, springs and motors (K_m, T_m), not their fric
 def tuning_facts(source: RunData) -> tuple[Fact, ...]:
     """Return the tuning that the law uses, λ as recorded, and the simulator's seed."""
     loop, law = source.run.set_to.loop, find_control_law(source.run)
-    used = USED[law]
+    used = USED_SETTINGS[law]
     parts = [f"λ_{name} = {_lam_text(source, name)}" for name in ("q", "S") if f"lam_{name}" in used]
     if loop.lam_motor is not None and "lam_motor" in used:
         parts.append(f"λ_motor = {exact(loop.lam_motor)} s")
@@ -175,7 +175,7 @@ def lineage(source: RunData) -> tuple[Paragraph | Table, ...]:
 
     Returns nothing for a law that uses none of these gains.
     """
-    if "bank" not in USED[find_control_law(source.run)]:
+    if "bank" not in USED_SETTINGS[find_control_law(source.run)]:
         return ()
     if source.bank is None:
         return (

@@ -10,7 +10,7 @@ from backend.analysis import (
     JOINT_STEP,
     MOTOR_B,
     PUSH_REST_S,
-    UNLIKE,
+    VARIATION_MAX,
     Array,
     Complex,
     Hit,
@@ -70,7 +70,8 @@ _TITLES = {"q": "position loop", "S": "stiffness loop"}
 BODE_NOTES = (
     "Each line of a multisine or a sequence is measured on its last period, Y/U of the discrete Fourier transform over "
     "whole periods, which is the least-squares fit of a sine; of a sweep all of it, in bands of 12 %. A line is not "
-    f"measured where it differs by more than {100.0 * UNLIKE:g} % from one period to the next, or where a limit acted.",
+    f"measured where it differs by more than {100.0 * VARIATION_MAX:g} % from one period to the next, or where a limit "
+    "acted.",
     "Bandwidth and resonance are relative to the gain 1 at rest, which integral action gives. Between two lines, and "
     "between rest and the lowest line, 1/|H|² is interpolated over f² by a monotone cubic.",
     "Predicted is what the plant, linearised about the references with its identified numbers, voltages held over a "
@@ -123,7 +124,7 @@ def line_table(lines: Lines) -> Table:
             _format_fixed(gain_too[k], 2),
             NO_FIGURE if reason else _format_fixed(phase[k], 1),
             _format_fixed(phase_too[k], 1),
-            _format_fixed(100.0 * lines.unlike[k], 2),
+            _format_fixed(100.0 * lines.variation[k], 2),
             f"not measured: {reason}" if reason else "",
         )
         for k, reason in enumerate(lines.reasons)

@@ -11,7 +11,7 @@ from functools import partial
 from statistics import NormalDist, fmean, median
 from typing import TypeVar
 
-from backend.analysis import FIGURES
+from backend.analysis import METRICS_BY_MEASURE
 from backend.experiments import Experiment
 from backend.models import SettingError, Value
 from backend.response_docs import HIDDEN_FIELD, RESPONSE_CONFIG, describe_field
@@ -177,7 +177,7 @@ def list_metric_names(experiment: Experiment) -> dict[str, MetricName]:
     named = {
         item.name: MetricName(item.name, item.metadata["label"], item.metadata["unit"])
         for measure in experiment.measures
-        for item in fields(FIGURES[measure])
+        for item in fields(METRICS_BY_MEASURE[measure])
         if item.metadata
     }
     named |= {name: MetricName(name, label, unit) for name, (label, unit) in LOOP_METRICS.items()}

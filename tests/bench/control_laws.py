@@ -7,7 +7,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from backend.analysis.step_metrics import Overall, tracking_metrics
+from backend.analysis.step_metrics import OverallMetrics, compute_tracking_metrics
 from backend.control import setpoint_player
 from backend.control.motion_types import Setpoint
 from backend.experiments.library import build_ready_plan
@@ -46,7 +46,7 @@ LAWS: dict[str, Law] = {
     ),
 }
 
-COLUMNS: dict[str, tuple[str, Callable[[Overall], float | None]]] = {
+COLUMNS: dict[str, tuple[str, Callable[[OverallMetrics], float | None]]] = {
     "rise of q\n[s]": (".2f", lambda overall: overall.rise_q_s),
     "rise of S\n[s]": (".2f", lambda overall: overall.rise_S_s),
     "overshoot\nof q [%]": (".2f", lambda overall: overall.overshoot_q_percent),
@@ -103,7 +103,7 @@ def tracking(play: Law, true: PlantParameters, known: PlantParameters) -> list[s
         return [f"tripped after {trajectory.tripped_at * T_s:.1f} s", *[""] * (len(COLUMNS) - 1)]
     columns = {name: getattr(trajectory, name) for name in ("q", "S", "F_A", "F_B", "u_A", "u_B")}
     columns |= {"t": T_s * np.arange(q_ref.size), "q_ref": q_ref, "S_ref": S_ref}
-    overall = tracking_metrics(columns, plan.program(), plan.phases(), q_count=true.sensors.joint_step).overall
+    overall = compute_tracking_metrics(columns, plan.program(), plan.phases(), q_count=true.sensors.joint_step).overall
     values = [(form, figure(overall)) for form, figure in COLUMNS.values()]
     return ["none" if value is None else format(value, form) for form, value in values]
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from backend.analysis.context import EvaluationContext, load_bank_points, load_initial_tuning
-from backend.analysis.frequency_metrics import BodeFigures, bode_figures, build_bode_lines
+from backend.analysis.frequency_metrics import BodeMetrics, build_bode_lines, compute_bode_metrics
 from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.tuning_settings import TuningSettings
 from backend.execution.simulation import SimulatedRun, simulate_in_memory
@@ -36,8 +36,8 @@ def seen(in_force: EvaluationContext, **lags: float) -> dict[str, Any]:
     return columns | {"limits": np.zeros_like(columns["q"])}
 
 
-def figures(in_force: EvaluationContext, columns: dict[str, Any]) -> BodeFigures:
-    return bode_figures(columns, in_force.plan.program(), in_force)
+def figures(in_force: EvaluationContext, columns: dict[str, Any]) -> BodeMetrics:
+    return compute_bode_metrics(columns, in_force.plan.program(), in_force)
 
 
 def played(parameters: str, **tuning: Any) -> SimulatedRun:
@@ -198,7 +198,7 @@ def test_a_sweep_tells_by_its_coherence_what_it_is_worth() -> None:
         [0.03], [1.0, -0.97], np.random.default_rng(1).normal(0.0, 2.0, columns["q"].size)
     )
     (noisy,) = build_bode_lines(columns, in_force.plan.program(), in_force)
-    assert np.nanmedian(clean.unlike) < 0.05 < np.nanmedian(noisy.unlike)
+    assert np.nanmedian(clean.variation) < 0.05 < np.nanmedian(noisy.variation)
     assert noisy.measured.sum() < clean.measured.sum()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from backend.analysis.disturbance_metrics import compliance_figures
+from backend.analysis.disturbance_metrics import compute_compliance_metrics
 from backend.analysis.step_metrics import NoSamplesError
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria
 
@@ -31,7 +31,7 @@ def pushed(*, stiffness: float = 10.0, delay_ms: int = 0, offset_N: float = 0.0)
 
 
 def test_a_spring_of_the_commanded_stiffness_agrees_exactly() -> None:
-    figures = compliance_figures(pushed(), R_J, LEAD_IN_S)
+    figures = compute_compliance_metrics(pushed(), R_J, LEAD_IN_S)
     assert figures.rmse_raw_N == pytest.approx(0.0, abs=1e-9)
     assert figures.rmse_aligned_N == pytest.approx(0.0, abs=1e-9)
     assert figures.delay_s == 0.0
@@ -42,7 +42,7 @@ def test_a_spring_of_the_commanded_stiffness_agrees_exactly() -> None:
 
 
 def test_delay_and_offset_are_in_the_raw_error_and_out_of_the_aligned_one() -> None:
-    figures = compliance_figures(pushed(delay_ms=12, offset_N=0.7), R_J, LEAD_IN_S)
+    figures = compute_compliance_metrics(pushed(delay_ms=12, offset_N=0.7), R_J, LEAD_IN_S)
     assert figures.delay_s == pytest.approx(0.012)
     # an offset and the sine's difference over 12 ms, uncorrelated: 12 N · 2 sin(π·0.5·0.012) / √2
     shift = 12.0 * 2.0 * np.sin(np.pi * 0.5 * 0.012) / np.sqrt(2.0)
@@ -52,7 +52,7 @@ def test_delay_and_offset_are_in_the_raw_error_and_out_of_the_aligned_one() -> N
 
 
 def test_another_stiffness_is_felt_and_counts_as_error() -> None:
-    figures = compliance_figures(pushed(stiffness=11.0), R_J, LEAD_IN_S)
+    figures = compute_compliance_metrics(pushed(stiffness=11.0), R_J, LEAD_IN_S)
     assert figures.stiffness_felt == pytest.approx(11.0)
     assert figures.rmse_aligned_N == pytest.approx((1.0 - 10.0 / 11.0) * 12.0 / np.sqrt(2.0), rel=0.01)
     verdicts = {item.name: item.passed for item in compliance_criteria(figures)}
@@ -62,22 +62,22 @@ def test_another_stiffness_is_felt_and_counts_as_error() -> None:
 def test_a_run_without_pushes_has_no_figures() -> None:
     columns = {name: column[:5_000] for name, column in pushed().items()}
     with pytest.raises(NoSamplesError, match="before the pushes"):
-        compliance_figures(columns, R_J, LEAD_IN_S)
+        compute_compliance_metrics(columns, R_J, LEAD_IN_S)
 
 
 def test_the_estimated_force_is_compared_with_the_reaction_of_the_load_cells() -> None:
     columns = pushed(delay_ms=12)
     F_push = R_J**-1 * 10.0 * columns["q"]
     columns["F_ext_hat"] = F_push + 0.4  # its bias is taken off
-    assert compliance_figures(columns, R_J, LEAD_IN_S).rmse_estimated_N == pytest.approx(0.0, abs=1e-6)
+    assert compute_compliance_metrics(columns, R_J, LEAD_IN_S).rmse_estimated_N == pytest.approx(0.0, abs=1e-6)
     columns["F_ext_hat"] = 0.9 * F_push
-    off = compliance_figures(columns, R_J, LEAD_IN_S).rmse_estimated_N
+    off = compute_compliance_metrics(columns, R_J, LEAD_IN_S).rmse_estimated_N
     assert off == pytest.approx(1.2 / np.sqrt(2.0), rel=0.01)
     for unknown in (None, np.where(columns["t"] > 5.0, np.nan, F_push)):
         if unknown is None:
             del columns["F_ext_hat"]
         else:
             columns["F_ext_hat"] = unknown
-        figures = compliance_figures(columns, R_J, LEAD_IN_S)
+        figures = compute_compliance_metrics(columns, R_J, LEAD_IN_S)
         assert figures.rmse_estimated_N is None
         assert "no estimate" in figures.reasons["rmse_estimated_N"]

@@ -8,11 +8,11 @@ import pytest
 
 from backend.analysis.context import EvaluationContext
 from backend.analysis.evaluation import (
-    FIGURES,
-    criteria_of,
+    METRICS_BY_MEASURE,
+    collect_bound_values,
+    evaluate_criteria,
     evaluate_experiment,
-    known_to_bounds,
-    names_of,
+    list_metric_names,
     require_measurable,
 )
 from backend.analysis.step_metrics import NoSamplesError
@@ -80,16 +80,16 @@ def test_each_measure_gives_the_figures_that_criteria_may_name(measure: Measure)
         Measure.IMPACT: ("{do: wall, q_wall: 0.3}", "{do: hold, duration_s: 0.5}"),
     }
     figures, _ = result(plan(*STEPS, *parts.get(measure, PUSHES), measures=(measure,)))
-    assert tuple(figures) == names_of((measure,))
+    assert tuple(figures) == list_metric_names((measure,))
 
 
 def test_several_measures_are_joined_and_a_figure_of_both_stands_once() -> None:
     both = (Measure.STEPS, Measure.DISTURBANCE)
     figures, _ = result(plan(*STEPS, *PUSHES, measures=both))
-    assert tuple(figures) == names_of(both)
+    assert tuple(figures) == list_metric_names(both)
     assert figures["push_deviation_q"].value == pytest.approx(0.05)
     assert figures["min_tension_N"].value == 15.0
-    assert len(names_of(both)) < len(names_of(both[:1])) + len(names_of(both[1:]))
+    assert len(list_metric_names(both)) < len(list_metric_names(both[:1])) + len(list_metric_names(both[1:]))
 
 
 def test_a_measure_that_could_not_be_made_leaves_the_others_and_says_why() -> None:
@@ -133,8 +133,8 @@ def judged(
     bound: Bound, figure: MeasuredFigure = FIGURE, parameters: str = "lab", lambdas: TuningParameters | None = None
 ) -> Any:
     made = plan(*STEPS, measures=(Measure.STEPS,), criteria=(bound,))
-    known = known_to_bounds({"depth": 0.5}, load_parameters(parameters), lambdas or TuningParameters())
-    (criterion,) = criteria_of(made.experiment, [figure], known)
+    known = collect_bound_values({"depth": 0.5}, load_parameters(parameters), lambdas or TuningParameters())
+    (criterion,) = evaluate_criteria(made.experiment, [figure], known)
     return criterion
 
 
@@ -204,5 +204,5 @@ def test_a_criterion_that_no_run_could_be_judged_by_is_refused(bound: dict[str, 
 
 
 def test_every_measure_has_figures() -> None:
-    assert set(FIGURES) == set(Measure)
-    assert all(names_of((measure,)) for measure in Measure)
+    assert set(METRICS_BY_MEASURE) == set(Measure)
+    assert all(list_metric_names((measure,)) for measure in Measure)

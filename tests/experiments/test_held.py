@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.analysis.disturbance_metrics import hold_figures, hold_windows, measure_holds
+from backend.analysis.disturbance_metrics import compute_hold_metrics, find_hold_windows, measure_holds
 from backend.analysis.step_metrics import NoSamplesError
 from backend.experiments.plans import ExperimentPlan
 from plant.interface import T_s
@@ -42,7 +42,7 @@ def test_what_follows_a_move_and_stands_is_held_and_nothing_else_is() -> None:
     short = "{do: hold, duration_s: 0.5}", "{do: hold, duration_s: 0.3}"
     plan = plan_of(with_parts(MOVE, HOLD, HOLD, BACK, push, HOLD, HOLD, sine, *short))
     # what follows a push is its end, what follows that is rest; 0.3 s are too short
-    assert hold_windows(plan.program()) == (slice(2000, 8000), slice(15000, 18000))
+    assert find_hold_windows(plan.program()) == (slice(2000, 8000), slice(15000, 18000))
 
 
 def test_swings_and_distances_are_the_largest_of_all_stretches() -> None:
@@ -54,7 +54,7 @@ def test_swings_and_distances_are_the_largest_of_all_stretches() -> None:
     seen["u_A"][8600] -= 0.15
     seen["S"][4000] += 0.004
     seen["theta_A"][3000] += MOTOR  # there and back: two ticks in which it moved
-    figures = hold_figures(seen, plan.program(), LAB)
+    figures = compute_hold_metrics(seen, plan.program(), LAB)
     assert figures.held_q_swing_counts == pytest.approx(2.0)
     assert figures.held_q_swing == pytest.approx(2.0 * COUNT)
     assert figures.held_off_counts == pytest.approx(1.5)  # a reading tells to half a count
@@ -71,7 +71,7 @@ def test_where_readings_are_exact_counts_are_the_papers_and_nothing_is_granted()
     plan = plan_of(with_parts(MOVE, HOLD))
     seen = columns(plan)
     seen["q"][3000:3100] += 0.3 * COUNT
-    figures = hold_figures(seen, plan.program(), IDEAL)
+    figures = compute_hold_metrics(seen, plan.program(), IDEAL)
     assert figures.held_off_counts == pytest.approx(0.3)
     assert figures.held_q_swing_counts == pytest.approx(0.3)
 
@@ -81,7 +81,7 @@ def test_what_moves_before_a_stretch_is_none_of_it() -> None:
     seen = columns(plan)
     seen["q"][:1999] = 0.0
     seen["u_A"][:1999] = 9.0
-    figures = hold_figures(seen, plan.program(), LAB)
+    figures = compute_hold_metrics(seen, plan.program(), LAB)
     assert (figures.held_q_swing_counts, figures.held_u_swing_V, figures.held_moving_percent) == (0.0, 0.0, 0.0)
 
 
@@ -89,7 +89,7 @@ def test_a_reading_that_is_none_is_not_at_rest() -> None:
     plan = plan_of(with_parts(MOVE, HOLD))
     seen = columns(plan)
     seen["q"][3000] = np.nan
-    figures = hold_figures(seen, plan.program(), LAB)
+    figures = compute_hold_metrics(seen, plan.program(), LAB)
     assert (figures.held_q_swing_counts, figures.held_off_counts) == (None, None)
     assert figures.reasons["held_off_counts"] == "a sample of it holds no number"
     assert figures.held_u_swing_V == 0.0
@@ -99,4 +99,4 @@ def test_nothing_held_to_its_end_gives_nothing() -> None:
     plan = plan_of(with_parts(MOVE, HOLD))
     early = {name: column[:-1] for name, column in columns(plan).items()}
     with pytest.raises(NoSamplesError, match="nothing was held to its end"):
-        hold_figures(early, plan.program(), LAB)
+        compute_hold_metrics(early, plan.program(), LAB)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from backend.analysis.disturbance_metrics import Hit, find_hits, impact_figures, pair_hits
+from backend.analysis.disturbance_metrics import Hit, compute_impact_metrics, find_hits, pair_hits
 from backend.analysis.step_metrics import NoSamplesError
 from backend.control.disturbance_observer import POLE
 from backend.experiments.library import build_ready_plan
@@ -115,7 +115,7 @@ def test_a_soft_joint_hits_softer_than_a_stiff_one_at_each_speed(name: str) -> N
         assert soft.impulse_Ns < 0.7 * stiff.impulse_Ns
     for alike in (hits[:3], hits[3:6]):
         assert [hit.peak_N for hit in alike] == sorted(hit.peak_N for hit in alike)
-    figures = impact_figures(impacts(name).columns, PROGRAM)
+    figures = compute_impact_metrics(impacts(name).columns, PROGRAM)
     assert figures.hits == 12.0
     assert figures.soft_to_stiff_peak == pytest.approx(
         np.mean([soft.peak_N / stiff.peak_N for soft, stiff in zip(hits[:3], hits[3:6], strict=True)])
@@ -132,7 +132,7 @@ def test_giving_way_takes_more_than_a_third_of_each_impulse_and_some_of_each_pea
         assert reacted.speed == pytest.approx(plain.speed, rel=0.04)
         assert reacted.impulse_Ns < 0.6 * plain.impulse_Ns
         assert reacted.peak_N < plain.peak_N
-    figures = impact_figures(impacts(name).columns, PROGRAM)
+    figures = compute_impact_metrics(impacts(name).columns, PROGRAM)
     assert figures.reaction_impulse == pytest.approx(np.mean([b.impulse_Ns / a.impulse_Ns for a, b in pairs]))
     assert figures.reaction_peak == pytest.approx(np.mean([b.peak_N / a.peak_N for a, b in pairs]))
     assert figures.felt_after_s == max(hit.felt_s for hit in hits[6:])
@@ -160,7 +160,7 @@ def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
     assert one.reacts
     assert np.isnan([one.felt_s, one.gave_way_s, one.fell_s, other.gave_way_s, other.fell_s]).all()
     assert other.felt_s == pytest.approx(0.1 * np.arcsin(0.3) / np.pi, abs=0.001)
-    figures = impact_figures(seen, program)
+    figures = compute_impact_metrics(seen, program)
     assert figures.felt_after_s is figures.gave_way_after_s is figures.reaction_peak is None
     assert figures.reasons["felt_after_s"] == "2 of 2 hits were not felt or not given way to"
 
@@ -170,7 +170,7 @@ def test_hits_with_reaction_and_none_like_them_without_are_compared_with_nothing
     program = Program(Law.CASCADE, segments, touches=(ContactDetection(1.5),))
     seen = columns((8.0, 0.3, 4.0), (12.0, 0.3, 5.0))
     felt = np.where(np.abs(seen["F_wall"]) > 1.5, 64.0, 0.0)
-    figures = impact_figures(seen | {"F_ext_hat": seen["F_wall"], "limits": felt}, program)
+    figures = compute_impact_metrics(seen | {"F_ext_hat": seen["F_wall"], "limits": felt}, program)
     assert figures.gave_way_after_s == 0.0
     assert figures.reaction_impulse is None
     assert "beside the hit at 12 N·m/rad and 0.3 rad/s there is none" in figures.reasons["reaction_impulse"]
@@ -210,7 +210,7 @@ def test_a_hit_has_its_peak_its_impulse_with_all_bounces_and_its_speed() -> None
     assert soft.peak_N == pytest.approx(4.0, rel=1e-3)
     assert soft.impulse_Ns == pytest.approx(1.5 * 4.0 * 0.1 * 2.0 / np.pi, rel=1e-3)
     assert soft.speed == pytest.approx(0.3)
-    figures = impact_figures(columns((8.0, 0.3, 4.0), (12.0, 0.3, 5.0)))
+    figures = compute_impact_metrics(columns((8.0, 0.3, 4.0), (12.0, 0.3, 5.0)))
     assert (figures.soft_to_stiff_peak, figures.soft_to_stiff_impulse) == pytest.approx((0.8, 0.8))
     assert (figures.hits, figures.min_tension_N) == (2.0, 15.0)
     assert figures.impulse_Ns == pytest.approx(stiff.impulse_Ns)
@@ -227,7 +227,7 @@ def test_a_hit_has_its_peak_its_impulse_with_all_bounces_and_its_speed() -> None
 def test_hits_that_are_not_alike_are_not_compared_and_say_why(
     hits: tuple[tuple[float, float, float], ...], reason: str
 ) -> None:
-    figures = impact_figures(columns(*hits))
+    figures = compute_impact_metrics(columns(*hits))
     assert figures.soft_to_stiff_peak is None
     assert reason in figures.reasons["soft_to_stiff_peak"]
     assert figures.reasons["soft_to_stiff_impulse"] == figures.reasons["soft_to_stiff_peak"]
@@ -236,7 +236,7 @@ def test_hits_that_are_not_alike_are_not_compared_and_say_why(
 def test_a_touch_as_the_record_begins_has_no_speed_and_is_compared_with_nothing() -> None:
     early = {name: column[499:] for name, column in columns((8.0, 0.3, 4.0), (15.0, 0.3, 5.0)).items()}
     assert np.isnan(find_hits(early)[0].speed)
-    assert impact_figures(early).soft_to_stiff_peak is None
+    assert compute_impact_metrics(early).soft_to_stiff_peak is None
 
 
 @pytest.mark.parametrize("force", [0.0, np.nan, None])
@@ -250,4 +250,4 @@ def test_without_a_wall_without_a_hit_and_before_there_were_walls_there_is_nothi
         seen["F_wall"] = np.full_like(seen["t"], force)
     assert find_hits(seen) == ()
     with pytest.raises(NoSamplesError, match="no wall was hit"):
-        impact_figures(seen)
+        compute_impact_metrics(seen)

@@ -29,7 +29,7 @@ def play(name: str, plan: object, settings: LoopSettings) -> SimulatedRun:
     return played
 
 
-def steps_of(played: SimulatedRun) -> tuple[StepFigures, ...]:
+def list_reference_steps(played: SimulatedRun) -> tuple[StepFigures, ...]:
     assert played.metrics.steps is not None
     return played.metrics.steps
 
@@ -38,7 +38,7 @@ def steps_of(played: SimulatedRun) -> tuple[StepFigures, ...]:
 def test_lambda_from_half_a_second_to_one_doubles_the_time_of_a_small_step(name: str) -> None:
     """README's five minutes, step 4: t90 doubles within 10 %, away from every limit."""
     played = play(name, plan_of(with_parts(*SMALL_STEPS)), LoopSettings(lam_q=0.5, lam_S=0.5))
-    up_fast, down_fast, up_slow, down_slow = (step.reach_s for step in steps_of(played)[-4:])
+    up_fast, down_fast, up_slow, down_slow = (step.reach_s for step in list_reference_steps(played)[-4:])
     for fast, slow in ((up_fast, up_slow), (down_fast, down_slow)):
         assert fast is not None
         assert slow is not None
@@ -54,7 +54,7 @@ def test_the_lambda_sweep_has_times_in_the_ratio_of_its_lambdas(name: str) -> No
     played = play(name, plan, LoopSettings(motion=TIME_OPTIMAL))
     lambdas = [float(change["lam_q"]) for change in plan.compiled.changes]
     assert lambdas == pytest.approx([0.9, (0.9 * 0.5) ** 0.5, 0.5])
-    reach = [step.reach_s for step in steps_of(played)][-4 * len(lambdas) :]
+    reach = [step.reach_s for step in list_reference_steps(played)][-4 * len(lambdas) :]
     for first, lam in zip(range(0, len(reach), 4), lambdas, strict=True):
         for kind in range(4):  # up and down, of q and of S
             slowest, this = reach[kind], reach[first + kind]
@@ -68,7 +68,7 @@ def test_the_motions_are_compared_on_the_same_steps() -> None:
     played = play("ideal", plan, LoopSettings())
     assert not [item.name for item in played.criteria if item.passed is not True]
     by_phase = {
-        name: [step.reach_s for step in steps_of(played) if step.phase == name]
+        name: [step.reach_s for step in list_reference_steps(played) if step.phase == name]
         for name in ("by_lambda", "time_optimal")
     }
     assert len(by_phase["by_lambda"]) == len(by_phase["time_optimal"]) == 8

@@ -8,8 +8,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from backend.analysis.evaluation import known_to_bounds
-from backend.analysis.step_metrics import NoSamplesError, ReferenceStep, step_metrics, steps_of, tracking_metrics
+from backend.analysis.evaluation import collect_bound_values
+from backend.analysis.step_metrics import (
+    NoSamplesError,
+    ReferenceStep,
+    compute_step_metrics,
+    compute_tracking_metrics,
+    list_reference_steps,
+)
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ExperimentPlan
 from backend.models.run import Phase
@@ -41,7 +47,7 @@ def step(before: float = 0.0, after: float = 1.0, end_s: float = 8.0) -> Referen
 @pytest.mark.parametrize(("before", "after"), [(0.0, 1.0), (1.0, -1.0), (14.0, 8.0)])
 def test_double_lag_gives_its_rise_and_settling_times(lam: float, before: float, after: float) -> None:
     t = np.arange(0, 8, T_s)
-    result = step_metrics(t, before + (after - before) * double_lag(t, lam), step(before, after))
+    result = compute_step_metrics(t, before + (after - before) * double_lag(t, lam), step(before, after))
 
     def remaining(x: float) -> float:
         return (1 + x) * math.exp(-x)
@@ -56,14 +62,14 @@ def test_double_lag_gives_its_rise_and_settling_times(lam: float, before: float,
 @pytest.mark.parametrize("zeta", [0.3, 0.5, 0.7])
 def test_second_order_gives_its_overshoot(zeta: float) -> None:
     t = np.arange(0, 8, T_s)
-    result = step_metrics(t, -2 * second_order(t, zeta, 6.0), step(0.0, -2.0))
+    result = compute_step_metrics(t, -2 * second_order(t, zeta, 6.0), step(0.0, -2.0))
     assert result.overshoot_percent == pytest.approx(100 * math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)), abs=1e-3)
 
 
 def test_settling_is_the_last_exit_not_the_first_entry() -> None:
     t = np.arange(0, 8, T_s)
     response = second_order(t, 0.3, 6.0)
-    result = step_metrics(t, response, step())
+    result = compute_step_metrics(t, response, step())
     assert result.settling_s is not None
     after = t > result.settling_s
     assert np.all(np.abs(response[after] - 1) <= 0.02)
@@ -87,7 +93,7 @@ def counted(first: int, last: int, last_bit: int) -> tuple[Array, Array]:
 def test_a_joint_that_rests_at_90_percent_has_reached_it(side: int, last_bit: int) -> None:
     """90 % of π/3 are 600 counts: the encoder turns to 600 where the joint passes 599.5."""
     t, y = counted(0, 600 * side, last_bit)
-    result = step_metrics(t, y, step(0.0, side * math.pi / 3), count=COUNT)
+    result = compute_step_metrics(t, y, step(0.0, side * math.pi / 3), count=COUNT)
     assert result.reach_s == pytest.approx(0.5995, abs=1e-9)
     assert result.rise_s == pytest.approx(0.5995 - (math.pi / 30 / COUNT - 0.5) * T_s, abs=1e-9)
 
@@ -99,19 +105,21 @@ def test_a_joint_that_rests_on_the_edge_of_the_band_has_settled(
 ) -> None:
     """±2 % of π/3 end at 680 counts, ±2 % of 2π/3 at 640."""
     t, y = counted(round(before / COUNT), last, last_bit)
-    assert step_metrics(t, y, step(before, math.pi / 3), count=COUNT).settling_s == pytest.approx(settled, abs=1e-9)
+    assert compute_step_metrics(t, y, step(before, math.pi / 3), count=COUNT).settling_s == pytest.approx(
+        settled, abs=1e-9
+    )
 
 
 def test_a_step_is_missed_by_more_than_half_a_count() -> None:
     t, y = counted(0, 599, 0)
-    assert step_metrics(t, y, step(0.0, math.pi / 3), count=COUNT).reach_s is None
+    assert compute_step_metrics(t, y, step(0.0, math.pi / 3), count=COUNT).reach_s is None
     t, y = counted(0, 681, 0)
-    assert step_metrics(t, y, step(0.0, math.pi / 3), count=COUNT).settling_s is None
+    assert compute_step_metrics(t, y, step(0.0, math.pi / 3), count=COUNT).settling_s is None
 
 
 def test_what_never_happened_has_no_figure() -> None:
     t = np.arange(0, 1, T_s)
-    result = step_metrics(t, double_lag(t, 1.0), step(end_s=1.0))
+    result = compute_step_metrics(t, double_lag(t, 1.0), step(end_s=1.0))
     assert result.rise_s is None
     assert result.settling_s is None
 
@@ -139,7 +147,7 @@ def tracked(
 
 def test_steps_of_tracking_follow_the_references() -> None:
     plan = build_ready_plan("tracking")
-    steps = steps_of(plan.program(), plan.phases())
+    steps = list_reference_steps(plan.program(), plan.phases())
     assert [(s.signal, s.alone) for s in steps if s.phase == "position"] == [("q", True)] * 4
     assert [(s.signal, s.alone) for s in steps if s.phase == "stiffness"] == [("S", True)] * 5
     assert {s.signal for s in steps if s.phase == "both"} == {"q", "S"}
@@ -157,7 +165,7 @@ def test_ramps_and_sines_are_not_steps() -> None:
         Segment(1.0, 0.2, 10.0),
         Segment(1.0, 0.2, 12.0),
     )
-    steps = steps_of(Program(Law.CASCADE, segments), [Phase("all", "All", 0.0, 5.0)])
+    steps = list_reference_steps(Program(Law.CASCADE, segments), [Phase("all", "All", 0.0, 5.0)])
     assert [(s.signal, s.start_s) for s in steps] == [("S", 4.0)]
 
 
@@ -165,7 +173,7 @@ def test_tracking_metrics_of_a_known_loop() -> None:
     plan = build_ready_plan("tracking")
     coupling = 0.02
     columns = tracked(plan, coupling=coupling)
-    metrics = tracking_metrics(columns, plan.program(), plan.phases(), lambda turn: 0.1 * turn)
+    metrics = compute_tracking_metrics(columns, plan.program(), plan.phases(), lambda turn: 0.1 * turn)
     assert metrics.complete
     assert len(metrics.steps) == 17
     # largest slope of 1/(λs+1)² is 1/(λe), on the largest step of q that moves alone
@@ -189,7 +197,7 @@ def test_the_time_to_90_percent_is_that_of_the_largest_q_steps_alone() -> None:
     both = next(phase for phase in plan.phases() if phase.name == "both").start_s
     slow = tracked(plan, lam_q=0.9)
     columns["q"] = np.where(columns["t"] < both, columns["q"], slow["q"])
-    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    metrics = compute_tracking_metrics(columns, plan.program(), plan.phases())
     alone = [item for item in metrics.steps if item.step.signal == "q" and item.step.alone]
     largest = max(abs(item.step.after - item.step.before) for item in alone)
     times = [item.reach_s for item in alone if abs(item.step.after - item.step.before) > 0.999 * largest]
@@ -208,9 +216,9 @@ def test_the_voltage_at_rest_is_that_of_rest_alone() -> None:
     t = columns["t"]
     columns["u_A"] = 0.6 + 0.2 * np.sin(2 * math.pi * 50 * t)
     columns["u_B"] = -0.8 + 0.3 * np.sin(2 * math.pi * 50 * t)
-    for start_s in {step.start_s for step in steps_of(plan.program(), plan.phases())}:
+    for start_s in {step.start_s for step in list_reference_steps(plan.program(), plan.phases())}:
         columns["u_B"][(t >= start_s) & (t < start_s + 2.0)] = 9.0
-    found = tracking_metrics(columns, plan.program(), plan.phases())
+    found = compute_tracking_metrics(columns, plan.program(), plan.phases())
     assert found.overall.u_rest_rms_V == pytest.approx(0.3 / math.sqrt(2), rel=1e-3)
     assert "u_rest_rms_V" not in found.reasons
 
@@ -219,7 +227,7 @@ def test_the_voltage_at_rest_is_not_measured_where_nothing_rests() -> None:
     plan = build_ready_plan(
         "tracking", q_duration_s=4.0, S_duration_s=4.0
     )  # settled after 2.9 s: less than 1 s + 1 s left
-    found = tracking_metrics(tracked(plan), plan.program(), plan.phases())
+    found = compute_tracking_metrics(tracked(plan), plan.program(), plan.phases())
     assert found.overall.settling_q_s == pytest.approx(0.5 * 5.834, abs=0.002)
     assert found.overall.u_rest_rms_V is None
     assert "1 s of rest" in found.reasons["u_rest_rms_V"]
@@ -228,14 +236,14 @@ def test_the_voltage_at_rest_is_not_measured_where_nothing_rests() -> None:
 def test_a_stopped_run_is_incomplete_and_keeps_the_steps_it_finished() -> None:
     plan = build_ready_plan("tracking")
     columns = {name: column[:20_500] for name, column in tracked(plan).items()}
-    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    metrics = compute_tracking_metrics(columns, plan.program(), plan.phases())
     assert not metrics.complete
     assert metrics.played_s == pytest.approx(20.5)
     assert [item.step.end_s for item in metrics.steps] == [16.0]
     verdicts = {item.name: item.passed for item in tracking_criteria(metrics, "ideal")}
     assert verdicts == {"overshoot_q": None, "overshoot_S": None, "deviation_S": None, "min_tension": None}
     with pytest.raises(NoSamplesError):
-        tracking_metrics({name: column[:0] for name, column in columns.items()}, plan.program(), plan.phases())
+        compute_tracking_metrics({name: column[:0] for name, column in columns.items()}, plan.program(), plan.phases())
 
 
 def test_criteria_judge_each_figure_against_its_own_bound() -> None:
@@ -243,12 +251,12 @@ def test_criteria_judge_each_figure_against_its_own_bound() -> None:
     columns = tracked(plan, coupling=0.1)  # deviates by about 0.15 N·m/rad: too much for ideal, fine for lab
     columns["F_A"] = columns["F_A"].copy()
     columns["F_A"][40_000] = 4.5
-    metrics = tracking_metrics(columns, plan.program(), plan.phases())
+    metrics = compute_tracking_metrics(columns, plan.program(), plan.phases())
     ideal = {item.name: item.passed for item in tracking_criteria(metrics, "ideal")}
     lab = {item.name: item.passed for item in tracking_criteria(metrics, "lab")}
     assert (ideal["deviation_S"], ideal["min_tension"], ideal["overshoot_q"]) == (False, False, True)
     assert (lab["deviation_S"], lab["min_tension"], lab["overshoot_q"]) == (True, True, True)
     ours = replace(load_parameters("lab"), name="our_rig")
     assert (
-        known_to_bounds({}, ours, TuningParameters())["ideal"] is False
+        collect_bound_values({}, ours, TuningParameters())["ideal"] is False
     )  # any other is judged as a real bench, like lab

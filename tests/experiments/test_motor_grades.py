@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.analysis.identification import identify_motors, to_store_motors
+from backend.analysis.identification import build_motor_record, identify_motors
 from backend.experiments.plans import MotorIdentificationPlan
 from backend.identification.models import Grade
 from backend.identification.motor import judge_motor
@@ -47,7 +47,7 @@ def columns_of(wander_rad: float) -> dict[str, np.ndarray]:
 def stored(wander_rad: float) -> Identification:
     lab, columns = load_parameters("lab"), columns_of(wander_rad)
     run = replace(source_of(samples(PLAN)).run, id=12, kind="motor_identification")
-    new = to_store_motors(run, MotorIdentificationPlan(), identify_motors(columns, lab), lab, "0.1.0")
+    new = build_motor_record(run, MotorIdentificationPlan(), identify_motors(columns, lab), lab, "0.1.0")
     return Identification(
         id=5, kind=new.kind, run_id=12, data=new.data, method=new.method, options=new.options, model=new.model,
         quality=new.quality, usable=new.usable, verdict=new.verdict, who=new.who, software=new.software,

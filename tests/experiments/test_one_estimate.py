@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.analysis.identification import identify_actuator, to_store_actuator
+from backend.analysis.identification import build_actuator_record, identify_actuator
 from backend.cli import main
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.identification.actuator import ActuatorIdentification
@@ -77,7 +77,7 @@ def by_arx(record: dict[str, np.ndarray]) -> Identification:
 
 def stored(record: dict[str, np.ndarray], plan: ActuatorIdentificationPlan) -> Identification:
     run = replace(source_of(samples(PLAN)).run, id=12)
-    new = to_store_actuator(run, plan, record, _identified(record, plan), "0.1.0")
+    new = build_actuator_record(run, plan, record, _identified(record, plan), "0.1.0")
     document = json.loads(json.dumps({name: getattr(new, name) for name in ("data", "options", "model", "quality")}))
     return Identification(
         id=5, kind=new.kind, run_id=12, method=new.method, usable=new.usable, verdict=new.verdict, who=new.who,

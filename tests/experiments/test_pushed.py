@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.analysis.context import EvaluationContext
-from backend.analysis.disturbance_metrics import measure_pushes, push_figures, push_windows
+from backend.analysis.disturbance_metrics import compute_push_metrics, find_push_windows, measure_pushes
 from backend.analysis.step_metrics import NoSamplesError
 from backend.banks.tuning_settings import TuningSettings
 from backend.execution.simulation import simulate_in_memory
@@ -51,7 +51,7 @@ def columns(plan: ExperimentPlan, q: Any = 0.0) -> dict[str, Any]:
 
 
 def test_steps_ramps_and_impulses_are_told_apart_and_a_ramp_ends_where_its_force_is_none() -> None:
-    found = push_windows(plan_of(PUSHED).program())
+    found = find_push_windows(plan_of(PUSHED).program())
     assert [(one.shape, one.pushed.start, one.pushed.stop, one.until) for one in found] == [
         ("step", 6000, 7000, 12000),
         ("ramp", 12000, 13000, 18000),
@@ -79,7 +79,7 @@ def test_a_peak_is_compared_with_the_answer_of_the_loop_to_the_same_force() -> N
     assert [one.off_percent for one in (step, ramp, impulse)] == pytest.approx([10.0, 10.0, 10.0], abs=1.0)
     assert step.peak_q > 1.1 * step.static  # it swings beyond
     assert ramp.peak_q < 1.1 * ramp.static
-    figures = push_figures(seen, plan.program(), of(plan, TuningSettings(lam_q=lam_q)))
+    figures = compute_push_metrics(seen, plan.program(), of(plan, TuningSettings(lam_q=lam_q)))
     assert figures.pushed_off_percent == pytest.approx(10.0, abs=1.0)
     assert figures.pushed_peak_q == max(step.peak_q, impulse.peak_q)
     assert figures.pushed_static_ratio == step.peak_q / step.static
@@ -121,21 +121,24 @@ def test_how_soon_the_joint_is_back_and_why_that_is_not_known() -> None:
     plan = plan_of(PUSHED)
     seen = columns(plan)
     seen["q"][6500:7400] = 0.05
-    figures = push_figures(seen, plan.program(), of(plan))
+    figures = compute_push_metrics(seen, plan.program(), of(plan))
     assert figures.pushed_back_s == pytest.approx(0.4)
     seen["q"][13000:18000] = 0.05
-    figures = push_figures(seen, plan.program(), of(plan))
+    figures = compute_push_metrics(seen, plan.program(), of(plan))
     assert figures.pushed_back_s is None
     assert "after the push that ended at 13 s the joint was still 0.05 rad off" in figures.reasons["pushed_back_s"]
     tight = plan_of(with_parts(HELD, STEP))
-    assert "nothing was held after" in push_figures(columns(tight), tight.program(), of(tight)).reasons["pushed_back_s"]
+    assert (
+        "nothing was held after"
+        in compute_push_metrics(columns(tight), tight.program(), of(tight)).reasons["pushed_back_s"]
+    )
 
 
 def test_what_cannot_be_predicted_is_measured_and_says_so() -> None:
     law = "{name: by, kind: choice, symbol: law, meaning: law, default: single-loop, choices: [single-loop]}"
     chosen = f"settings:\n  - {law}\n"
     plan = plan_of(with_parts(HELD, STEP, REST, settings=chosen, more="law: by\nmeasures: [pushes]\n"))
-    figures = push_figures(columns(plan), plan.program(), of(plan))
+    figures = compute_push_metrics(columns(plan), plan.program(), of(plan))
     assert figures.pushed_off_percent is None
     assert figures.reasons["pushed_off_percent"] == "of the law single-loop no prediction is made"
     assert figures.pushed_peak_q == 0.0
@@ -145,9 +148,9 @@ def test_a_run_that_ended_before_a_push_or_has_none_gives_nothing() -> None:
     plan = plan_of(PUSHED)
     early = {name: column[:6900] for name, column in columns(plan).items()}
     with pytest.raises(NoSamplesError, match="the run ended before the pushes were over"):
-        push_figures(early, plan.program(), of(plan))
+        compute_push_metrics(early, plan.program(), of(plan))
     still = plan_of(with_parts(HELD, REST))
     with pytest.raises(NoSamplesError, match="nothing pushes the joint"):
-        push_figures(columns(still), still.program(), of(still))
+        compute_push_metrics(columns(still), still.program(), of(still))
     part = {name: column[:12500] for name, column in columns(plan).items()}
     assert len(measure_pushes(part, plan.program(), of(plan))) == 1

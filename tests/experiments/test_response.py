@@ -6,15 +6,15 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from backend.analysis.frequency_metrics import (
-    LEAST_LOW_GAIN,
+    LOW_GAIN_MIN,
     Response,
-    bandwidth,
+    compute_bandwidth,
+    compute_lag,
+    compute_resonance,
+    compute_response_metrics,
     compute_responses,
-    lag_at,
-    resonance,
-    response_figures,
 )
-from backend.analysis.step_metrics import NoSamplesError, excitations
+from backend.analysis.step_metrics import NoSamplesError, list_excitations
 from backend.control.motion_types import Setpoint
 from backend.control.setpoint_player import step_setpoint_player
 from backend.realtime.motions import make_segment_player
@@ -78,7 +78,7 @@ def test_a_first_order_lag_is_found_line_by_line() -> None:
 @pytest.mark.parametrize("lag_s", [0.15, 0.4, 1.0])
 def test_the_bandwidth_of_a_lag_is_one_over_its_time(lag_s: float) -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
-    figures = response_figures(columns_of(program, lag_q=lag_s), program)
+    figures = compute_response_metrics(columns_of(program, lag_q=lag_s), program)
     assert figures.bandwidth_q_Hz == pytest.approx(1.0 / (2.0 * np.pi * lag_s), rel=0.003)
     assert figures.lag_q_deg == pytest.approx(45.0, abs=0.3)
     assert figures.resonance_q_dB == 0.0
@@ -104,7 +104,7 @@ def test_a_sweep_and_a_sequence_estimate_the_same(part: str) -> None:
 
 def test_a_loop_that_stays_fast_says_that_its_bandwidth_is_beyond() -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
-    figures = response_figures(columns_of(program, lag_q=0.01), program)
+    figures = compute_response_metrics(columns_of(program, lag_q=0.01), program)
     assert figures.bandwidth_q_Hz is None
     assert "still above −3 dB at 3 Hz, the highest line" in figures.reasons["bandwidth_q_Hz"]
 
@@ -113,12 +113,12 @@ def test_a_response_that_was_not_played_to_its_end_is_not_measured() -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
     early = {name: column[:-10] for name, column in columns_of(program).items()}
     with pytest.raises(NoSamplesError, match="no excitation of one reference alone was played to its end"):
-        response_figures(early, program)
+        compute_response_metrics(early, program)
 
 
 def test_both_references_at_once_are_no_response_of_one() -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE.replace("q_amplitude: 0.1", "q_amplitude: 0.1, S_amplitude: 0.5")))
-    assert excitations(program.program()) == ()
+    assert list_excitations(program.program()) == ()
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_a_joint_that_is_lost_or_stands_still_has_no_response(q: float, reason: 
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
     columns = columns_of(program)
     columns["q"] = np.full_like(columns["q"], q)
-    figures = response_figures(columns, program)
+    figures = compute_response_metrics(columns, program)
     assert (figures.bandwidth_q_Hz, figures.resonance_q_dB, figures.lag_q_deg) == (None, None, None)
     assert all(reason in figures.reasons[name] for name in ("bandwidth_q_Hz", "resonance_q_dB", "lag_q_deg"))
 
@@ -137,7 +137,7 @@ def test_a_joint_that_is_lost_or_stands_still_has_no_response(q: float, reason: 
 def test_an_excitation_right_after_a_sine_is_one_of_its_own_reference() -> None:
     sine = "{do: sine, q_amplitude: 0.2, period_s: 2, duration_s: 4}"
     program = plan_of(with_parts(LEAD_IN, sine, MULTISINE.replace("q_amplitude: 0.1", "S_amplitude: 0.5"))).program()
-    assert [one.signal for one in excitations(program)] == ["S"]
+    assert [one.signal for one in list_excitations(program)] == ["S"]
 
 
 def lags(f: Array, lag_s: float, count: int) -> NDArray[np.complex128]:
@@ -149,20 +149,20 @@ def test_the_bandwidth_does_not_hang_on_where_the_lines_are(count: int, within: 
     """From lines far below the bandwidth to a lowest one at which the gain is 0.6: equal lags, in closed form."""
     lag_s = 0.5
     exact = np.sqrt(2.0 ** (1.0 / count) - 1.0) / (2.0 * np.pi * lag_s)
-    highest = np.sqrt(LEAST_LOW_GAIN ** (-2.0 / count) - 1.0) / (2.0 * np.pi * lag_s)
+    highest = np.sqrt(LOW_GAIN_MIN ** (-2.0 / count) - 1.0) / (2.0 * np.pi * lag_s)
     for lowest in np.geomspace(0.02 * exact, 0.999 * highest, 40):
         f = lowest * np.arange(1, 81)
-        found, reason = bandwidth(Response("q", f, lags(f, lag_s, count)))
+        found, reason = compute_bandwidth(Response("q", f, lags(f, lag_s, count)))
         assert reason == ""
         assert found == pytest.approx(exact, rel=within)
         two_thirds = 0.6 * exact
         phase = -np.degrees(count * np.arctan(2.0 * np.pi * two_thirds * lag_s))
-        assert -lag_at(Response("q", f, lags(f, lag_s, count)), two_thirds) == pytest.approx(phase, rel=0.05)
+        assert -compute_lag(Response("q", f, lags(f, lag_s, count)), two_thirds) == pytest.approx(phase, rel=0.05)
 
 
 def test_a_bandwidth_far_below_the_lowest_line_is_not_measured() -> None:
     f = np.array([0.5, 1.0, 1.5])
-    found, reason = bandwidth(Response("q", f, lags(f, 0.5, 2)))
+    found, reason = compute_bandwidth(Response("q", f, lags(f, 0.5, 2)))
     assert found is None
     assert reason.startswith("its gain is 0.29 already at 0.5 Hz, the lowest line")
 
@@ -171,7 +171,9 @@ def test_the_resonance_is_that_over_the_gain_at_rest() -> None:
     f = np.linspace(0.05, 3.0, 400)
     s = 2j * np.pi * f
     peaked = Response("q", f, np.asarray(1.0 / ((s / 6.0) ** 2 + 0.4 * s / 6.0 + 1.0)))
-    assert resonance(peaked) == pytest.approx(-20.0 * np.log10(0.4 * np.sqrt(1.0 - 0.2**2)), abs=0.001)
-    assert resonance(Response("q", f, lags(f, 0.5, 2))) == 0.0
+    assert compute_resonance(peaked) == pytest.approx(-20.0 * np.log10(0.4 * np.sqrt(1.0 - 0.2**2)), abs=0.001)
+    assert compute_resonance(Response("q", f, lags(f, 0.5, 2))) == 0.0
     # The lowest line lies above the resonance already: it is the largest of all lines, not 0 dB by definition.
-    assert resonance(Response("q", f[150:], peaked.H[150:])) == pytest.approx(20.0 * np.log10(abs(peaked.H[150])))
+    assert compute_resonance(Response("q", f[150:], peaked.H[150:])) == pytest.approx(
+        20.0 * np.log10(abs(peaked.H[150]))
+    )

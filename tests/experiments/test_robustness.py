@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from backend.analysis.disturbance_metrics import BACK_SHARE, RobustnessColumns, robustness_figures
-from backend.analysis.step_metrics import NoSamplesError, load_steps
+from backend.analysis.disturbance_metrics import RETURN_SHARE, RobustnessColumns, compute_robustness_metrics
+from backend.analysis.step_metrics import NoSamplesError, list_load_steps
 from backend.execution.runner import RunRequest, run_experiment
 from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan, experiments_by_name
@@ -33,7 +33,7 @@ from tests.realtime.bench_top import BenchTop
 
 HOLD_S, LOAD_NM = 2.5, 0.375
 PLAN = build_ready_plan("robustness", hold_s=HOLD_S, load_Nm=LOAD_NM)
-STEPS = load_steps(PLAN.program())
+STEPS = list_load_steps(PLAN.program())
 LAM = LoopSettings().lam_motor
 COUNT_RAD = 2.0 * np.pi / 8000
 
@@ -87,7 +87,7 @@ def test_both_motors_answer_the_load_as_the_linear_loop_does(
 def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
     ideal: PlantParameters, columns: RobustnessColumns
 ) -> None:
-    found = robustness_figures(columns, STEPS, 0.0)
+    found = compute_robustness_metrics(columns, STEPS, 0.0)
     law, K_t = make_motor_loops(ideal, 0.0854).A, ideal.make_dynamics().motor_A.K_t
     for integral in (found.error_integral_A, found.error_integral_B):
         assert integral == pytest.approx(LOAD_NM / (K_t * law.k_i), rel=0.05)
@@ -104,9 +104,9 @@ def test_the_load_is_on_when_the_plan_says_so(columns: RobustnessColumns) -> Non
 
 def test_a_deviation_that_does_not_end_or_is_lost_in_the_encoder_passes_nothing(columns: RobustnessColumns) -> None:
     lasting = {**columns, "theta_A": columns["theta_A"] + 0.1 * (np.arange(columns["q"].size) > LEAD_IN_S / T_s)}
-    coarse = robustness_figures(columns, STEPS, 1.0)
+    coarse = compute_robustness_metrics(columns, STEPS, 1.0)
     for found, reason in (
-        (robustness_figures(lasting, STEPS, 0.0), "% of its largest deviation, to one side: hold the load"),
+        (compute_robustness_metrics(lasting, STEPS, 0.0), "% of its largest deviation, to one side: hold the load"),
         (coarse, "less than 20 encoder counts"),
     ):
         back = robustness_criteria(found, LAM)[0]
@@ -144,7 +144,7 @@ def test_a_motor_that_rests_off_its_reference_fails_and_says_by_how_much(tmp_pat
     error = np.abs(source.columns["theta_A_ref"] - source.columns["theta_A"])[window]
     late = error[error.size // 2 :].max()
     assert swing == pytest.approx(100.0 * late / error.max(), abs=1.0)
-    assert late > BACK_SHARE * error.max()
+    assert late > RETURN_SHARE * error.max()
     assert "to one side" in back.reason  # its integrators rest where joint and stiffness are at their references
     report = build_report(source)
     assert report.outcome == "failed"
@@ -154,12 +154,12 @@ def test_a_motor_that_rests_off_its_reference_fails_and_says_by_how_much(tmp_pat
 def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: RobustnessColumns) -> None:
     early = {name: column[:-3000] for name, column in columns.items()}
     with pytest.raises(NoSamplesError, match="loaded and let go"):
-        robustness_figures(early, STEPS, 0.0)
+        compute_robustness_metrics(early, STEPS, 0.0)
 
 
 def test_the_report_says_what_was_measured_and_by_which_load(source: RunData) -> None:
     assert source.result is not None
-    figures = robustness_figures(source.columns, STEPS, 0.0)
+    figures = compute_robustness_metrics(source.columns, STEPS, 0.0)
     stored = {item.name: item.value for item in source.result.metrics.figures}
     assert stored == pytest.approx({name: getattr(figures, name) for name in stored})
     report = build_report(source)
@@ -173,7 +173,7 @@ def test_the_report_says_what_was_measured_and_by_which_load(source: RunData) ->
 )
 def test_what_is_no_deviation_at_all_passes_nothing(columns: RobustnessColumns, figure: float, reason: str) -> None:
     still = {**columns, "theta_A": columns["theta_A_ref"] + figure}
-    found = robustness_figures(still, STEPS, 0.0)
+    found = compute_robustness_metrics(still, STEPS, 0.0)
     back = robustness_criteria(found, LAM)[0]
     assert back.passed is None
     assert reason in back.reason

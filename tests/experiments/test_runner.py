@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backend.analysis.step_metrics import tracking_metrics
+from backend.analysis.step_metrics import compute_tracking_metrics
 from backend.banks.builder import BankError, build_bank, build_tuning_command, list_point_models
 from backend.errors import OutOfRangeError
 from backend.execution.progress import RunPhase
@@ -107,9 +107,9 @@ def test_tracking_keeps_what_it_promises(
     assert [item.passed for item in outcome.evaluation.result.criteria] == [True] * 4
     columns, _ = read_recorded_columns(station.database, outcome.run.id)
     count = station.parameters.sensors.joint_step
-    to_the_count = tracking_metrics(columns, plan.program(), plan.phases(), q_count=count).overall
+    to_the_count = compute_tracking_metrics(columns, plan.program(), plan.phases(), q_count=count).overall
     assert figures["reach_q_s"] == to_the_count.reach_q_s
-    exact = tracking_metrics(columns, plan.program(), plan.phases()).overall
+    exact = compute_tracking_metrics(columns, plan.program(), plan.phases()).overall
     assert (figures["reach_q_s"] == exact.reach_q_s) == (count == 0.0)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from backend.analysis.identification import fit_spring_table, identify_motors, side_steps
+from backend.analysis.identification import extract_side_steps, fit_spring_table, identify_motors
 from backend.errors import OutOfRangeError
 from backend.execution.progress import RunPhase
 from backend.execution.runner import ExperimentRig, RunRequest, run_experiment
@@ -142,7 +142,7 @@ def test_steps_that_saturate_or_carry_load_are_refused_one_by_one(lab: PlantPara
             }
         )
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    cut = side_steps(columns, "A", lab)
+    cut = extract_side_steps(columns, "A", lab)
     assert [step.voltage for step in cut.steps] == [3.0]
     assert [voltage for voltage, _ in cut.refused] == [10.0, 4.0]
     assert "saturates" in cut.refused[0][1]

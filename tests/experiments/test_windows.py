@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from backend.analysis.disturbance_metrics import disturbance_figures
-from backend.analysis.step_metrics import NoSamplesError, find_pushes, load_steps, undisturbed_from
+from backend.analysis.disturbance_metrics import compute_disturbance_metrics
+from backend.analysis.step_metrics import NoSamplesError, find_pushes, find_undisturbed_end, list_load_steps
 from backend.realtime.program import Law, Program, Segment
 
 HELD = Segment(1.0, 0.0, 10.0)
@@ -28,14 +28,14 @@ def test_pushes_that_follow_each_other_are_one() -> None:
 
 
 def test_nothing_moves_until_the_next_push_or_reference() -> None:
-    assert undisturbed_from(PUSHED, 2000) == 4000
-    assert undisturbed_from(PUSHED, 4200) == 5200
+    assert find_undisturbed_end(PUSHED, 2000) == 4000
+    assert find_undisturbed_end(PUSHED, 4200) == 5200
 
 
 def test_a_reference_that_jumps_as_a_push_ends_disturbs_at_once() -> None:
     pushed = Segment(0.5, 0.0, 10.0, F_push=5.0)
     program = Program(Law.CASCADE, (HELD, pushed, Segment(2.0, 0.3, 10.0)))
-    assert undisturbed_from(program, 1500) == 1500
+    assert find_undisturbed_end(program, 1500) == 1500
 
 
 def test_loads_step_on_and_off_at_their_sides() -> None:
@@ -43,7 +43,7 @@ def test_loads_step_on_and_off_at_their_sides() -> None:
         Law.CASCADE,
         (HELD, Segment(0.5, 0.0, 10.0, load_A=0.2), HELD, Segment(0.4, 0.0, 10.0, load_A=0.1, load_B=0.3), HELD),
     )
-    assert [(step.side, step.window, step.on) for step in load_steps(program)] == [
+    assert [(step.side, step.window, step.on) for step in list_load_steps(program)] == [
         ("A", slice(1000, 1500), True),
         ("A", slice(1500, 2500), False),
         ("A", slice(2500, 2900), True),
@@ -51,7 +51,7 @@ def test_loads_step_on_and_off_at_their_sides() -> None:
         ("A", slice(2900, 3900), False),
         ("B", slice(2900, 3900), False),
     ]
-    assert load_steps(PUSHED) == ()
+    assert list_load_steps(PUSHED) == ()
 
 
 def columns(off_q: np.ndarray) -> dict[str, np.ndarray]:
@@ -74,7 +74,7 @@ def test_a_push_is_measured_while_it_lasts_and_until_the_joint_is_back() -> None
     off[2000:2300] = -0.03  # swings through
     off[4000:4200] = -0.08
     off[4200:4350] = -0.02
-    figures = disturbance_figures(columns(off), PUSHED)
+    figures = compute_disturbance_metrics(columns(off), PUSHED)
     assert figures.push_deviation_q == 0.08
     assert figures.push_deviation_S == pytest.approx(0.02)
     assert figures.push_back_s == pytest.approx(0.3)
@@ -85,13 +85,13 @@ def test_a_joint_that_is_not_back_or_holds_no_number_is_not_measured() -> None:
     for wrong in (0.03, np.nan):
         off = np.zeros(6200)
         off[2000:4000] = wrong
-        figures = disturbance_figures(columns(off), PUSHED)
+        figures = compute_disturbance_metrics(columns(off), PUSHED)
         assert figures.push_back_s is None
         assert "after the push that ended at 2 s the joint was still" in figures.reasons["push_back_s"]
 
 
 def test_a_run_that_ended_before_the_pushes_were_over_has_no_figures() -> None:
     with pytest.raises(NoSamplesError, match="before the pushes were over"):
-        disturbance_figures(columns(np.zeros(4100)), PUSHED)
+        compute_disturbance_metrics(columns(np.zeros(4100)), PUSHED)
     with pytest.raises(NoSamplesError, match="nothing pushes the joint"):
-        disturbance_figures(columns(np.zeros(4100)), Program(Law.CASCADE, (HELD,)))
+        compute_disturbance_metrics(columns(np.zeros(4100)), Program(Law.CASCADE, (HELD,)))

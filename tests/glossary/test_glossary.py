@@ -11,8 +11,8 @@ from typing import get_args
 import pytest
 
 from backend import analysis
-from backend.analysis.evaluation import FIGURES, figure_documents
-from backend.analysis.step_metrics import Whole
+from backend.analysis.evaluation import METRICS_BY_MEASURE, build_metric_documents
+from backend.analysis.step_metrics import WholeMetrics
 from backend.api.export import files
 from backend.commissioning.status import StepState
 from backend.faults import EXPLANATIONS, Fault, Limit
@@ -70,7 +70,7 @@ def test_every_member_of_what_may_be_shown_has_an_entry(kind: TermKind, members:
 
 
 def test_every_figure_of_a_result_is_explained_as_the_result_itself_does() -> None:
-    for measured in FIGURES.values():
+    for measured in METRICS_BY_MEASURE.values():
         for item in (one for one in vars(measured)["__dataclass_fields__"].values() if one.metadata):
             entry = of(TermKind.FIGURE)[item.name]
             said = {entry.meaning, *(text for _, text in entry.more)}
@@ -78,7 +78,7 @@ def test_every_figure_of_a_result_is_explained_as_the_result_itself_does() -> No
 
 
 def test_a_stored_figure_carries_a_definition_that_the_glossary_knows() -> None:
-    stored = figure_documents(Whole(min_tension_N=1.0, max_tension_N=2.0, peak_voltage_V=3.0))
+    stored = build_metric_documents(WholeMetrics(min_tension_N=1.0, max_tension_N=2.0, peak_voltage_V=3.0))
     assert [one.definition for one in stored] == [of(TermKind.FIGURE)[one.name].meaning for one in stored]
 
 

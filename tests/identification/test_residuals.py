@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import norm
 
-from backend.analysis.identification_views import _correlation
+from backend.analysis.identification_views import _build_correlation
 from backend.identification.models import CorrelationTest
 from backend.identification.validation import fit_autoregression, input_correlation, read_whiteness_test, whiteness
 from backend.models.identification import ACTUATOR_QUALITY
@@ -28,7 +28,7 @@ def test_a_point_is_outside_the_drawn_bound_exactly_where_the_test_fails(colour:
     outcomes = set()
     for seed in range(60):
         for found in made(seed, colour, follows=0.04 * colour / 0.06):
-            drawn = _correlation(found)
+            drawn = _build_correlation(found)
             inside = bool(np.all(np.abs(drawn["correlation"]) <= np.array(drawn["bound"])))
             assert inside is found.passed is drawn["passed"] is bool(drawn["statistic"] <= drawn["critical"])
             outcomes.add(inside)

@@ -88,14 +88,14 @@ def test_an_end_told_before_the_loop_died_stays(database: Database, writer: Writ
 def test_programs_ended_early_are_all_stopped_though_their_samples_are_stored_at_once(
     database: Database, writer: Writer
 ) -> None:
-    ended_early = [new_run(database), new_run(database)]
+    format_early_end = [new_run(database), new_run(database)]
     complete = new_run(database)
     recorder = Recorder(database, writer.ring)
-    for run in (*ended_early, complete):
+    for run in (*format_early_end, complete):
         writer.write(10, run.id)
         recorder.on_event(RunEnded(10, run.id, completed=run is complete, why=Cause.ASKED_FOR))
     writer.write(1)
     recorder.drain()
-    stopped = [stored_run(database, run.id) for run in ended_early]
+    stopped = [stored_run(database, run.id) for run in format_early_end]
     assert [(run.end_state, run.end_detail) for run in stopped] == [(EndState.STOPPED, EARLY)] * 2
     assert stored_run(database, complete.id).end_state == EndState.COMPLETED

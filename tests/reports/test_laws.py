@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backend.analysis.evaluation import USED, find_control_law, select_used_settings
+from backend.analysis.evaluation import USED_SETTINGS, find_control_law, select_used_settings
 from backend.banks.tuning_settings import TUNING_NAMES
 from backend.experiments.library import build_ready_plan, describe_plan_values, list_stored_values
 from backend.experiments.plans import LoopSettings
@@ -80,9 +80,9 @@ def test_what_is_left_out_changes_nothing_in_the_law(tuning_of: Any) -> None:
 
 
 def test_every_law_has_its_settings() -> None:
-    assert set(USED) == set(Law)
-    assert set(USED[Law.CASCADE]) == set(TUNING_NAMES)
-    assert set(TUNING_NAMES) - set(USED[Law.SINGLE_LOOP]) == CASCADE_ONLY
+    assert set(USED_SETTINGS) == set(Law)
+    assert set(USED_SETTINGS[Law.CASCADE]) == set(TUNING_NAMES)
+    assert set(TUNING_NAMES) - set(USED_SETTINGS[Law.SINGLE_LOOP]) == CASCADE_ONLY
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from backend.analysis.disturbance_metrics import compliance_figures
-from backend.analysis.evaluation import figure_documents
+from backend.analysis.disturbance_metrics import compute_compliance_metrics
+from backend.analysis.evaluation import build_metric_documents
 from backend.experiments.library import build_ready_plan, find_experiment, list_stored_values
 from backend.models.run import Metrics
 from backend.reports.build import build_report
@@ -34,9 +34,9 @@ def compliance_source() -> RunData:
         "F_A": 17 - push / 2,
         "F_B": 17 + push / 2,
     }
-    figures = compliance_figures(columns, 0.075, LEAD_IN_S)
+    figures = compute_compliance_metrics(columns, 0.075, LEAD_IN_S)
     metrics = Metrics(
-        complete=True, played_s=t[-1], planned_s=t[-1], figures=figure_documents(figures), phases=plan.phases()
+        complete=True, played_s=t[-1], planned_s=t[-1], figures=build_metric_documents(figures), phases=plan.phases()
     )
     assert tracked.result is not None
     criteria = compliance_criteria(figures)

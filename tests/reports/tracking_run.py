@@ -5,8 +5,8 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from backend.analysis.evaluation import tracking_document
-from backend.analysis.step_metrics import tracking_metrics
+from backend.analysis.evaluation import build_tracking_document
+from backend.analysis.step_metrics import compute_tracking_metrics
 from backend.experiments.library import build_ready_plan, list_stored_values
 from backend.experiments.plans import ExperimentPlan
 from backend.reports.run_data import RunData
@@ -48,7 +48,7 @@ def source_of(
     columns: dict[str, Array], *, end_state: str = "completed", note: str = "", bank: bool = False
 ) -> RunData:
     parameters = load_parameters("ideal")
-    metrics = tracking_metrics(columns, PLAN.program(), PLAN.phases())
+    metrics = compute_tracking_metrics(columns, PLAN.program(), PLAN.phases())
     settings = {
         "plan": list_stored_values(PLAN),
         "loop": {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "seed": 7},
@@ -82,7 +82,7 @@ def source_of(
     result = Result(
         id=1,
         run_id=12,
-        metrics=tracking_document(metrics, PLAN.phases()),
+        metrics=build_tracking_document(metrics, PLAN.phases()),
         criteria=tracking_criteria(metrics, "ideal"),
         software="0.1.0",
         created_at=BEGAN,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from backend.analysis.evaluation import FIGURES
+from backend.analysis.evaluation import METRICS_BY_MEASURE
 from backend.models.settings import SettingError
 from backend.reports import study_map
 from backend.storage.studies import StudyPoint
@@ -73,7 +73,9 @@ def test_what_is_no_pick_is_refused() -> None:
 
 
 def test_figures_whose_worst_is_not_the_largest_are_there() -> None:
-    known = {item.name for figures in FIGURES.values() for item in fields(figures) if item.metadata} | set(LOOP_METRICS)
+    known = {item.name for figures in METRICS_BY_MEASURE.values() for item in fields(figures) if item.metadata} | set(
+        LOOP_METRICS
+    )
     assert {*LOWER_IS_WORSE, *NEITHER_IS_WORSE} <= known
     assert not set(LOWER_IS_WORSE) & set(NEITHER_IS_WORSE)
     assert WORST not in STATISTICS

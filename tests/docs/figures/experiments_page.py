@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from backend.analysis.disturbance_metrics import MeasuredPush, measure_pushes
 from backend.analysis.frequency_metrics import build_bode_lines
-from backend.analysis.step_metrics import load_steps
+from backend.analysis.step_metrics import list_load_steps
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Place, Prose, Rows, Table, Values
@@ -148,7 +148,7 @@ def _off(pushes: list[MeasuredPush]) -> str:
 def still_off(run: Experiment) -> float:
     """Return how far a motor is from its reference as a load ends, as a share of its largest deviation under it."""
     shares = []
-    for side, window, _ in load_steps(run.plan.program()):
+    for side, window, _ in list_load_steps(run.plan.program()):
         error = np.abs(run.played.columns[f"theta_{side}_ref"] - run.played.columns[f"theta_{side}"])[window]
         shares.append(error[-round(0.1 / T_s) :].mean() / error.max())
     return float(max(shares))

@@ -5,8 +5,8 @@ from functools import partial
 
 import numpy as np
 
-from backend.analysis.disturbance_metrics import robustness_figures
-from backend.analysis.step_metrics import load_steps
+from backend.analysis.disturbance_metrics import compute_robustness_metrics
+from backend.analysis.step_metrics import list_load_steps
 from backend.experiments.plans import LoopSettings
 from plant.interface import T_s
 from plant.parameters import load_parameters
@@ -45,8 +45,8 @@ def loaded() -> Found:
     """Return where the motors of `lab` are in the second half of 20 s under a load, and of 20 s without it again."""
     parameters = load_parameters("lab")
     run = experiment(parameters, "robustness", hold_s=LOADED_S)
-    columns, steps = run.played.columns, load_steps(run.plan.program())
-    figures = robustness_figures(columns, steps, parameters.sensors.motor_step)
+    columns, steps = run.played.columns, list_load_steps(run.plan.program())
+    figures = compute_robustness_metrics(columns, steps, parameters.sensors.motor_step)
     off: dict[tuple[bool, str], float] = {}
     moves = {True: 0.0, False: 0.0}
     for side, window, on in steps:

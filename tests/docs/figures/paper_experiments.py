@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from backend.analysis.disturbance_metrics import compliance_figures, robustness_figures
-from backend.analysis.step_metrics import Overall, load_steps, tracking_metrics
+from backend.analysis.disturbance_metrics import compute_compliance_metrics, compute_robustness_metrics
+from backend.analysis.step_metrics import OverallMetrics, compute_tracking_metrics, list_load_steps
 from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from tests.docs.figures.places import Computation, Found, Prose, Table
@@ -62,10 +62,10 @@ def figure_7() -> Found:
 
 def figure_7_rows(parameters: PlantParameters) -> Iterator[list[str]]:
     run = experiment(parameters, "tracking")
-    metrics = tracking_metrics(
+    metrics = compute_tracking_metrics(
         run.played.columns, run.plan.program(), run.plan.phases(), q_count=parameters.sensors.joint_step
     )
-    all_of: Overall = metrics.overall
+    all_of: OverallMetrics = metrics.overall
     settled = max(item.settling_s or np.inf for item in metrics.steps if item.step.signal == "S" and item.step.alone)
     yield [
         "position follows steps between ±π/3 without overshoot",
@@ -109,7 +109,7 @@ def pushed(name: str, parameters: PlantParameters, profile: str) -> Found:
 def pushed_row(name: str, parameters: PlantParameters, profile: str) -> list[str]:
     """Return RMSE raw and aligned, the difference at rest before the first push, and how fast the pushes are."""
     columns, r_j = experiment(parameters, "compliance", profile=profile).played.columns, parameters.geometry.r_j
-    figures = compliance_figures(columns, r_j, LEAD_IN_S)
+    figures = compute_compliance_metrics(columns, r_j, LEAD_IN_S)
     pushed = round(LEAD_IN_S / T_s)
     expected = -columns["S_ref"] * columns["q"] / r_j
     rest = (columns["F_A"] - columns["F_B"] - expected)[pushed - round(1.0 / T_s) : pushed].mean()
@@ -122,7 +122,9 @@ def loaded(plant: str) -> Found:
     """Return one row: load, deviations of both motors, time until they are back, joint deviation, tensions."""
     parameters = load_parameters(plant)
     run = experiment(parameters, "robustness")
-    found = robustness_figures(run.played.columns, load_steps(run.plan.program()), parameters.sensors.motor_step)
+    found = compute_robustness_metrics(
+        run.played.columns, list_load_steps(run.plan.program()), parameters.sensors.motor_step
+    )
     back = f"{found.back_s:.2f}" if not found.reasons else f"not within {run.plan.values['hold_s']:g}"
     row = [
         f"here, `{plant}`", f"{run.plan.values['load_Nm']} N·m",
