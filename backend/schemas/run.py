@@ -1,4 +1,4 @@
-"""Schemas of stored runs: samples, search, flight records, log, figures, history."""
+"""Schemas of stored runs: flight records, lineage, samples, search, event log, statistics, replay."""
 
 from datetime import datetime
 from enum import StrEnum
@@ -10,24 +10,22 @@ from backend.models import DeclaredValue, Outcome, RunHeadline
 from backend.schemas.base import ANY_SIZE, HUGE, Schema, quantity
 from backend.storage import LONGEST, TAG_MAX, LogEntry
 
-# Flight --------------------------------------------------------------------------------------------
-#
-# Flight records: the seconds around each trip and each trigger.
+# Flight records ------------------------------------------------------------------------------------
 
 
 class FlightView(Schema):
-    """One trip or trigger, and the extent of what was kept around it."""
+    """Record of the samples around a trip or a trigger."""
 
     id: int
     at: datetime
     kind: Literal["trip", "trigger"]
-    who: str = Field(description="who pressed STOP or armed the trigger; empty where nobody did")
-    fault: str = Field(description="what tripped; of a trigger the word trigger")
+    who: str = Field(description="who pressed STOP or armed the trigger; else empty")
+    fault: str = Field(description="code of the fault; the word trigger for a trigger")
     text: str
     run: int | None
-    tick: int = Field(description="tick of the trip or trigger, of the loop that ran then")
-    before_s: float = quantity("s", "length kept before it")
-    after_s: float = quantity("s", "length kept from it on")
+    tick: int = Field(description="tick of the trip or trigger, counted by the control loop of that time")
+    before_s: float = quantity("s", "recorded time before it")
+    after_s: float = quantity("s", "recorded time after it")
 
 
 class FlightList(Schema):
@@ -42,13 +40,11 @@ class FlightMoment(Schema):
     t: float = quantity("s", "time since the trip or trigger", ge=-1e6, le=1e6)
 
 
-# History -------------------------------------------------------------------------------------------
-#
-# Where things came from, what happened in a run, and how far the set-up has got.
+# Lineage, events and set-up ------------------------------------------------------------------------
 
 
 LONGEST_S = 1e9
-"""Longer than any recording [s]: thirty years."""
+"""Bound of times in a recording [s], thirty years."""
 
 
 class LineageBank(Schema):
@@ -60,15 +56,15 @@ class LineageBank(Schema):
 
 
 class LineageEntry(Schema):
-    """Where an entry of the bank in use came from."""
+    """Origin of an entry of the bank of a run."""
 
-    name: str = Field(description="what the entry is called, by its tension")
-    S_nominal: float = quantity("N·m/rad", "nominal point")
-    run: int | None = Field(description="identification run; null for data from elsewhere or from geometry")
+    name: str = Field(description="name of the entry, from its tension")
+    S_nominal: float = quantity("N·m/rad", "stiffness of the operating point")
+    run: int | None = Field(description="identification run; null for imported data and geometric gains")
 
 
 class LineageKind(StrEnum):
-    """What a box of the lineage is about."""
+    """Kind of a node of the lineage."""
 
     RUN = "run"
     GAINS = "gains"
@@ -80,7 +76,7 @@ class LineageKind(StrEnum):
 
 
 class LineageNode(Schema):
-    """A box of the lineage; ``run``, ``bank`` and ``identification`` say which page tells more of it."""
+    """A node of the lineage; ``run``, ``bank`` and ``identification`` link to its page."""
 
     id: str
     kind: LineageKind
@@ -88,29 +84,29 @@ class LineageNode(Schema):
     detail: str
     sha256: str | None = Field(description="digest of its content, in hex")
     no_sha256: str = Field(description="why there is no digest")
-    out_of_date: str = Field(description="what holds no more, empty where all does")
-    run: int | None = Field(description="the run it is, or the run whose samples it is")
+    out_of_date: str = Field(description="why it is out of date; empty if it is not")
+    run: int | None = Field(description="its run, or the run of its samples")
     bank: int | None
-    identification: int | None = Field(description="the identification by the number of its run")
-    origins: list[str] = Field(description="ids of what it came from")
+    identification: int | None = Field(description="run number of its identification")
+    origins: list[str] = Field(description="ids of the nodes that it depends on")
 
 
 class Lineage(Schema):
-    """Back to raw data and forth to what came of it."""
+    """Data that a run depends on, back to raw data, and results that depend on the run."""
 
     run: int
     software: str
     parameters: str
-    parameters_as_now: bool = Field(description="the plant's parameters are still those of this run")
-    bank: LineageBank | None = Field(description="bank in use; null while the gains came from geometry")
+    parameters_as_now: bool = Field(description="the parameters of the plant are still those of this run")
+    bank: LineageBank | None = Field(description="bank of the run; null for geometric gains")
     entries: list[LineageEntry]
     banks_built: list[LineageBank] = Field(description="banks with an entry that was identified from this run")
     runs_with_them: list[int] = Field(description="newest runs that used these banks")
-    nodes: list[LineageNode] = Field(description="the same as boxes, each with a digest of its content")
+    nodes: list[LineageNode] = Field(description="nodes of the lineage, each with a digest of its content")
 
 
 class RunMark(Schema):
-    """Something that happened during a run."""
+    """An event during a run."""
 
     t: float = quantity("s", "time since the run's first sample")
     kind: str
@@ -119,7 +115,7 @@ class RunMark(Schema):
 
 
 class RunMarks(Schema):
-    """What happened during a run, in order."""
+    """Events during a run, in order."""
 
     marks: list[RunMark]
 
@@ -128,24 +124,23 @@ class PlannedPart(Schema):
     """A named part of a program."""
 
     title: str
-    start_s: float = quantity("s", "begin, from that of the program")
-    end_s: float = quantity("s", "end, from the begin of the program")
+    start_s: float = quantity("s", "start, from the start of the program")
+    end_s: float = quantity("s", "end, from the start of the program")
 
 
 class PlannedLine(Schema):
-    """What is asked for of one signal of the sample."""
+    """Planned values of one signal."""
 
-    name: str = Field(description="of the sample's column")
+    name: str = Field(description="column of the sample")
     unit: str
-    values: list[float | None] = Field(description="null where the plan leaves it open")
+    values: list[float | None] = Field(description="null where the program does not set the signal")
 
 
 class PlannedSignals(Schema):
-    """What a program asks for over its whole length, known before it plays.
+    """Signals that a program sets over its whole duration, known before its start.
 
-    Of an experiment the references and pushes, where it has any; of an identification its set points and excitation:
-    motor references without the force loop's trim, the voltage of steps, the tension that motor references give at
-    q = 0.
+    For an experiment, references and pushes. For an identification, operating points and excitation: motor references
+    without the trim of the force loop, the voltage of steps, the tension of the motor references at q = 0.
     """
 
     t: list[float] = Field(description="times since the program began [s]")
@@ -154,13 +149,13 @@ class PlannedSignals(Schema):
 
 
 class ReplayRequest(Schema):
-    """The moment to show."""
+    """Time in a replay to show."""
 
     t: float = quantity("s", "time since the run's first sample", ge=0.0, le=LONGEST_S)
 
 
 class ChecklistState(StrEnum):
-    """How far a step of the set-up is."""
+    """State of a step of the set-up."""
 
     MISSING = "missing"
     DONE = "done"
@@ -173,31 +168,29 @@ class ChecklistStep(Schema):
 
     name: str
     state: ChecklistState
-    detail: str = Field(description="what there is, or why it no longer holds")
+    detail: str = Field(description="the present result, or why it is out of date")
     run: int | None
     at: datetime | None
 
 
 class Checklist(Schema):
-    """The set-up in order; each step builds on those before."""
+    """Steps of the set-up in order; each builds on the earlier ones."""
 
     steps: list[ChecklistStep]
 
 
-# Run -----------------------------------------------------------------------------------------------
-#
-# Stored runs and their samples.
+# Runs and samples ----------------------------------------------------------------------------------
 
 
 class EvaluationView(StrEnum):
-    """Whether a run has its result."""
+    """State of the evaluation of a run."""
 
     NONE = "none"
-    """of a session, and of a run that is not over"""
+    """A session, or a run that has not ended."""
     UNDER_WAY = "under_way"
     DONE = "done"
     MISSING = "missing"
-    """it could not be computed; asked for again, it may be"""
+    """It failed, and may succeed when repeated."""
 
 
 class RunView(Schema):
@@ -205,7 +198,7 @@ class RunView(Schema):
 
     id: int
     kind: str
-    title: str = Field(description="what was run, in words")
+    title: str = Field(description="title of the experiment, identification or session")
     plant: str
     parameters: str
     who: str
@@ -213,42 +206,42 @@ class RunView(Schema):
     ended: datetime | None
     end_state: str
     end_reason: str
-    duration_s: float = quantity("s", "length of what was recorded")
+    duration_s: float = quantity("s", "duration of the recording")
     samples: int
     missing_samples: int | None = Field(
-        description="ticks that the recording lacks; more than 0 is an error of the run; null where the service died "
-        "while it recorded, so that how many were still to be stored is not known"
+        description="ticks that the recording lacks; more than 0 is an error of the run; null if the service died "
+        "during the recording, so that the number is unknown"
     )
-    samples_deleted: datetime | None = Field(description="when a person had the samples deleted to make room")
+    samples_deleted: datetime | None = Field(description="when a person deleted the samples to free space")
     settings: list[DeclaredValue]
     note: str
     tags: list[str]
-    station: str = Field(description="the rig whose service made it; empty where a database has one only")
-    origin: str = Field(description="where it was imported from; empty where it was made here")
+    station: str = Field(description="station of the run; empty for a database without stations")
+    origin: str = Field(description="installation it was imported from; empty if it was recorded here")
     evaluation: EvaluationView
-    evaluation_problem: str = Field(description="why the run has no result, where that is known")
-    outcome: Outcome | None = Field(description="how it counts; null for a session and for a run that is not over")
+    evaluation_problem: str = Field(description="why the run has no result, if known")
+    outcome: Outcome | None = Field(description="outcome by the criteria; null for a session and a run not yet ended")
     headline: RunHeadline | None = Field(
-        description="the first criterion that failed, else the first measured criterion, else the lower fit of an "
-        "identified actuator, else the first measured figure"
+        description="the first failed criterion, else the first measured criterion, else the lower fit of an "
+        "identified actuator, else the first measured metric"
     )
 
 
 class RunList(Schema):
-    """Runs, newest first, one page of them."""
+    """One page of runs, newest first."""
 
     runs: list[RunView]
     total: int
 
 
 class NoteRequest(Schema):
-    """What a person wants to remember about a run."""
+    """Note of a person about a run."""
 
     note: str = Field(max_length=4000)
 
 
 class SignalEnvelope(Schema):
-    """One signal over the times of the answer. Raw: minimum and maximum are the same values."""
+    """Minimum and maximum of one signal per bucket; both are the samples themselves if these are raw."""
 
     unit: str
     minimum: list[float | None]
@@ -256,57 +249,55 @@ class SignalEnvelope(Schema):
 
 
 class SamplesView(Schema):
-    """Samples of a run between two times, raw when few enough, else the min/max envelope."""
+    """Samples of a run between two times: raw if there are few, else minimum and maximum per bucket."""
 
     run: int
     raw: bool
-    width_s: float = quantity("s", "length of a bucket; of raw samples, their period")
+    width_s: float = quantity("s", "width of a bucket; the sampling period for raw samples")
     t: list[float] = quantity("s", "time since the run's first sample")
     signals: dict[str, SignalEnvelope]
 
 
-# Run search ----------------------------------------------------------------------------------------
-#
-# Finding runs: searches, tags, metrics over dates.
+# Search, tags and metrics over time ----------------------------------------------------------------
 
 
 SEARCH_NAME_MAX = 60
 
 
 class SearchWords(Schema):
-    """What runs can be searched by at present."""
+    """Fields and values that a search of the stored runs can use."""
 
     station: str = Field(description="the station of this service")
-    stations: list[str] = Field(description="all that have made runs")
-    fields: list[str] = Field(description="what every run has")
+    stations: list[str] = Field(description="all stations with runs")
+    fields: list[str] = Field(description="fields of every run")
     kinds: list[str]
     ends: list[str]
     verdicts: list[str]
     tags: list[str]
-    values: dict[str, list[str]] = Field(description="names by what they are of: parameter, setting, metric")
+    values: dict[str, list[str]] = Field(description="names of parameters, settings and metrics, by these kinds")
 
 
 class SearchText(Schema):
-    """A search, as it is typed."""
+    """A search as typed."""
 
     where: str = Field(max_length=LONGEST)
 
 
 class SavedSearch(SearchText):
-    """A search under a name."""
+    """A search with a name."""
 
     name: str
     who: str
 
 
 class SavedSearchList(Schema):
-    """All of them, by name."""
+    """All saved searches, by name."""
 
     searches: list[SavedSearch]
 
 
 class TagRequest(Schema):
-    """A tag."""
+    """A tag to add or remove."""
 
     tag: str = Field(max_length=10 * TAG_MAX)
 
@@ -318,7 +309,7 @@ class TagList(Schema):
 
 
 class MetricName(Schema):
-    """A metric that runs of a kind have."""
+    """A metric of runs of a kind."""
 
     name: str
     label: str
@@ -334,27 +325,25 @@ class MetricPoint(Schema):
 
 
 class MetricHistory(Schema):
-    """A metric of one kind of runs over their dates, oldest first."""
+    """A metric of the runs of one kind over their dates, oldest first."""
 
     kind: str
-    metric: MetricName | None = Field(description="null where no run of the kind was evaluated")
-    metrics: list[MetricName] = Field(description="those that can be asked for, as the newest evaluated run has them")
+    metric: MetricName | None = Field(description="null if no run of the kind was evaluated")
+    metrics: list[MetricName] = Field(description="available metrics: those of the newest evaluated run")
     points: list[MetricPoint]
-    without: int = Field(description="runs that fit but have no value of it")
-    left_out: int = Field(description="older points that are not told, as there are too many")
+    without: int = Field(description="number of matching runs without a value")
+    left_out: int = Field(description="number of older points omitted because there are too many")
 
 
-# Sheet ---------------------------------------------------------------------------------------------
-#
-# A sheet of charts, as the page has drawn it.
+# Chart sheet ---------------------------------------------------------------------------------------
 
 
 LONGEST_SHEET = 2 * 1024 * 1024
-"""Characters, and bytes of a body with them: sixty curves of four thousand points each, as the page sends them."""
+"""Maximum size in characters and in bytes: sixty curves of four thousand points each."""
 
 
 class ChartSheet(Schema):
-    """A drawing to be made a PDF of its size."""
+    """A drawing of the page to convert to a PDF of the same size."""
 
     svg: str = Field(
         min_length=1,
@@ -363,25 +352,23 @@ class ChartSheet(Schema):
     )
 
 
-# Timeline ------------------------------------------------------------------------------------------
-#
-# Everything that happened, as the log shows it.
+# Event log -----------------------------------------------------------------------------------------
 
 
 Instant = Annotated[AwareDatetime, Field(json_schema_extra={"maxLength": 40})]
-"""A time with its zone; what is longer than that is none."""
+"""A time with time zone; its text has at most 40 characters."""
 
 
 class Timeline(Schema):
-    """A page of it, newest first."""
+    """A page of the event log, newest first."""
 
     entries: list[LogEntry]
-    total: int = Field(description="how many there are of what is asked for, these included")
-    more_before: datetime | None = Field(description="ask for what was before this; null where there is no more")
+    total: int = Field(description="number of all entries that match the query")
+    more_before: datetime | None = Field(description="time before which to request the next page; null on the last one")
 
 
 class EventNote(Schema):
-    """What a person says of an event; with neither note nor tags it is taken off."""
+    """Note and tags of a person about an event; both empty remove them."""
 
     note: str = Field(default="", max_length=10_000)
     tags: list[Annotated[str, Field(max_length=10 * TAG_MAX)]] = Field(
@@ -389,13 +376,11 @@ class EventNote(Schema):
     )
 
 
-# Figures -------------------------------------------------------------------------------------------
-#
-# What is computed from every sample of a range of a recorded run.
+# Statistics and spectra ----------------------------------------------------------------------------
 
 
 class ReadRange(Schema):
-    """The range that was read: its first and last tick, and how many samples it has."""
+    """Range of a recording that was read."""
 
     run: int
     from_s: float = quantity("s", "first tick of the range since the run's first sample")
@@ -406,15 +391,15 @@ class ReadRange(Schema):
 
 
 class SignalStatistics(Schema):
-    """Statistics of one signal; null where no sample has a value."""
+    """Statistics of one signal; null if no sample has a value."""
 
     unit: str
-    values: int = Field(description="samples that have a value: the statistics are computed from all of them")
-    without_value: int = Field(description="samples that have none: not measured, or not in force at that time")
+    values: int = Field(description="number of samples with a value; the statistics use all of them")
+    without_value: int = Field(description="number of samples without one: not measured, or not active at that time")
     minimum: float | None
-    minimum_s: float | None = quantity("s", "when the minimum is reached first, since the run's first sample")
+    minimum_s: float | None = quantity("s", "first time of the minimum since the run's first sample")
     maximum: float | None
-    maximum_s: float | None = quantity("s", "when the maximum is reached first, since the run's first sample")
+    maximum_s: float | None = quantity("s", "first time of the maximum since the run's first sample")
     mean: float | None
     deviation: float | None = Field(description="standard deviation about the mean, divided by the number of values")
 
@@ -426,16 +411,16 @@ class RecordedStatistics(ReadRange):
 
 
 class SignalSpectrum(Schema):
-    """Power spectral density of one signal at 1, 2, ... times ``step_Hz``; without ``reason`` there is one."""
+    """Power spectral density of one signal at 1, 2, ... times ``step_Hz``."""
 
     unit: str
-    reason: str = Field(description="why there is no spectrum, empty where there is one")
-    values: int = Field(description="samples of the range that have a value")
-    without_value: int = Field(description="samples that have none: not measured, or not in force at that time")
-    used: int = Field(description="samples that lie in a segment; those of shorter stretches between gaps do not")
+    reason: str = Field(description="why there is no spectrum; else empty")
+    values: int = Field(description="number of samples of the range with a value")
+    without_value: int = Field(description="number of samples without one: not measured, or not active at that time")
+    used: int = Field(description="number of samples in segments; ranges between gaps may be shorter than a segment")
     segment: int = Field(description="length of a segment in samples")
     segments: int
-    step_Hz: float = quantity("Hz", "distance of the frequencies")
+    step_Hz: float = quantity("Hz", "frequency resolution")
     noise_bandwidth_Hz: float = quantity(
         "Hz", "equivalent noise bandwidth; a sine has the amplitude sqrt(2 density bandwidth)"
     )
@@ -452,14 +437,14 @@ class RecordedSpectra(ReadRange):
 
 
 class StatisticsLine(Schema):
-    """One line of the answer: how much has been read; the last line has the result."""
+    """One line of the streamed response: the progress; the last line has the result."""
 
     share: float = Field(description="share of the range that has been read, 0 to 1")
     result: RecordedStatistics | None = None
 
 
 class SpectraLine(Schema):
-    """One line of the answer: how much has been read; the last line has the result."""
+    """One line of the streamed response: the progress; the last line has the result."""
 
     share: float = Field(description="share of the range that has been read, 0 to 1")
     result: RecordedSpectra | None = None
@@ -468,40 +453,38 @@ class SpectraLine(Schema):
 class Moment(Schema):
     """The values of signals at the sample at or before a time."""
 
-    at_s: float = quantity("s", "time that was asked for, since the run's first sample")
+    at_s: float = quantity("s", "requested time since the run's first sample")
     t: float = quantity("s", "time of the sample")
-    values: dict[str, float | None] = Field(description="SI; null where the sample has no value")
+    values: dict[str, float | None] = Field(description="SI; null if the sample has no value")
 
 
 class RecordedValues(Schema):
     """The values of signals at some times of a recorded run."""
 
     run: int
-    period_s: float = quantity("s", "sampling period; an older sample means that later ones are missing")
+    period_s: float = quantity("s", "sampling period; a sample older than that means that later ones are missing")
     moments: list[Moment]
 
 
-# Player --------------------------------------------------------------------------------------------
-#
-# The player of a recording that stands in place of a plant: where it is, and what it is asked for.
+# Replay --------------------------------------------------------------------------------------------
 
 
 class PlayerView(Schema):
-    """Where the player stands; ``t`` holds for ``tick``, and grows by ``speed`` from there on while it plays."""
+    """Position of a replay: ``t`` is the time at ``tick``, and grows by ``speed`` per second during playback."""
 
-    title: str = Field(description="what is played: the run, else the name of the file")
+    title: str = Field(description="title of the run, or name of the file")
     t: float = quantity("s", "time in the recording, from its first sample")
     tick: int
     duration_s: float = quantity("s", "time of its last sample")
     playing: bool
-    ended: bool = Field(description="whether it stands at the last sample")
-    speed: float = Field(description="seconds of the recording in a second")
+    ended: bool = Field(description="whether the position is the last sample")
+    speed: float = Field(description="seconds of the recording per second")
     speed_min: float
     speed_max: float
 
 
 class PlayerOrder(Schema):
-    """What the player is to do; null leaves a thing as it is."""
+    """Changes of a replay; null changes nothing."""
 
     playing: bool | None = None
     speed: float | None = Field(
@@ -511,9 +494,9 @@ class PlayerOrder(Schema):
 
 
 class PlayedRecording(Schema):
-    """The recording that is played, and what happened in it."""
+    """The recording of a replay, and its events."""
 
     title: str
-    run: int | None = Field(description="number of the run that the file says it holds; null where it says none")
+    run: int | None = Field(description="number of the run in the file; null if the file has none")
     duration_s: float = quantity("s", "time of its last sample")
-    marks: list[RunMark] = Field(description="what happened, in order; t from the first sample")
+    marks: list[RunMark] = Field(description="events in order; t from the first sample")

@@ -1,4 +1,4 @@
-"""Schemas of the live state: control, session, faults, touch, trigger, system."""
+"""Schemas of the live state: control lease, faults, system, contact, formulas, trigger and live messages."""
 
 from datetime import datetime
 from enum import StrEnum
@@ -19,16 +19,14 @@ from backend.schemas.session import PersonView
 from backend.schemas.tuning import ChosenTuning, TuningParts, TuningView
 from plant import Breakage, PlantKind, Sensor
 
-# Control -------------------------------------------------------------------------------------------
-#
-# Control of the actuator: who holds it, and how it is taken.
+# Control lease -------------------------------------------------------------------------------------
 
 
 PageKey = Annotated[str, Field(max_length=16, pattern="^[A-Za-z0-9_-]{16}$")]
 
 
 class ControlRequest(Schema):
-    """Take control; over from somebody else only if that is said."""
+    """Request for the control lease; another holder loses it only with ``take_over``."""
 
     take_over: bool = Field(default=False, description="take control although somebody else holds it")
     resume: PageKey | None = Field(
@@ -40,55 +38,55 @@ class ControlRequest(Schema):
 
 
 class Lease(Schema):
-    """Control was given: commands carry ``Sinew-Control: page.sequence``, the sequence counting 1, 2, 3 ..."""
+    """A granted control lease: commands have the header ``Sinew-Control: page.sequence``, sequence 1, 2, 3 ..."""
 
     epoch: int
-    page: PageKey = Field(description="known to this page alone, told to nobody else")
+    page: PageKey = Field(description="secret key of this page")
     name: str
 
 
 class HolderView(Schema):
-    """Who holds control."""
+    """The session that holds the control lease."""
 
     name: str
     epoch: int
-    page: bool = Field(description="a page, which is missed when it falls silent, or a script")
-    silent_s: float = quantity("s", "time since the holder was last heard")
-    lost: bool = Field(description="not heard any more: references are held, a soft stop follows")
+    page: bool = Field(description="true for a page, which must send heartbeats; false for a script")
+    silent_s: float = quantity("s", "time since the last heartbeat or command of the holder")
+    lost: bool = Field(description="no heartbeat received: references are held, a soft stop follows")
 
 
 Reason = Annotated[str, Field(max_length=200, description="why, in a few words; stands in the log")]
 
 
 class HandoverRequest(Schema):
-    """Ask whoever holds control for it, or offer it to somebody as the page that holds it."""
+    """Ask the holder for the control lease, or offer it to somebody as its holder."""
 
     reason: Reason
     to: str | None = Field(default=None, max_length=60, description="to whom it is offered; null asks for it")
 
 
 class HandoverAnswer(StrEnum):
-    """What one of the two says to a request or an offer."""
+    """Answer to a request for the control lease, or to an offer of it."""
 
     HAND_OVER = "hand_over"
     DECLINE = "decline"
-    """Of the holder: keep control; of who is offered it: do not take it; also what either takes back."""
+    """The holder keeps the lease, the other one does not take it, or either withdraws."""
 
 
 class HandoverReply(Schema):
-    """What is said to a request or an offer; whoever keeps control says why."""
+    """Reply to a request or an offer; a holder who keeps the lease gives a reason."""
 
     answer: HandoverAnswer
     reason: Reason = ""
 
 
 class HandoverStatus(StrEnum):
-    """How a request or an offer stands: the first three wait for somebody, the others are its end."""
+    """Status of a request or an offer: the first three are open, the others closed."""
 
     ASKED = "asked"
     OFFERED = "offered"
     HANDED = "handed"
-    """To who asked for it, whose page takes it now."""
+    """Granted to the page that asked, which takes it next."""
 
     TAKEN = "taken"
     DECLINED = "declined"
@@ -96,77 +94,73 @@ class HandoverStatus(StrEnum):
     LAPSED = "lapsed"
     LEFT = "left"
     FREED = "freed"
-    """Control was given up or lost, or who offered it does not hold it any more."""
+    """The lease was released or lost, or the one who offered it no longer holds it."""
 
 
 OPEN_HANDOVERS = (HandoverStatus.ASKED, HandoverStatus.OFFERED, HandoverStatus.HANDED)
-"""Those that wait for somebody."""
+"""Status of requests and offers that are open."""
 
 
 class HandoverView(Schema):
-    """Control that somebody asks for, or that is offered to somebody."""
+    """A request for the control lease, or an offer of it."""
 
     number: int
-    name: str = Field(description="who is to have it")
-    by: str = Field(description="who holds it: is asked, or offers it")
+    name: str = Field(description="who will hold the lease")
+    by: str = Field(description="who holds it at present")
     reason: str
     standing: HandoverStatus
-    answer: str = Field(description="why it was declined, or what was said beside handing it over")
-    offered: bool = Field(description="offered without being asked for")
-    epoch: int | None = Field(description="what others know the control by that was taken by this; null before")
+    answer: str = Field(description="reason or comment in the reply")
+    offered: bool = Field(description="offered by the holder without a request")
+    epoch: int | None = Field(description="epoch of the lease that this handover started; null before")
 
 
 # Faults --------------------------------------------------------------------------------------------
-#
-# What can go wrong, and how to make it happen where the plant is simulated.
 
 
 class SilentPart(StrEnum):
-    """What falls silent in the safety chain, the plant being whole."""
+    """Part of the safety chain that stops sending heartbeats in an injected fault."""
 
     SERVICE_SILENT = "service_silent"
     PAGE_SILENT = "page_silent"
 
 
 class Injection(Schema):
-    """One thing to break."""
+    """An injected fault."""
 
     kind: Breakage | SilentPart
     sensor: Sensor = Field(default=Sensor.Q, description="which reading, where the kind is about one")
 
 
 class FaultKind(Schema):
-    """A fault with its words, and what brings it about while the joint moves."""
+    """A fault with its texts, and the injection that causes it while the joint moves."""
 
     code: Fault
     message: str
     remedy: str
-    injection: Injection | None = Field(description="what to break; null where there is nothing to be broken")
-    by_hand: str = Field(description="what a person does instead; empty where something can be broken")
+    injection: Injection | None = Field(description="injection that causes it; null if there is none")
+    by_hand: str = Field(description="how a person can cause it instead; empty if there is an injection")
 
 
 class CardFault(Schema):
-    """Something that can go wrong with a card and its wires."""
+    """A fault of a card or its wires."""
 
     injection: Injection
-    says: str = Field(description="what is broken, as a person reads it")
-    leads_to: list[Fault] = Field(description="the faults it may end in while the joint moves")
+    says: str = Field(description="text that describes it")
+    leads_to: list[Fault] = Field(description="faults that it may cause while the joint moves")
 
 
 class FaultList(Schema):
-    """All faults there are, in the order of their codes; and what can be broken of the card, where it is virtual."""
+    """All faults in the order of their codes, and the faults of the virtual card that can be injected."""
 
     faults: list[FaultKind]
     card: list[CardFault]
 
 
 # System --------------------------------------------------------------------------------------------
-#
-# How the machine, the loop's timing, the disk and the database do; backups.
 
 
 class LatenessClass(Schema):
-    """Ticks that began later than one bound and not later than the next."""
+    """Number of ticks whose lateness lies between two bounds."""
 
     from_us: float = quantity("µs", "lower bound of the lateness")
     to_us: float | None = quantity("µs", "upper bound; null for none")
@@ -174,11 +168,11 @@ class LatenessClass(Schema):
 
 
 class DatabaseView(Schema):
-    """The database and the disk it lies on."""
+    """The database and its disk."""
 
     kind: str
     schema_revision: str | None
-    size_bytes: int | None = Field(description="null where another server keeps it")
+    size_bytes: int | None = Field(description="null for a database server")
     disk_free_bytes: int
 
 
@@ -191,7 +185,7 @@ class BackupView(Schema):
 
 
 class SystemView(Schema):
-    """What the System page shows beside the state."""
+    """Content of the System page, in addition to the state."""
 
     granted: RealTimeStatus | None = Field(description="null while no loop runs")
     lateness: list[LatenessClass] = Field(description="of the last minute's ticks")
@@ -201,13 +195,13 @@ class SystemView(Schema):
 
 
 class DatabaseCheck(Schema):
-    """All that is wrong with the database; empty when it is sound."""
+    """Errors found in the database."""
 
     problems: list[str]
 
 
 class DeletableRun(Schema):
-    """A run whose samples may go."""
+    """A run whose samples may be deleted."""
 
     run: int
     kind: str
@@ -218,14 +212,14 @@ class DeletableRun(Schema):
 
 
 class RecordingsView(Schema):
-    """What recordings take, and which may go, oldest first; empty while they take less than the limit."""
+    """Size of the recordings, and those that may be deleted, oldest first; none while they are below the limit."""
 
     total_bytes: int
     limit_bytes: int
-    in_use_bytes: int = Field(description="of runs that models, results or reports came from: these never go")
-    keep_days: int = Field(description="nothing younger may go")
+    in_use_bytes: int = Field(description="of runs that models, results or reports depend on, which are never deleted")
+    keep_days: int = Field(description="age in days before which no recording is deleted")
     may_go: list[DeletableRun]
-    says: str = Field(description="empty while there is nothing to decide")
+    says: str = Field(description="text for the operator; empty if there is nothing to decide")
 
 
 class RemovalRequest(Schema):
@@ -234,48 +228,48 @@ class RemovalRequest(Schema):
     runs: Annotated[list[RowNumber], FailFast()] = Field(min_length=1, max_length=10_000)
 
 
-# Touch ---------------------------------------------------------------------------------------------
+# Contact -------------------------------------------------------------------------------------------
 #
-# Touch: the outside force, what was learned of it, and the joint that gives way.
+# Bias of the external force, and contact reaction.
 
 
 class TouchPoint(Schema):
-    """What is estimated at one stiffness with nothing outside."""
+    """Bias of the external force at one stiffness."""
 
-    S: float = quantity("N·m/rad", "joint stiffness at which it was learned")
-    F: float = quantity("N", "mean of the estimate with nothing outside, taken off from then on")
+    S: float = quantity("N·m/rad", "joint stiffness at which it was calibrated")
+    F: float = quantity("N", "mean of the estimate without external force, subtracted from then on")
     std_N: float = quantity("N", "standard deviation of the estimate at rest")
 
 
 class ContactView(Schema):
-    """The contact that the joint gives way to."""
+    """The contact that the joint reacts to."""
 
-    F_ext_hat: float = quantity("N", "outside force in the tick in which it was felt")
-    contact_N: float = quantity("N", "force from which on it counted as a contact")
+    F_ext_hat: float = quantity("N", "external force at the tick of its detection")
+    contact_N: float = quantity("N", "threshold of the detection")
     tick: int
 
 
 class SweepView(Schema):
-    """Learning over all of the stiffness by itself: how far it is, or how the last time ended."""
+    """Calibration of the bias over the stiffness range: progress, or result of the last one."""
 
     under_way: bool
-    point: int = Field(description="the one that is learned, or was when it ended, from 1")
+    point: int = Field(description="current or last point, from 1")
     points: int
     S_ref: float = quantity("N·m/rad", "stiffness reference at that point", **ANY_SIZE)
-    why: str = Field(description="why it ended before its end; empty where it did not")
+    why: str = Field(description="reason for an early end; else empty")
 
 
 class TouchView(Schema):
-    """What is in force of touch."""
+    """Bias and contact reaction that are active."""
 
-    contact_N: float = quantity("N", "force from which on the joint gives way; 0 for never")
-    learned: list[TouchPoint] = Field(description="by rising stiffness; between them straight lines are taken off")
-    felt: ContactView | None = Field(description="given way to at present; null for none")
-    sweep: SweepView | None = Field(default=None, description="learning over S by itself; null where there was none")
+    contact_N: float = quantity("N", "threshold of the contact reaction; 0 for none")
+    learned: list[TouchPoint] = Field(description="bias by rising stiffness, interpolated linearly")
+    felt: ContactView | None = Field(description="contact that the joint reacts to at present; null for none")
+    sweep: SweepView | None = Field(default=None, description="calibration over the stiffness range; null for none")
 
 
 class TouchOrder(Schema):
-    """What is to change: null and false leave what is."""
+    """Changes of bias and contact reaction; null and false change nothing."""
 
     contact_N: float | None = quantity(
         "N", "force from which on the joint gives way to a contact, 0 for never", default=None, **ANY_SIZE
@@ -287,16 +281,14 @@ class TouchOrder(Schema):
     )
 
 
-# Formula -------------------------------------------------------------------------------------------
-#
-# Derived signals by formula: as written, and as the steps that compute them.
+# Derived signals -----------------------------------------------------------------------------------
 
 
 FormulaName = Annotated[str, Field(min_length=1, max_length=20, pattern="^[A-Za-z][A-Za-z0-9_]*$")]
 
 
 class FormulaText(Schema):
-    """What a person writes."""
+    """Formula of a derived signal."""
 
     expression: Annotated[str, Field(min_length=1, max_length=MAX_LENGTH), ONE_LINE] = Field(
         description="expression over signals in SI, as in experiments: + - * / % **, comparisons, min, max, abs, sqrt, "
@@ -309,12 +301,12 @@ class FormulaText(Schema):
 
 
 class FormulaView(FormulaText):
-    """A formula as it is in force."""
+    """A stored formula with its author and its compiled steps."""
 
     name: str
     who: str
     at: datetime
-    signals: list[str] = Field(description="the signals that it is made of")
+    signals: list[str] = Field(description="signals in the expression")
     steps: list[FormulaStep]
 
 
@@ -325,12 +317,10 @@ class FormulaList(Schema):
 
 
 # Trigger -------------------------------------------------------------------------------------------
-#
-# The trigger: what is waited for, and what it does at present.
 
 
 LONGEST_S = 60.0
-"""Longest time before a trigger, which the ring still holds, and longest time after it."""
+"""Maximum time before a trigger, limited by the ring buffer, and after it [s]."""
 
 CAPTURES_MAX = 100
 
@@ -338,7 +328,7 @@ _Value = Annotated[float, Field(ge=-HUGE, le=HUGE)]
 
 
 class TriggerOrder(Schema):
-    """A condition on one signal, and how much is kept around it."""
+    """A condition on one signal, and the time range to capture around it."""
 
     signal: str = Field(max_length=40, description="name of a signal of the sample, of a combined one, or of a formula")
     condition: ConditionKind = Field(description="a level, an edge through a level, or a window")
@@ -350,28 +340,26 @@ class TriggerOrder(Schema):
 
 
 class TriggerView(TriggerOrder):
-    """What was armed last, and what it does at present."""
+    """The trigger that was armed last, and its state."""
 
     unit: str = Field(description="SI unit of the signal")
-    says: str = Field(description="the condition in words, in SI")
+    says: str = Field(description="text of the condition, in SI")
     who: str
     at: datetime
     phase: Literal["armed", "capturing", "ended"]
     captured: int = Field(description="captures made so far")
-    left_s: float = quantity("s", "time until the capture under way is complete; 0 while none is")
-    ended: str = Field(description="why it waits for nothing any more; empty while it does")
+    left_s: float = quantity("s", "remaining time of the current capture; 0 without one")
+    ended: str = Field(description="why it is no longer armed; empty while it is")
 
 
 # State ---------------------------------------------------------------------------------------------
-#
-# The state of the session at the bench: mode, references, tuning, limits, faults.
 
 
 class PlantView(Schema):
-    """What is driven: its kind, its name as runs keep it, and in words how it is connected and timed."""
+    """The plant: its kind, its name in runs, and a text about its connection and timing."""
 
     kind: PlantKind
-    simulated: bool = Field(description="whether what moves is computed: it can be pushed, and broken to order")
+    simulated: bool = Field(description="whether the joint is simulated, so that pushes and faults can be injected")
     name: str
     says: str
     r_m: float = quantity("m", "radius of a motor's reel")
@@ -379,19 +367,17 @@ class PlantView(Schema):
 
 
 class LinkView(Schema):
-    """The road to the loop process."""
+    """Connection to the control loop process."""
 
     alive: bool
-    silent_s: float = quantity("s", "time since the loop's newest sample was seen")
-    starts: int = Field(description="how many times the loop process has been started by this service")
-    restarting: str = Field(
-        default="", description="purpose of the planned restart under way; empty while there is none"
-    )
+    silent_s: float = quantity("s", "age of the newest sample")
+    starts: int = Field(description="number of starts of the control loop by this service")
+    restarting: str = Field(default="", description="purpose of the current planned restart; empty without one")
     restarting_s: float | None = quantity("s", "time since that restart began; null while there is none", default=None)
 
 
 class TimingView(Schema):
-    """How well the loop keeps its period."""
+    """Timing of the control loop."""
 
     period_s: float = quantity("s", "sampling period")
     rate_Hz: float = quantity("Hz", "ticks per second over the last 5 s")
@@ -401,18 +387,18 @@ class TimingView(Schema):
 
 
 class References(Schema):
-    """What the cascade is asked to follow, as in force."""
+    """Active references of the cascade."""
 
     q_ref: float = quantity("rad", "joint position reference", **ANY_SIZE)
     S_ref: float = quantity("N·m/rad", "joint stiffness reference", **ANY_SIZE)
 
 
 class ReferencesView(Schema):
-    """References as the page shows them; where none are in force, what is measured, from where a mode would start."""
+    """Active references, or the measured values from which a mode would start."""
 
     q_ref: float = quantity("rad", "joint position reference", **ANY_SIZE)
     S_ref: float | None = quantity("N·m/rad", "joint stiffness reference; null while a tendon is slack", **ANY_SIZE)
-    in_force: bool = Field(description="whether something is asked to follow them; else they are what is measured")
+    in_force: bool = Field(description="whether the references are active; else they are measured values")
 
 
 class PushRequest(Schema):
@@ -423,7 +409,7 @@ class PushRequest(Schema):
 
 
 class WallView(Schema):
-    """An obstacle in a simulated joint's way."""
+    """Obstacle of a simulated joint."""
 
     q_wall: float = quantity("rad", "where it stands", **ANY_SIZE)
     side: Literal["above", "below"] = Field(default="above", description="on which side of that angle it stands")
@@ -432,36 +418,36 @@ class WallView(Schema):
 
 
 class WallOrder(Schema):
-    """What is to stand in the joint's way; null takes it away."""
+    """Obstacle to set; null removes it."""
 
     wall: WallView | None
 
 
 class TensionView(Schema):
-    """How stiff the joint is at rest with one tension in both tendons, wherever it stands."""
+    """Stiffness of the joint at rest with the same tension in both tendons."""
 
     F: float = quantity("N", "tension in both tendons")
     S: float = quantity("N·m/rad", "joint stiffness")
 
 
 class LimitsView(Schema):
-    """Where the operator's inputs end, and the lines the charts draw."""
+    """Bounds of the operator's inputs, and limits that the charts show."""
 
     q_min: float = quantity("rad", "smallest joint position reference")
     q_max: float = quantity("rad", "largest joint position reference")
     S_min: float = quantity("N·m/rad", "smallest stiffness reference")
     S_max: float = quantity("N·m/rad", "largest stiffness reference")
-    F_min: float = quantity("N", "slack line: least tendon tension wanted")
-    F_max: float = quantity("N", "tendon tension at which the spring is solid")
-    F_push_max: float = quantity("N", "largest external push, either way; 0 where nothing can push")
-    F_contact_min: float = quantity("N", "least outside force that a joint may give way to as a contact")
-    F_contact_max: float = quantity("N", "largest such force")
-    k_wall_min: float = quantity("N/m", "least stiffness of a wall in the joint's way; 0 where none can be put up")
-    k_wall_max: float = quantity("N/m", "largest such stiffness")
-    c_wall_max: float = quantity("s/m", "largest damping of such a wall; the least is 0")
-    u_max: float = quantity("V", "largest motor voltage, either way")
-    q_trip: float = quantity("rad", "joint position at which the joint trips, either way")
-    tensions: list[TensionView] = Field(description="from slack to solid spring: where tension limits stiffness")
+    F_min: float = quantity("N", "smallest tendon tension that keeps a tendon taut")
+    F_max: float = quantity("N", "tendon tension at which the spring is fully compressed")
+    F_push_max: float = quantity("N", "largest external push in either direction; 0 if pushes are not possible")
+    F_contact_min: float = quantity("N", "smallest threshold of the contact reaction")
+    F_contact_max: float = quantity("N", "largest threshold of the contact reaction")
+    k_wall_min: float = quantity("N/m", "smallest stiffness of an obstacle; 0 if obstacles are not possible")
+    k_wall_max: float = quantity("N/m", "largest stiffness of an obstacle")
+    c_wall_max: float = quantity("s/m", "largest damping of an obstacle; the smallest is 0")
+    u_max: float = quantity("V", "largest motor voltage in either direction")
+    q_trip: float = quantity("rad", "joint position in either direction at which the control loop trips")
+    tensions: list[TensionView] = Field(description="stiffness from slack tendons to fully compressed springs")
 
 
 class FaultView(Schema):
@@ -473,18 +459,18 @@ class FaultView(Schema):
     tick: int
     expected: bool = Field(
         default=False,
-        description="whether this trip is a planned event: provoked by the bring-up",
+        description="whether commissioning caused this trip as planned",
     )
 
 
 class StopProof(Schema):
-    """What a stop took: when it arrived in the loop and when the outputs were at zero."""
+    """Proof of a STOP: the ticks of its arrival in the control loop and of zero volts."""
 
     arrived_tick: int
     zero_tick: int
     milliseconds: float = quantity("ms", "from arrival in the loop to zero volts")
     paused_recording: bool = Field(
-        default=False, description="whether a recording was paused: nothing is driven, and nothing is latched"
+        default=False, description="whether a replay was paused instead, which latches nothing"
     )
 
 
@@ -493,56 +479,56 @@ class ChainLinkView(Schema):
 
     name: Literal["page", "service", "loop", "watchdog", "safety_module"]
     good: bool
-    silent_s: float | None = quantity("s", "time since it was last heard; null where there is nothing to hear")
+    silent_s: float | None = quantity("s", "time since its last heartbeat; null for a link without heartbeats")
     says: str
 
 
 class PartView(Schema):
-    """The named part of a program that is being played; of an identification the set point, and what is done there."""
+    """Current named part of a program; for an identification, the operating point and its stage."""
 
     title: str
-    number: int = Field(description="which of the parts it is, from 1 on; set points count over all runs of the order")
+    number: int = Field(description="number of the part from 1; operating points count over all runs of the request")
     of: int
-    doing: Stage | None = Field(default=None, description="what is done at a set point; null in an experiment")
-    left_s: float = quantity("s", "time until the part is over")
+    doing: Stage | None = Field(default=None, description="stage at an operating point; null in an experiment")
+    left_s: float = quantity("s", "remaining time of the part")
     t: float = quantity("s", "time since the program began")
 
 
 class TaskView(Schema):
-    """The identification or experiment that is running."""
+    """The current identification or experiment."""
 
     kind: str
-    title: str = Field(default="", description="title of an experiment that is data; empty where the kind says it")
+    title: str = Field(default="", description="title of an experiment; empty for an identification")
     run: int
-    elapsed_s: float = quantity("s", "time since the task began")
-    duration_s: float = quantity("s", "expected length of the task")
+    elapsed_s: float = quantity("s", "time since the run began")
+    duration_s: float = quantity("s", "expected duration of the run")
     phase: RunPhase
-    part: PartView | None = Field(description="null where the program has no parts, or is not played")
-    number: int = Field(description="which run of its order this is, from 1 on")
-    following: int = Field(default=0, description="runs of the same order that follow this one")
-    pause_wanted: bool = Field(default=False, description="whether the next run of the order is to wait")
+    part: PartView | None = Field(description="null if the program has no parts or is not executed yet")
+    number: int = Field(description="number of this run in its request, from 1")
+    following: int = Field(default=0, description="number of later runs of the same request")
+    pause_wanted: bool = Field(default=False, description="whether the next run of the request will wait")
 
     @property
     def paused(self) -> bool:
-        """Whether the next run of its order waits, in pretension."""
+        """Whether the next run of the request waits, in pretension."""
         return self.phase is RunPhase.PAUSED
 
 
 class TrialView(TuningParts):
-    """A tuning on trial: when it ends; the tuning here is what comes back then."""
+    """A trial: the tuning that is restored at its end, and the time until then."""
 
-    remaining_s: float = quantity("s", "time until the earlier tuning is put back")
+    remaining_s: float = quantity("s", "time until the earlier tuning is restored")
     duration_s: float = quantity("s", "length of the trial")
 
 
 class ModeRequest(Schema):
-    """The mode wanted."""
+    """The requested mode."""
 
     mode: Mode
 
 
 class State(Schema):
-    """Everything the status line and the controls show."""
+    """State of actuator, control loop and service."""
 
     mode: Mode
     legal_modes: list[Mode]
@@ -556,45 +542,39 @@ class State(Schema):
     limits: LimitsView
     touch: TouchView
     fault: FaultView | None
-    unready: str = Field(description="what has to come before pretension on what is driven; empty where nothing has")
+    unready: str = Field(description="what this plant requires before pretension; empty if nothing")
     pretension_done: bool
     stop_proof: StopProof | None
     holder: HolderView | None
-    people: list[PersonView] = Field(description="who has a page open; a number tells persons of one name apart")
-    wishes: list[HandoverView] = Field(description="who asks for control or is offered it, and what came of that")
+    people: list[PersonView] = Field(description="persons with an open page; equal names get a number")
+    wishes: list[HandoverView] = Field(description="requests and offers of the control lease, with their status")
     chain: list[ChainLinkView] = Field(description="the safety chain in order, from the page to the safety module")
     task: TaskView | None
-    trial: TrialView | None = Field(description="a tuning that is reverted by itself")
+    trial: TrialView | None = Field(description="trial of a tuning; null without one")
     trigger: TriggerView | None = Field(
-        description="the trigger that was armed last since the service started; null where none was"
+        description="trigger that was armed last since the start of the service; null without one"
     )
-    wall: WallView | None = Field(description="what stands in a simulated joint's way; null where nothing does")
-    player: PlayerView | None = Field(default=None, description="where a recording stands that is played; else null")
+    wall: WallView | None = Field(description="obstacle of a simulated joint; null without one")
+    player: PlayerView | None = Field(default=None, description="position of a replay; null for other plants")
     own_tuning: ChosenTuning | None = Field(
-        description="what the operator had chosen, in force again after the run; null while no run has the tuning"
+        description="tuning of the operator, restored after the run; null unless a run applies a temporary tuning"
     )
-    earlier: ChosenTuning | None = Field(
-        description="what was in force before the last change, and is again once that is undone; null for nothing"
-    )
-    later: ChosenTuning | None = Field(
-        default=None,
-        description="what the last undo took back, and is in force again after a redo; null for nothing",
-    )
-    recording_run: int | None = Field(description="run that the samples belong to at present")
-    problems: list[str] = Field(description="what is wrong with the service without being a fault of the loop")
+    earlier: ChosenTuning | None = Field(description="tuning that an undo would restore; null without one")
+    later: ChosenTuning | None = Field(default=None, description="tuning that a redo would restore; null without one")
+    recording_run: int | None = Field(description="run that is being recorded; null without one")
+    problems: list[str] = Field(description="problems of the service other than faults of the control loop")
 
 
-# Live ----------------------------------------------------------------------------------------------
+# Live messages -------------------------------------------------------------------------------------
 #
-# The JSON messages of the websocket /api/live; the samples themselves travel in binary frames
-# (backend.wire).
+# JSON messages of the websocket /api/live; samples are sent in binary frames (backend.wire).
 
 
 Whole = Annotated[int, Field(ge=0, le=2**53)]
 
 
 class LayoutMessage(Schema):
-    """First message: how to read everything after it."""
+    """First message: the layout of all later messages."""
 
     type: Literal["layout"] = "layout"
     fields: list[SampleField]
@@ -605,13 +585,13 @@ class LayoutMessage(Schema):
 
 
 class StateMessage(State):
-    """The state, at once, on each change and at least twice a second."""
+    """The state, sent after the layout, on each change and at least twice a second."""
 
     type: Literal["state"] = "state"
 
 
 class MarkKind(StrEnum):
-    """What a mark on the time axis is about."""
+    """Kind of a mark on the time axis."""
 
     MODE = "mode"
     TUNING = "tuning"
@@ -633,7 +613,7 @@ class EventMessage(Schema):
 
 
 class Ping(Schema):
-    """Asked by the page to measure the link; ``control`` is the key of the control it holds, if it does."""
+    """Request of the page that measures the round-trip time; ``control`` is the key of its control lease, if any."""
 
     type: Literal["ping"] = "ping"
     id: Whole

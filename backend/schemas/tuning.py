@@ -10,9 +10,7 @@ from backend.plain_text import ONE_LINE
 from backend.schemas.base import ANY_SIZE, Finite, RowNumber, Schema, quantity
 from backend.storage import StoredFit
 
-# Bank ----------------------------------------------------------------------------------------------
-#
-# Banks: built from identification runs, compared, taken out and brought in.
+# Banks ---------------------------------------------------------------------------------------------
 
 
 Text = Annotated[str, Field(max_length=100), ONE_LINE]
@@ -20,19 +18,19 @@ BankName = Annotated[str, Field(min_length=1, max_length=60, description="name o
 
 
 class BankRequest(Schema):
-    """A new bank, or a new version of the bank of that name, from chosen identification runs."""
+    """Identification runs from which to build a bank, or a new version of the bank with this name."""
 
     name: BankName
     identifications: list[RowNumber] = Field(min_length=1, max_length=20)
 
 
 class BankEntryView(Schema):
-    """One point of a bank and the identification it came from."""
+    """One entry of a bank and its identification."""
 
-    identification: int | None = Field(description="identification run it came from; null for an imported entry")
+    identification: int | None = Field(description="run of its identification; null for an imported entry")
     tension_N: float | None = quantity("N", "tendon tension of the point")
     S_nominal: float = quantity("N·m/rad", "stiffness of the point")
-    q_nominal: float | None = quantity("rad", "joint position it was identified at; null where that is not known")
+    q_nominal: float | None = quantity("rad", "joint position of the identification; null if unknown")
     K_q: float
     T_q: float = quantity("s", "time constant of G_q")
     K_S: float
@@ -59,10 +57,10 @@ class BankList(Schema):
 
 
 class EntryLineage(Schema):
-    """Where the models of an entry came from, and how good they are."""
+    """Origin and quality of the models of an entry."""
 
-    identification: int | None = Field(description="identification run; null for data from elsewhere")
-    estimate: int = Field(description="number of the stored estimate, of which a run may have several")
+    identification: int | None = Field(description="identification run; null for imported data")
+    estimate: int = Field(description="number of the stored estimate; a run may have several")
     method: str
     verdict: str
     position: StoredFit
@@ -71,18 +69,18 @@ class EntryLineage(Schema):
     created: datetime
     who: str
     plant: str | None
-    parameters: str | None = Field(description="name of the parameter set of that run; its numbers are with the run")
+    parameters: str | None = Field(description="name of the parameter set of that run, which stores its values")
 
 
 class BankEntryDetail(Schema):
-    """An entry in full."""
+    """An entry with its gains, margins and lineage."""
 
     figures: BankEntryFigures
     lineage: EntryLineage | None = Field(description="null for an imported entry")
 
 
 class BankDetail(Schema):
-    """A bank in full, at the λ in force."""
+    """All entries of a bank, with gains for the active λ."""
 
     lam_q: float = quantity("s", "λ_q that the gains are for")
     lam_S: float = quantity("s", "λ_S that the gains are for")
@@ -90,7 +88,7 @@ class BankDetail(Schema):
 
 
 class BankDifference(Schema):
-    """What using other entries would change, at the λ in force."""
+    """Changes of gains and margins from one set of entries to another, for the active λ."""
 
     lam_q: float = quantity("s", "λ_q that the gains are for")
     lam_S: float = quantity("s", "λ_S that the gains are for")
@@ -98,7 +96,7 @@ class BankDifference(Schema):
 
 
 class BankFileEntry(Schema):
-    """One point in a bank's file."""
+    """One entry in the file of a bank."""
 
     S_nominal: Finite = quantity("N·m/rad", "stiffness of the point")
     K_q: Finite = Field(description="K of G_q")
@@ -109,7 +107,7 @@ class BankFileEntry(Schema):
 
 
 class BankOrigin(Schema):
-    """Where a bank's file came from."""
+    """Origin of the file of a bank."""
 
     bank: RowNumber
     version: RowNumber
@@ -128,47 +126,44 @@ class BankFile(Schema):
     entries: list[BankFileEntry] = Field(min_length=1, max_length=20)
 
 
-# Parameters ----------------------------------------------------------------------------------------
-#
-# The parameters in force: what the controller knows of motors and springs, by versions over the
-# parameter file.
+# Active parameters ---------------------------------------------------------------------------------
 
 
 class ParameterChange(Schema):
-    """An entry that a version changes, of one side; null where it has no such entry before or after."""
+    """An entry that a version changes; ``before`` or ``after`` is null if only the other has it."""
 
     name: str
     side: str
     unit: str
     before: float | None
     after: float | None
-    percent: float | None = Field(description="change in per cent of what it was; null where it was 0 or nothing")
+    percent: float | None = Field(description="change in per cent; null if the earlier value is 0 or missing")
 
 
 class ParameterVersion(Schema):
-    """A version; number 0 is the parameter file as it is."""
+    """A version of the parameters; number 0 is the parameter file."""
 
     number: int
-    digest: str = Field(description="of all numbers with their sources, as lineage shows it")
+    digest: str = Field(description="digest of all values with their sources, as in the lineage")
     who: str
     at: datetime | None
-    estimate: int | None = Field(description="stored identification that its values came from last")
+    estimate: int | None = Field(description="stored identification that was applied last")
     run: int | None = Field(description="run of that identification; null for a table")
-    undone: bool = Field(description="whether it put a former version back")
-    changes: list[ParameterChange] = Field(description="against the version before")
+    undone: bool = Field(description="whether it restored an earlier version")
+    changes: list[ParameterChange] = Field(description="changes from the previous version")
 
 
 class ParameterProposal(Schema):
-    """What applying an identification would change, or why it cannot be applied."""
+    """Changes that applying an identification would make, or why it cannot be applied."""
 
     estimate: int
-    problem: str = Field(description="why it cannot be applied; empty where it can")
+    problem: str = Field(description="why it cannot be applied; else empty")
     digest: str
     changes: list[ParameterChange]
 
 
 class ParametersView(Schema):
-    """The set in force, newest version first, and what was asked about an identification."""
+    """Active parameters, newest version first, and the proposal for an identification, if requested."""
 
     name: str
     versions: list[ParameterVersion]
@@ -176,27 +171,25 @@ class ParametersView(Schema):
 
 
 class ApplyRequest(Schema):
-    """The stored identification to apply, of motors or springs, by the number of its estimate."""
+    """Stored identification of motors or springs to apply, by the number of its estimate."""
 
     estimate: RowNumber
 
 
 class UndoRequest(Schema):
-    """The version to undo: the newest, as whoever undoes it sees it."""
+    """Version to undo, which must be the newest one."""
 
     version: RowNumber
 
 
 # Tuning --------------------------------------------------------------------------------------------
-#
-# λ of the three loops, what they would do, and where their ranges end.
 
 
 Motion = Literal["lambda", "time-optimal"]
 
 
 class BankReference(Schema):
-    """The bank in use."""
+    """A version of a bank."""
 
     id: int
     name: str
@@ -204,7 +197,7 @@ class BankReference(Schema):
 
 
 class TuningParts(Schema):
-    """A tuning, whatever is said of it: the parts of ``TuningSettings`` but for the bank."""
+    """Parts of ``TuningSettings`` without the bank."""
 
     lam_q: float = quantity("s", "tuning parameter of the position loop")
     lam_S: float = quantity("s", "tuning parameter of the stiffness loop")
@@ -213,32 +206,32 @@ class TuningParts(Schema):
     interpolate: bool = Field(description="gain scheduling between entries instead of switching")
     motion: Motion = Field(description="how references are followed: by the paper's law, or by a trajectory")
     u_plan: float = quantity("V", "voltage limit of time-optimal motion")
-    k_ext: float = quantity("1", "share of the estimated outside force that is fed forward against it; 0: none")
+    k_ext: float = quantity("1", "gain of the compensation of the estimated external force; 0 for none")
 
 
 class ChosenTuning(TuningParts):
-    """A tuning with the bank whose models it is for."""
+    """A tuning with its bank."""
 
-    bank: BankReference | None = Field(description="bank in use; None while the gains come from geometry")
+    bank: BankReference | None = Field(description="bank of the gains; null for geometric gains")
 
 
 class TuningView(ChosenTuning):
-    """The tuning in force."""
+    """The active tuning, with the ranges of its parts."""
 
-    lam_q_min: float = quantity("s", "smallest λ_q offered (M_s = 1.7 on the high-order model)")
-    lam_q_max: float = quantity("s", "largest λ_q offered")
-    lam_S_min: float = quantity("s", "smallest λ_S offered (M_s = 1.7 on the high-order model)")
-    lam_S_max: float = quantity("s", "largest λ_S offered")
-    lam_motor_min: float = quantity("s", "smallest λ_motor offered (M_s of the sampled loop at most 1.7)")
-    lam_motor_max: float = quantity("s", "largest λ_motor offered")
-    u_plan_min: float = quantity("V", "smallest voltage limit of time-optimal motion that is offered")
-    u_plan_max: float = quantity("V", "largest voltage limit offered: the rest is for load, friction and feedback")
-    entry: float = Field(description="active entry of the bank, fractional while interpolating")
-    entry_name: str = Field(description="what that entry is called, by its tension; empty without a bank")
+    lam_q_min: float = quantity("s", "smallest λ_q accepted (M_s = 1.7 on the high-order model)")
+    lam_q_max: float = quantity("s", "largest λ_q accepted")
+    lam_S_min: float = quantity("s", "smallest λ_S accepted (M_s = 1.7 on the high-order model)")
+    lam_S_max: float = quantity("s", "largest λ_S accepted")
+    lam_motor_min: float = quantity("s", "smallest λ_motor accepted (M_s of the sampled loop at most 1.7)")
+    lam_motor_max: float = quantity("s", "largest λ_motor accepted")
+    u_plan_min: float = quantity("V", "smallest voltage limit of time-optimal motion accepted")
+    u_plan_max: float = quantity("V", "largest voltage limit accepted: the rest is for load, friction and feedback")
+    entry: float = Field(description="active entry of the bank, fractional during interpolation")
+    entry_name: str = Field(description="name of that entry, from its tension; empty without a bank")
 
 
 class TuningRequest(Schema):
-    """The tuning wanted; what is left out stays as it is."""
+    """Requested changes of the tuning; parts that are null do not change."""
 
     lam_q: float | None = quantity("s", "tuning parameter of the position loop", default=None, **ANY_SIZE)
     lam_S: float | None = quantity("s", "tuning parameter of the stiffness loop", default=None, **ANY_SIZE)
@@ -256,50 +249,50 @@ class TuningRequest(Schema):
 
 
 class TrialRequest(TuningRequest):
-    """A tuning to try: the service itself puts the earlier one back."""
+    """A trial of a tuning, after which the service restores the earlier one."""
 
     duration_s: float = quantity("s", "how long it stays in force", ge=1.0, le=600.0)
 
 
 class SavedTuning(TuningParts):
-    """What the bank in use is meant to run with; ``who`` is null while nobody has saved: the defaults then."""
+    """Saved tuning of the active bank; the defaults, with ``who`` null, if nobody has saved one."""
 
     who: str | None
     at: datetime | None
-    moved: str = Field(description="which λ of the method's defaults is not offered here, and what stands for it")
+    moved: str = Field(description="which default λ of the method is not accepted here, and which value replaces it")
 
 
 class PrintedFormula(Schema):
-    """The loop with k_p = 2/(K λ) as table 2 prints it: erratum E1, for comparison only, never in force."""
+    """The loop with k_p = 2/(K λ) as printed in table 2 of the paper (erratum E1), for comparison only."""
 
     stable: bool
     M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
-    t: list[float] = quantity("s", "time of the step it would make; empty where λ does not make the steps")
+    t: list[float] = quantity("s", "time of its step; empty if λ does not determine the steps")
     y: list[float] = Field(description="progress of that step, 0 before it and 1 at the new reference [1]")
 
 
 class LoopPreview(Schema):
-    """How robust one outer loop is at a λ, at the stiffness and with the bank entry of the preview."""
+    """Robustness of one outer loop for a λ, at the stiffness and with the bank entry of the preview."""
 
-    lam: float = quantity("s", "λ previewed")
-    lam_min: float = quantity("s", "where the safe range begins")
-    lam_max: float = quantity("s", "where the offered range ends")
+    lam: float = quantity("s", "λ of the preview")
+    lam_min: float = quantity("s", "smallest λ accepted")
+    lam_max: float = quantity("s", "largest λ accepted")
     stable: bool
     M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
     gain_margin: float | None = Field(
         description="factor by which the gain may grow before instability; null when unstable or unlimited"
     )
     phase_margin_deg: float | None = quantity("°", "phase left before instability; null when unstable or unlimited")
-    printed: PrintedFormula | None = Field(description="with the printed formula; null where it was not asked for")
+    printed: PrintedFormula | None = Field(description="result with the printed formula; null if not requested")
 
 
 class StepPreview(Schema):
-    """A step of one reference, the other one held: simulated on the identified plant with its friction and sensors."""
+    """Simulated step of one reference at a constant other one, on the identified plant with friction and sensors."""
 
     start: float = Field(description="reference before the step [rad or N·m/rad]")
     end: float = Field(description="reference after it [rad or N·m/rad]")
-    rise_s: float | None = quantity("s", "when 90 % of the step are reached; null where they are not")
-    settling_s: float | None = quantity("s", "from when on it stays within 2 % of the step; null where it does not")
+    rise_s: float | None = quantity("s", "time to 90 % of the step; null if it is not reached")
+    settling_s: float | None = quantity("s", "time from which it stays within 2 % of the step; null if it does not")
     overshoot_percent: float = quantity("%", "overshoot of the step")
     u_peak_V: float = quantity("V", "largest motor voltage of the step")
     F_min_N: float = quantity("N", "least tendon tension of the step")
@@ -308,7 +301,7 @@ class StepPreview(Schema):
 
 
 class MotorPreview(Schema):
-    """How robust the motor loops are at a λ_motor, as sampled and with L/R: the less robust of the two."""
+    """Robustness of the less robust motor loop for a λ_motor, with sampling and L/R."""
 
     M_s: float = Field(description="maximum of the sensitivity function")
     gain_margin: float | None = Field(
@@ -321,51 +314,51 @@ class MotorPreview(Schema):
 
 
 class RobustLambda(Schema):
-    """The λ of one loop for a wanted M_s, or why there is none."""
+    """λ of one loop for a requested M_s, or why there is none."""
 
     lam: float | None = quantity(
-        "s", "smallest λ offered that has this M_s at every entry of the bank; null where there is none"
+        "s", "smallest accepted λ with at most this M_s at every entry of the bank; null if there is none"
     )
-    reason: str = Field(description="why there is none, or an empty text")
+    reason: str = Field(description="why there is none; else empty")
 
 
 class RobustTuning(Schema):
-    """λ of the three loops for a wanted M_s, on the high-order models."""
+    """λ of the three loops for a requested M_s, computed with the high-order models."""
 
-    M_s: float = Field(description="wanted maximum of the sensitivity function")
+    M_s: float = Field(description="requested maximum of the sensitivity function")
     lam_motor: RobustLambda
     lam_q: RobustLambda
     lam_S: RobustLambda
 
 
 class PushPreview(Schema):
-    """What a push does to the joint that is held, at the active entry of the bank."""
+    """Response of the joint at constant references to a constant push, at the active entry of the bank."""
 
     give: float = quantity("rad", "largest deviation under the push")
-    t: list[float] = quantity("s", "time from the begin of the push on")
+    t: list[float] = quantity("s", "time from the start of the push")
     off: list[float] = quantity("rad", "deviation from the reference over that time")
-    back_s: float | None = quantity("s", "from when on it stays near its reference; null where it does not come back")
-    felt_slow: float = quantity("N·m/rad", "outside torque over deviation when leant on, at 0.1 Hz")
-    felt_fast: float = quantity("N·m/rad", "outside torque over deviation when shaken, at 1 Hz")
+    back_s: float | None = quantity("s", "time from which it stays near its reference; null if it does not return")
+    felt_slow: float = quantity("N·m/rad", "apparent stiffness at 0.1 Hz: external torque over deviation")
+    felt_fast: float = quantity("N·m/rad", "apparent stiffness at 1 Hz: external torque over deviation")
 
 
 class PushedPreview(Schema):
-    """A held push of ``F`` without a rejection and, where ``k_ext`` is not 0, with it."""
+    """Response to a constant push of ``F`` without disturbance rejection and, unless ``k_ext`` is 0, with it."""
 
-    F: float = quantity("N", "the push")
-    near: float = quantity("rad", "the joint is back when it stays so near to its reference")
-    k_ext: float = quantity("1", "share of the push that is fed forward")
+    F: float = quantity("N", "external force")
+    near: float = quantity("rad", "largest deviation at which the joint counts as returned")
+    k_ext: float = quantity("1", "gain of the disturbance rejection")
     without: PushPreview
-    rejected: PushPreview | None = Field(description="with the rejection; null where k_ext is 0")
+    rejected: PushPreview | None = Field(description="response with disturbance rejection; null if k_ext is 0")
 
 
 class TuningPreview(Schema):
-    """What a tuning would do at one stiffness: how robust its loops are, a step of each reference, and a push."""
+    """Effect of a tuning at one stiffness: robustness of its loops, a step of each reference, and a push."""
 
     motion: Motion = Field(
         description="lambda: λ sets the time of the steps; time-optimal: a trajectory within U_plan does"
     )
-    S: float = quantity("N·m/rad", "stiffness reference that all of it is for")
+    S: float = quantity("N·m/rad", "stiffness reference of the preview")
     motor: MotorPreview
     position: LoopPreview
     stiffness: LoopPreview
