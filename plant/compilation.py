@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from plant.errors import ErrorCode, SinewError
 
-# Compiled ------------------------------------------------------------------------------------------
+# Compiled functions --------------------------------------------------------------------------------
 
 
 class InterpretedError(SinewError, RuntimeError):
@@ -306,7 +306,7 @@ def compiled_run(function: _F) -> _F:
     return cache_compiled(cast(_F, numba.njit(nogil=True, **STRICT)(function)))
 
 
-# Cell ----------------------------------------------------------------------------------------------
+# State blocks --------------------------------------------------------------------------------------
 #
 # Memory that compiled functions read and write in place: a nested named tuple at a fixed address.
 #

@@ -30,7 +30,7 @@ from plant.interface import (
 )
 from plant.parameters import PlantParameters
 
-# Promises ------------------------------------------------------------------------------------------
+# Check types ---------------------------------------------------------------------------------------
 #
 # Types and building blocks of the checks.
 
@@ -187,7 +187,7 @@ def require_at_rest(first: Measurement, m: Measurement) -> None:
             raise BrokenPromiseError(f"{name} moved by {travel:.2g} rad at zero volts")
 
 
-# Contract ------------------------------------------------------------------------------------------
+# Conformance ---------------------------------------------------------------------------------------
 
 
 LONG_TICKS = 10_000

@@ -13,7 +13,7 @@ from plant.safety_card import Card
 from plant.simulator import Simulator
 from plant.wiring import Wiring, WiringError, load_wiring
 
-# Packages ------------------------------------------------------------------------------------------
+# Installed plants ----------------------------------------------------------------------------------
 #
 # Plants of installed packages: entry points of the group ``sinew.plants``.
 

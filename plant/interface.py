@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from plant.errors import ErrorCode, SinewError
 
-# Breakage ------------------------------------------------------------------------------------------
+# Fault injection -----------------------------------------------------------------------------------
 #
 # Faults that can be injected by name, to test every reaction of the control loop.
 
@@ -269,7 +269,7 @@ class HasLimitSwitch(Protocol):
         ...
 
 
-# Choice --------------------------------------------------------------------------------------------
+# Plant selection -----------------------------------------------------------------------------------
 #
 # Selection of the plant, as given at the start and stored with every run.
 

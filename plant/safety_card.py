@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from plant.interface import MotorCommand, PlantError
 
-# Stillness -----------------------------------------------------------------------------------------
+# Change timeout ------------------------------------------------------------------------------------
 #
 # For how long nothing has changed, on a machine that may itself stand still.
 

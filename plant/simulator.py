@@ -44,7 +44,7 @@ from plant.interface import (
 from plant.parameters import PlantParameters, Sensors
 from plant.safety_card import Card
 
-# Broken part ---------------------------------------------------------------------------------------
+# Fault effects -------------------------------------------------------------------------------------
 #
 # Effect of one injected fault on readings and writes.
 

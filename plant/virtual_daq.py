@@ -43,7 +43,7 @@ from plant.simulator import Simulator
 from plant.terminals import compute_terminals, make_terminals, quantise_volts
 from plant.wiring import Wiring, is_wired_alike
 
-# In process ----------------------------------------------------------------------------------------
+# In-process channel --------------------------------------------------------------------------------
 #
 # NI's device service without a network: a channel that calls it directly, and errors as the server sends them.
 

@@ -56,7 +56,7 @@ def step_governor(
     return GovernorState(state.q_ref + share * (q_ref - state.q_ref), state.S_ref + share * (S_ref - state.S_ref)), True
 
 
-# Following -----------------------------------------------------------------------------------------
+# Tracked signals -----------------------------------------------------------------------------------
 #
 # Signals that the loops of the cascade track: the governed references, or the difference to a model that a trajectory
 # moves.

@@ -13,7 +13,7 @@ from backend.control.fault_detection import Tendons, build_tendons
 from backend.control.pid import apply_dead_zone
 from plant import Measurement, PlantParameters, T_s, compiled, tendon_tension
 
-# Rejection -----------------------------------------------------------------------------------------
+# Push rejection ------------------------------------------------------------------------------------
 #
 # Feed-forward of the external force: the equilibrium moves against a push by the deflection of the springs.
 #
@@ -111,7 +111,7 @@ def _limit_torque(r: Rejection, tau_ext: float) -> float:
     return min(max(apply_dead_zone(tau_ext, r.dead_zone), -r.tau_max), r.tau_max)
 
 
-# Touch ---------------------------------------------------------------------------------------------
+# External torque -----------------------------------------------------------------------------------
 #
 # External torque without a sensor: a state of an observer of the joint, from encoders and springs alone.
 #

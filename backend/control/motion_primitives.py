@@ -479,7 +479,7 @@ def step_voltage_steps(
     return output, motor_loops, after
 
 
-# Winding -------------------------------------------------------------------------------------------
+# Pretension from slack -----------------------------------------------------------------------------
 #
 # Pretension from slack: both motors wind until both load cells read the pretension.
 

@@ -273,7 +273,7 @@ def _compute_goal_ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]:
     )
 
 
-# Plan ----------------------------------------------------------------------------------------------
+# Trajectory ----------------------------------------------------------------------------------------
 #
 # Motion of motors and joint in each tick, as fast as a voltage limit allows, for the loops to track.
 #

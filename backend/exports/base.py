@@ -150,7 +150,7 @@ def _inner_documents(document: Any) -> Iterator[Any]:
                 continue
 
 
-# Facts ---------------------------------------------------------------------------------------------
+# Metadata ------------------------------------------------------------------------------------------
 #
 # Metadata of an export: content, units, run and digest of its samples.
 

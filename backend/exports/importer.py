@@ -44,7 +44,7 @@ from backend.storage import (
     runs,
 )
 
-# Taking in -----------------------------------------------------------------------------------------
+# Run import ----------------------------------------------------------------------------------------
 #
 # Own exports imported as runs: checked completely, then stored in one transaction or not at all.
 

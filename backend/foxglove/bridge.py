@@ -32,7 +32,7 @@ from backend.sample import STORED_NAMES
 from backend.schemas import EventMessage, LayoutMessage, MarkKind, StateMessage
 from plant import ErrorCode, SinewError, T_s
 
-# Tickets -------------------------------------------------------------------------------------------
+# Message substitutes -------------------------------------------------------------------------------
 #
 # Substitutes for messages: the vendor's server is given numbers that only this process can replace by the messages.
 #
@@ -77,7 +77,7 @@ class MessageSlots:
         return frame[: _HEAD.size] + message if stored == number else None
 
 
-# Door ----------------------------------------------------------------------------------------------
+# Client port ---------------------------------------------------------------------------------------
 #
 # Port for Foxglove clients: checks the token in the address, and accepts only subscriptions.
 #

@@ -68,7 +68,7 @@ from backend.identification.validation import (
     sandwich,
 )
 
-# Unseen --------------------------------------------------------------------------------------------
+# Validation ----------------------------------------------------------------------------------------
 #
 # Validation of a model on data that it was not fitted to: measurement, prediction, and their difference.
 #

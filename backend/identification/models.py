@@ -12,7 +12,7 @@ import numpy as np
 from backend.identification.records import Signal, StructureError, UnstableModelError
 from backend.units import format_percent
 
-# Published -----------------------------------------------------------------------------------------
+# Published models ----------------------------------------------------------------------------------
 #
 # Table 1 of the paper: the models that its authors identified on their rig, for comparison.
 

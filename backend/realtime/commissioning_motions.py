@@ -195,7 +195,7 @@ class Homing(CommissioningMotion):
         self._move(-self._sign * FAST_RAD_PER_S)
 
 
-# Motor trial ---------------------------------------------------------------------------------------
+# Motor direction test ------------------------------------------------------------------------------
 #
 # One motor turns slightly before its direction is known: by a rising voltage, then by the same in reverse.
 #
@@ -278,7 +278,7 @@ class MotorTrial(CommissioningMotion):
         return not is_within  # NaN never increases the voltage
 
 
-# Module trial --------------------------------------------------------------------------------------
+# Safety module test --------------------------------------------------------------------------------
 #
 # Test of the safety module: a trip is provoked at pretension while the loop continues to drive briefly.
 #

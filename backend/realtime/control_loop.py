@@ -85,7 +85,7 @@ from plant import (
     WatchdogExpiredError,
 )
 
-# Bring up ------------------------------------------------------------------------------------------
+# Commissioning -------------------------------------------------------------------------------------
 #
 # Commands of commissioning, executed at zero or small voltages.
 
@@ -199,7 +199,7 @@ def _require_off_with_drives(mode_manager: ModeManager, what: str) -> None:
         raise CommandRejectedError(DRIVES_OFF)
 
 
-# Orders --------------------------------------------------------------------------------------------
+# Step inputs ---------------------------------------------------------------------------------------
 #
 # Inputs of the compiled step, from the mode manager.
 
@@ -237,7 +237,7 @@ def make_step_inputs(mode_manager: ModeManager) -> StepInputs:
     )
 
 
-# Plant watch ---------------------------------------------------------------------------------------
+# Plant monitoring ----------------------------------------------------------------------------------
 #
 # Monitoring of the plant: failures are reported at their beginning and end, not at every tick.
 

@@ -24,7 +24,7 @@ from backend.tuning import (
 )
 from plant import PlantParameters
 
-# Tuned ---------------------------------------------------------------------------------------------
+# Tuning command ------------------------------------------------------------------------------------
 #
 # Conversion between the cascade's tuning and the command that transfers it to the loop process.
 

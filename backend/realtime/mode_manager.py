@@ -40,7 +40,7 @@ from backend.realtime.shared_state import StepContext
 from backend.tuning import TuningParameters, collect_plant_knowledge
 from plant import InvariantError, Measurement, Plant, PlantParameters, SupportsDirectionCheck
 
-# Now -----------------------------------------------------------------------------------------------
+# Context -------------------------------------------------------------------------------------------
 #
 # Context of a command or an event.
 
@@ -67,7 +67,7 @@ class StopRequest:
     detail: str
 
 
-# Zeros ---------------------------------------------------------------------------------------------
+# Encoder offsets -----------------------------------------------------------------------------------
 #
 # Offsets of the encoders of joint and motors.
 
@@ -111,7 +111,7 @@ class EncoderOffsets:
         self.is_motor_zero_known = False
 
 
-# Mode machine --------------------------------------------------------------------------------------
+# Mode transitions ----------------------------------------------------------------------------------
 #
 # Transitions between modes: which are permitted, which motion they start, and what follows its end.
 

@@ -5,7 +5,7 @@ from enum import StrEnum
 from backend.faults import Fault
 from plant import ErrorCode, SinewError
 
-# Causes --------------------------------------------------------------------------------------------
+# Mode change causes --------------------------------------------------------------------------------
 #
 # Causes of mode changes: code depends on the members, people read their values.
 

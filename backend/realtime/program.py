@@ -10,7 +10,7 @@ from backend.errors import check_range
 from backend.realtime.modes import LEGAL, CommandRejectedError, Mode
 from plant import Obstacle
 
-# Set touch -----------------------------------------------------------------------------------------
+# Contact detection commands ------------------------------------------------------------------------
 #
 # Commands and events of contact detection.
 
@@ -55,7 +55,7 @@ class BiasLost:
     tick: int
 
 
-# Set tuning ----------------------------------------------------------------------------------------
+# Tuning commands -----------------------------------------------------------------------------------
 #
 # All gains of the cascade: a command, and part of programs that change them.
 

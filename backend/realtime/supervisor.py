@@ -36,7 +36,7 @@ from backend.sample import INDEX
 from backend.supervision import Part, SupervisedTask, SupervisedThread, Supervision
 from plant import Card, ErrorCode, SinewError, T_s, select_calibration
 
-# Access --------------------------------------------------------------------------------------------
+# Loop interface ------------------------------------------------------------------------------------
 #
 # Interface to the loop, whether live in its own process or headless in this one.
 
@@ -112,7 +112,7 @@ class LoopClient(Protocol):
         ...
 
 
-# Answers -------------------------------------------------------------------------------------------
+# Pending commands ----------------------------------------------------------------------------------
 #
 # Pending commands to the loop process.
 
@@ -153,7 +153,7 @@ class PendingReplies:
                 answer.set_exception(died)
 
 
-# Ticking -------------------------------------------------------------------------------------------
+# Hang detection ------------------------------------------------------------------------------------
 #
 # Detection of a hung loop process, from the ring buffer.
 

@@ -149,7 +149,7 @@ _OPERATIONS: dict[str, Callable[[Sequence[Column]], Column]] = {
 }
 
 
-# Following -----------------------------------------------------------------------------------------
+# Computed signals ----------------------------------------------------------------------------------
 #
 # Signals that are not stored but computed from columns: combined signals, and formulas of the station.
 

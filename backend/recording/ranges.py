@@ -97,7 +97,7 @@ def _unbroken(values: Array) -> Iterator[tuple[int, int]]:
     return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
-# Stretch -------------------------------------------------------------------------------------------
+# Range reading -------------------------------------------------------------------------------------
 #
 # Reading of every sample of a range of a recording in parts, including computed signals.
 

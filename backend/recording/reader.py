@@ -21,7 +21,7 @@ from backend.sample import ADDED_LATER, STORED_NAMES, UNIT_BY_SIGNAL
 from backend.storage import Chunk, Database, Recording, Session, Span, UnknownRecordError, recordings
 from plant import ErrorCode, SinewError, T_s
 
-# Combined ------------------------------------------------------------------------------------------
+# Computed envelopes --------------------------------------------------------------------------------
 #
 # Envelopes of signals that are not stored but computed from the columns, sample by sample.
 

@@ -34,7 +34,7 @@ from backend.storage import (
 from backend.supervision import Part
 from plant import ErrorCode, InvariantError, Obstacle, SinewError, T_s
 
-# Walls ---------------------------------------------------------------------------------------------
+# Obstacles -----------------------------------------------------------------------------------------
 #
 # Obstacles present in the stored samples, from events of the loop.
 

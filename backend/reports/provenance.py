@@ -312,7 +312,7 @@ def _titles(criteria: Sequence[RunCriterion], *, passed: bool | None) -> list[st
     return [item.title for item in criteria if item.passed is passed]
 
 
-# Judgement -----------------------------------------------------------------------------------------
+# Results -------------------------------------------------------------------------------------------
 #
 # The result of a run: criteria, figures, and a sentence.
 

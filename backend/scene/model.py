@@ -449,7 +449,7 @@ def _bar(width: float, y_front: float, thickness: float) -> Mesh:
     return plate(outline, y_front, y_front + thickness)
 
 
-# Stage ---------------------------------------------------------------------------------------------
+# Scene nodes ---------------------------------------------------------------------------------------
 #
 # The actuator as viser nodes: built once, then only changes are sent.
 
@@ -669,7 +669,7 @@ def _units(x: float, y: float, z: float) -> tuple[float, float, float]:
     return x * SCALE, y * SCALE, z * SCALE
 
 
-# Mirror --------------------------------------------------------------------------------------------
+# Scene updates -------------------------------------------------------------------------------------
 #
 # Updates the 3D view with the newest sample, 30 times a second, in its own thread.
 

@@ -17,7 +17,7 @@ from backend.scene.model import SceneMirror
 from backend.scene.server import PROTOCOL, SceneEndedError
 from plant import SinewError
 
-# Page ----------------------------------------------------------------------------------------------
+# Client page ---------------------------------------------------------------------------------------
 #
 # viser's client page, adapted to a frame of the dashboard.
 

@@ -36,7 +36,7 @@ from backend.server.security import (
     too_large_a_head,
 )
 
-# Places --------------------------------------------------------------------------------------------
+# Connection limits ---------------------------------------------------------------------------------
 #
 # Limits of concurrent connections.
 #
@@ -852,7 +852,7 @@ class _Handshake(ServerProtocol):
         return response
 
 
-# Request turns -------------------------------------------------------------------------------------
+# Request order -------------------------------------------------------------------------------------
 #
 # Requests start one after the other, so STOP waits for the current one and not for all of a crowd.
 #

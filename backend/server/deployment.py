@@ -10,7 +10,7 @@ from starlette.types import Scope
 from backend.public_url import PublicUrl, parse_public_url
 from backend.schemas import ErrorDetail
 
-# Proxied -------------------------------------------------------------------------------------------
+# Reverse proxy -------------------------------------------------------------------------------------
 #
 # Effects of a reverse proxy on a request: path prefix, client address, cookie path.
 

@@ -12,7 +12,7 @@ import uvicorn
 
 from plant import ErrorCode, SinewError
 
-# Ending --------------------------------------------------------------------------------------------
+# Shutdown ------------------------------------------------------------------------------------------
 #
 # Shutdown of the service, and its cause.
 

@@ -28,7 +28,7 @@ from backend.server import deployment
 from backend.server.deployment import COOKIE_PATH, PUBLIC, apply_forwarded_headers, parse_host_name
 from plant import ErrorCode
 
-# Bodies --------------------------------------------------------------------------------------------
+# Request bodies ------------------------------------------------------------------------------------
 #
 # Bodies of requests: read completely, and rejected if they are too large or contain values that cannot be stored.
 
@@ -199,7 +199,7 @@ def _values(connection: HTTPConnection, name: str) -> list[str]:
     return [value for found, _, value in pairs if found == name and len(value) <= LONGEST_COOKIE][:_SAME_COOKIES]
 
 
-# Session ends --------------------------------------------------------------------------------------
+# Session end ---------------------------------------------------------------------------------------
 #
 # Closes websockets when the session that opened them ends: a page is authenticated only when it opens one.
 

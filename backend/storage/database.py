@@ -363,7 +363,7 @@ def _damages(connection: Connection) -> list[str]:
     return [str(line) for line in connection.exec_driver_sql("PRAGMA integrity_check").scalars() if line != "ok"]
 
 
-# Soundness -----------------------------------------------------------------------------------------
+# File checks ---------------------------------------------------------------------------------------
 #
 # The file of an SQLite database: whether it exists, is still the opened one, and is complete.
 #

@@ -516,7 +516,7 @@ class StudyPointRow(OfStation, Base):
     figures: Mapped[Document]
 
 
-# Touched -------------------------------------------------------------------------------------------
+# Changed runs --------------------------------------------------------------------------------------
 #
 # Runs whose searchable data a transaction has changed; the index is renewed at its end.
 
@@ -571,7 +571,7 @@ class QueuedRow(OfStation, Numbered, Base):
     added_at: Mapped[datetime]
 
 
-# Lengths -------------------------------------------------------------------------------------------
+# Text lengths --------------------------------------------------------------------------------------
 #
 # Limits of texts by the lengths of their columns.
 #

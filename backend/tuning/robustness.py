@@ -211,7 +211,7 @@ def _outputs(d: Decoupler, S: float) -> "control.StateSpace":
     return control.ss([], [], [], D, inputs=["q", "theta_A", "theta_B"], outputs=["q_out", "S_out"], name="outputs")
 
 
-# Remembered ----------------------------------------------------------------------------------------
+# Cache ---------------------------------------------------------------------------------------------
 #
 # Cache of results that take python-control and a while to compute, and never change for the same inputs.
 #

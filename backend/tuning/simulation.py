@@ -495,7 +495,7 @@ def held_plant(parameters: PlantParameters, d: Decoupler, S: float) -> Sampled:
     return Sampled(held[:states, :states], held[:states, states:], C, np.zeros((len(C), inputs)))
 
 
-# Followed plan -------------------------------------------------------------------------------------
+# Trajectory response -------------------------------------------------------------------------------
 #
 # Response of small motions of the references with a trajectory: its model, its voltages, and the loops on the
 # difference.
@@ -608,7 +608,7 @@ def _forward(
     return forward
 
 
-# Expected plant ------------------------------------------------------------------------------------
+# Preview plant -------------------------------------------------------------------------------------
 #
 # The plant that a preview simulates: identified motors and springs, with friction and sensors of the parameter file.
 #
