@@ -1,4 +1,4 @@
-"""Metrics of disturbances: pushes, impacts, loads, compliance, rest. Pure."""
+"""Metrics of disturbances: compliance, pushes, holds, impacts and loads."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,33 +30,30 @@ from plant import SIDES, PlantParameters, Side, T_s
 
 # Compliance ----------------------------------------------------------------------------------------
 #
-# Metrics of the compliance experiment: does the joint feel as stiff as it was told to be? Pure.
+# Compares the apparent stiffness of the joint with the commanded one.
 #
-# The force that the hand exerts is F_ext = F_A − F_B (equation 22, a reaction); geometry and the
-# commanded stiffness expect F_expected = −S_ref q/r_j (equation 25).
+# The external force is F_ext = F_A − F_B (equation 22, a reaction). The expected force follows from
+# geometry and commanded stiffness: F_expected = −S_ref q/r_j (equation 25).
 
 
 Array = NDArray[np.float64]
 ComplianceColumns = Mapping[str, Array]
 
 COMPLIANCE_REST_S = 1.0
-"""Stretch before the first push that forces are counted from [s]."""
+"""Duration of rest before the first push, whose mean is subtracted from the forces [s]."""
 
 MAX_DELAY_S = 0.040
-"""Longest delay of the load cells that is looked for [s]; the paper's have 10-15 ms."""
+"""Largest delay of the load cells in the search [s]; the paper's have 10 to 15 ms."""
 
 ALIGNED_RMSE_MAX_N = 0.5
 
 PUSH_MIN_N = 5.0 * ALIGNED_RMSE_MAX_N
-"""Strongest push below which the forces agree to the bound whatever the stiffness: nothing is measured then [N]."""
+"""Push [N] below which the bound on the aligned error holds for any stiffness, so nothing is measured."""
 
 
 @dataclass(frozen=True)
 class ComplianceMetrics:
-    """Figures of one compliance run, over the time from the first push on.
-
-    ``reasons`` tells by name which could not be measured and why.
-    """
+    """Metrics of a compliance run from the first push on; ``reasons`` by name for those not measured."""
 
     rmse_raw_N: float = declare_metric(
         "N", "RMSE, raw", "F_A − F_B against −S_ref q/r_j as measured; the paper: 2.239 N"
@@ -82,11 +79,11 @@ class ComplianceMetrics:
 
 
 def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_push_s: float) -> ComplianceMetrics:
-    """Compare measured and expected force. ``columns`` holds q, S, S_ref, F_A, F_B, u_A, u_B, one sample a millisecond.
+    """Compare measured and expected external force.
 
-    With F_ext_hat in it, the estimate is compared with what the load cells say. ``r_j`` [m] is the joint pulley's
-    radius. Raises NoSamplesError when the run ended before its first push, or when there was no rest before it to
-    count from.
+    ``columns`` has q, S, S_ref, F_A, F_B, u_A, u_B, one sample per millisecond, and possibly F_ext_hat, which is
+    compared with the load cells. ``r_j`` [m] is the radius of the joint pulley. Raises NoSamplesError if the run ended
+    before the first push, or without rest before it.
     """
     pushed = round(first_push_s / T_s)
     if pushed < round(COMPLIANCE_REST_S / T_s):
@@ -127,7 +124,7 @@ def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_pus
 
 
 def _select_estimated_force(columns: ComplianceColumns, rest: slice, pushed: slice) -> Array | None:
-    """Outside force [N] while pushed, from its mean at rest; None where it was not recorded as a number throughout."""
+    """Return the estimated external force [N] during pushes relative to rest; None without valid samples."""
     F_ext_hat = columns.get("F_ext_hat")
     if F_ext_hat is None or not np.all(np.isfinite(F_ext_hat[rest.start :])):
         return None
@@ -155,13 +152,12 @@ def _compute_slope(x: Array, y: Array) -> float:
 
 # Disturbance ---------------------------------------------------------------------------------------
 #
-# Metrics of pushes in closed loop: how far joint and stiffness give way, and how soon the joint is
-# back. Pure.
+# Deviation of position and stiffness during pushes, and the time until the joint has returned.
 
 
 @dataclass(frozen=True, kw_only=True)
 class DisturbanceMetrics(WholeMetrics):
-    """Figures over all pushes. ``reasons`` tells by name which could not be measured and why."""
+    """Metrics over all pushes; ``reasons`` by name for those not measured."""
 
     push_deviation_q: float = declare_metric(
         "rad", "Joint deviation under pushes", "max |q − q_ref| while the joint is pushed"
@@ -178,9 +174,10 @@ class DisturbanceMetrics(WholeMetrics):
 
 
 def compute_disturbance_metrics(columns: Columns, program: Program) -> DisturbanceMetrics:
-    """Measure one run. ``columns`` holds q, S, their references, tensions and voltages, one sample a millisecond.
+    """Compute the metrics of pushes.
 
-    Raises NoSamplesError when the run ended before the last push was over.
+    ``columns`` has q, S, their references, tensions and voltages, one sample per millisecond. Raises NoSamplesError if
+    the run ended before the end of the last push.
     """
     pushed = find_pushes(program)
     if not pushed or columns["q"].size < pushed[-1].stop:
@@ -211,29 +208,26 @@ def compute_disturbance_metrics(columns: Columns, program: Program) -> Disturban
     )
 
 
-# Held ----------------------------------------------------------------------------------------------
+# Holds ---------------------------------------------------------------------------------------------
 #
-# How quiet the actuator is while nothing moves its references: stretches that are held, each on its
-# own. Pure.
-#
-# A stretch counts where the references stand as they stood before it, and neither push nor load
-# acts: a ``hold`` after a step that had its time.
+# Motion of the actuator during holds. A hold is a range with the references of the segment before
+# it, without push or load.
 
 
 HOLD_MIN_S = 1.0
-"""Shorter stretches are no rest [s]."""
+"""Least duration of a hold [s]."""
 
 JOINT_STEP, MOTOR_STEP = 2.0 * math.pi / 4000.0, 2.0 * math.pi / 8000.0
-"""Counts of the paper's encoders [rad]: in these it is told where readings are exact."""
+"""Resolution of the paper's encoders [rad], used as unit for exact sensors."""
 
 
 @dataclass(frozen=True)
 class HoldWindow:
-    """One stretch of rest from ``start_s`` to ``end_s`` [s] at ``q_ref`` [rad] and ``S_ref`` [N·m/rad].
+    """Measurements of one hold from ``start_s`` to ``end_s`` [s], at ``q_ref`` [rad] and ``S_ref`` [N·m/rad].
 
-    Peak to peak of q [rad, counts], S [N·m/rad] and of the motor that swings more [V]; ``off_counts``: the joint's
-    largest distance from its reference, ``off`` [rad] its mean one; ``moving_percent``: ticks in which a motor's count
-    changed.
+    Peak to peak: ``q_swing`` [rad], ``q_swing_counts``, ``S_swing`` [N·m/rad], and ``u_swing`` [V] of the motor with
+    more. ``off`` [rad] is the mean deviation from q_ref, ``off_counts`` the largest one; ``moving_percent`` are ticks
+    in which a motor encoder changed.
     """
 
     start_s: float
@@ -251,7 +245,7 @@ class HoldWindow:
 
 @dataclass(frozen=True, kw_only=True)
 class HoldMetrics(WholeMetrics):
-    """Figures over all stretches, each the largest. ``reasons`` tells by name which were not measured and why."""
+    """Largest values over all holds; ``reasons`` by name for those not measured."""
 
     held_q_swing_counts: float | None = declare_metric(
         "1", "Swing of q, in counts", "max − min of q while held, in counts of the joint encoder (4000 where exact)"
@@ -269,9 +263,10 @@ class HoldMetrics(WholeMetrics):
 
 
 def compute_hold_metrics(columns: Columns, program: Program, parameters: PlantParameters) -> HoldMetrics:
-    """Measure one run; ``columns`` holds q, S, references, motor angles, tensions, voltages, a sample a millisecond.
+    """Compute the metrics of holds.
 
-    Raises NoSamplesError when no stretch was held to its end.
+    ``columns`` has q, S, references, motor angles, tensions and voltages, one sample per millisecond. Raises
+    NoSamplesError without a complete hold.
     """
     found = measure_holds(columns, program, parameters)
     if not found:
@@ -290,7 +285,7 @@ def compute_hold_metrics(columns: Columns, program: Program, parameters: PlantPa
 
 
 def find_hold_windows(program: Program) -> tuple[slice, ...]:
-    """Return the stretches of rest of a program."""
+    """Return the sample ranges of the holds of a program."""
     found: list[slice] = []
     before: tuple[float, float] | None = None
     for start, end, segment in iterate_segments(program):
@@ -306,7 +301,7 @@ def find_hold_windows(program: Program) -> tuple[slice, ...]:
 
 
 def measure_holds(columns: Columns, program: Program, parameters: PlantParameters) -> tuple[HoldWindow, ...]:
-    """Measure each stretch that was held to its end."""
+    """Return the measurements of each complete hold."""
     size = columns["q"].size
     return tuple(_measure_hold(columns, item, parameters) for item in find_hold_windows(program) if item.stop <= size)
 
@@ -314,7 +309,7 @@ def measure_holds(columns: Columns, program: Program, parameters: PlantParameter
 def _measure_hold(columns: Columns, window: slice, parameters: PlantParameters) -> HoldWindow:
     count, motor = parameters.sensors.joint_step or JOINT_STEP, parameters.sensors.motor_step or MOTOR_STEP
     of = {name: np.asarray(columns[name][window]) for name in ("q", "q_ref", "S", "u_A", "u_B", "theta_A", "theta_B")}
-    granted = 0.5 if parameters.sensors.joint_step else 0.0  # a reading tells to half a count
+    granted = 0.5 if parameters.sensors.joint_step else 0.0  # resolution of a reading
     off = of["q"] - of["q_ref"]
     turned = [np.diff(np.rint(of[name] / motor)) != 0.0 for name in ("theta_A", "theta_B")]
     swing = float(np.ptp(of["q"]))
@@ -335,31 +330,29 @@ def _measure_hold(columns: Columns, window: slice, parameters: PlantParameters) 
 
 # Impact --------------------------------------------------------------------------------------------
 #
-# Metrics of impacts: how hard the joint hit the simulator's wall, and how soon it felt that and
-# gave way. Pure.
+# Force of impacts on the simulated wall, and the time until they are detected and the joint
+# complies.
 
 
 HIT_DISTANCE_S = 0.3
-"""Contacts that are this far apart are hits of their own; nearer ones are a joint that bounces."""
+"""Distance in time from which contacts are separate hits; closer ones are bounces [s]."""
 
 APPROACH_TIME_S = 0.05
-"""Over so long before the touch the speed of approach is measured: 30 encoder counts at 1 rad/s."""
+"""Time before the contact in which the approach speed is measured [s]: 30 encoder counts at 1 rad/s."""
 
 SPEED_TOLERANCE = 0.1
-"""Hits are compared where their speeds of approach differ by less than this part."""
+"""Largest relative difference of the approach speeds of hits that are compared."""
 
 _S_TOLERANCE = 1e-6
 
 
 class Hit(NamedTuple):
-    """One hit: where it begins and the sample after its last contact, and what was measured of it.
+    """One hit with all bounces, from its first contact to the sample after the last one.
 
-    ``S_ref`` [N·m/rad] and the speed of approach [rad/s] as the wall is touched, the largest force [N], the time
-    integral of the force [N·s] and the time in contact [s], over all bounces.
-
-    ``contact_N`` [N] is the force from which on the program gives way, nan where it gives way to nothing. Times [s],
-    nan where it did not happen: ``felt_s`` from the touch until the estimate passes it, ``gave_way_s`` from there until
-    the joint gives way, ``fell_s`` from there until the force is at its largest, from where on it falls.
+    ``S_ref`` [N·m/rad] and approach ``speed`` [rad/s] at the first contact; largest force [N], impulse [N·s] and time
+    in contact [s]. ``contact_N`` [N] is the threshold of the contact reaction, nan without one. Times [s], nan if it
+    did not happen: ``felt_s`` from the contact until the estimate exceeds the threshold, ``gave_way_s`` from there
+    until the joint complies, ``fell_s`` from there until the force has its maximum.
     """
 
     window: slice
@@ -375,13 +368,13 @@ class Hit(NamedTuple):
 
     @property
     def reacts(self) -> bool:
-        """Whether it was to be given way to."""
+        """Whether a contact reaction was active."""
         return math.isfinite(self.contact_N)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImpactMetrics(WholeMetrics):
-    """Figures over all hits. ``reasons`` tells by name which could not be measured and why."""
+    """Metrics over all hits; ``reasons`` by name for those not measured."""
 
     hits: float = declare_metric("1", "Hits", "contacts with the wall at least 0.3 s after the one before")
     peak_force_N: float = declare_metric("N", "Largest contact force", "largest |F_wall| of all hits")
@@ -413,9 +406,9 @@ class ImpactMetrics(WholeMetrics):
 
 
 def find_hits(columns: Columns, program: Program | None = None) -> tuple[Hit, ...]:
-    """Return the hits of a run, in order; none where nothing was hit or no force of a wall was recorded.
+    """Return the hits of a run in order; empty without a hit or without a recorded wall force.
 
-    ``program`` says from what force on a hit was to be given way to; without one, none was.
+    ``program`` has the thresholds of the contact reaction; without it there is none.
     """
     force = np.abs(columns["F_wall"]) if "F_wall" in columns else np.empty(0)
     touched = np.flatnonzero(force > 0.0)
@@ -427,7 +420,7 @@ def find_hits(columns: Columns, program: Program | None = None) -> tuple[Hit, ..
 
 
 def _list_thresholds(program: Program | None, samples: int) -> NDArray[np.float64]:
-    """Return the force [N] of a contact in each sample, nan where the program gives way to nothing."""
+    """Return the threshold of the contact reaction [N] at each sample; nan without one."""
     thresholds_N, tick, contact_N = np.full(samples, np.nan), 0, 0.0
     for segment in program.segments if program is not None and program.touches else ():
         if program is not None and segment.touch:
@@ -454,8 +447,8 @@ def _measure_hit(columns: Columns, force: np.ndarray, touched: np.ndarray, thres
 
 
 def _measure_reaction(columns: Columns, force: np.ndarray, window: slice, contact_N: float) -> tuple[float, ...]:
-    """Return the threshold [N] and the times [s] to feel, to give way and to the largest force."""
-    end = window.stop + round(HIT_DISTANCE_S / T_s)  # a joint that has bounced off already is felt all the same
+    """Return the threshold [N] and the times [s] to detection, reaction and largest force."""
+    end = window.stop + round(HIT_DISTANCE_S / T_s)  # detection may follow after the joint has bounced off
     felt = (
         _find_first(np.abs(columns["F_ext_hat"][window.start : end]) > contact_N) if math.isfinite(contact_N) else None
     )
@@ -477,9 +470,10 @@ def _find_first(holds: np.ndarray) -> int | None:
 
 
 def compute_impact_metrics(columns: Columns, program: Program | None = None) -> ImpactMetrics:
-    """Measure one run. ``columns`` holds F_wall, q, S_ref, tensions and voltages, one sample a millisecond.
+    """Compute the metrics of impacts.
 
-    And F_ext_hat and limits, where ``program`` gives way to contacts. Raises NoSamplesError where no wall was hit.
+    ``columns`` has F_wall, q, S_ref, tensions and voltages, one sample per millisecond, and F_ext_hat and limits if
+    ``program`` reacts to contacts. Raises NoSamplesError without a hit.
     """
     hits = find_hits(columns, program)
     if not hits:
@@ -515,7 +509,7 @@ _NO_REACTION = "no hit was to be given way to"
 
 
 def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
-    """Return hits without and with reaction, of one stiffness and equally fast, in turn; or why there are none."""
+    """Return pairs of hits without and with reaction, of equal stiffness and speed, or the reason for none."""
     left, pairs = [hit for hit in hits if not hit.reacts], []
     for hit in (hit for hit in hits if hit.reacts):
         alike = [
@@ -537,7 +531,7 @@ def _is_equally_fast(item: Hit, other: Hit) -> bool:
 
 
 def _pair_by_stiffness(hits: Sequence[Hit]) -> tuple[list[tuple[Hit, Hit]], str]:
-    """Return hits at the lowest and the highest stiffness that were equally fast, in turn; or why there are none."""
+    """Return pairs of hits at lowest and highest stiffness with equal speed, or the reason for none."""
     low, high = min(hit.S_ref for hit in hits), max(hit.S_ref for hit in hits)
     if high - low < _S_TOLERANCE:
         return [], f"all hits were at {low:.4g} N·m/rad"
@@ -555,25 +549,22 @@ def _mean_or_none(ratios: Sequence[float]) -> float | None:
     return float(np.mean(ratios)) if ratios else None
 
 
-# Pushed --------------------------------------------------------------------------------------------
+# Pushes --------------------------------------------------------------------------------------------
 #
-# Each push of the joint on its own: how far joint and stiffness give way, for how long, and what
-# was to be expected.
-#
-# Pushes may be steps, ramps or impulses. Expected is what the closed loop answers with the gains in
-# use, and beside it what the stiffness alone would give: r_j F/S, as far as the joint gives way
-# where its loop is open. Pure.
+# Deviation and duration of each push, with its prediction. Pushes may be steps, ramps or impulses.
+# The prediction is the response of the closed loop with the active gains; the static deviation
+# r_j F/S is that of the stiffness alone, with an open position loop.
 
 
 IMPULSE_S = 0.05
-"""A push that is over within this time [s] is called an impulse: the joint's own swing takes as long."""
+"""Largest duration of an impulse [s]: about the period of the joint's own oscillation."""
 
 PUSH_REST_S = 0.1
-"""Deviations count from the mean over so long [s] before the push."""
+"""Duration before a push whose mean is subtracted from deviations [s]."""
 
 
 class PushWindow(NamedTuple):
-    """A push: its samples, how it is called, and the sample up to which nothing else acts."""
+    """A push: its samples, its shape, and the sample up to which nothing else acts."""
 
     pushed: slice
     shape: str
@@ -582,11 +573,11 @@ class PushWindow(NamedTuple):
 
 @dataclass(frozen=True)
 class MeasuredPush:
-    """One push, measured. Deviations are of q [rad] and S [N·m/rad] from before it.
+    """Measurements of one push. Deviations of q [rad] and S [N·m/rad] are relative to before it.
 
-    ``F`` [N]: its largest force, ``impulse`` [N·s], ``S`` [N·m/rad] at which it came. ``back_s``: from its end until
-    the joint stays within AT_REST of its reference, None where it did not, and ``reason`` says so. ``static``: r_j F/S.
-    ``expected`` (n,) is the deviation that was predicted over the window, None where ``unpredicted`` says why not.
+    ``F`` [N] is the largest force, ``impulse`` [N·s], ``S`` [N·m/rad] the reference. ``back_s`` is the time from its
+    end until the joint stays near its reference, None with a ``reason`` if it does not. ``static`` is r_j F/S.
+    ``expected`` (n,) is the predicted deviation over the window, None with the reason ``unpredicted``.
     """
 
     window: PushWindow
@@ -603,19 +594,19 @@ class MeasuredPush:
 
     @property
     def expected_peak(self) -> float | None:
-        """Largest deviation that was predicted [rad]."""
+        """Largest predicted deviation [rad]."""
         return None if self.expected is None else float(np.abs(self.expected).max())
 
     @property
     def off_percent(self) -> float | None:
-        """Measured over predicted peak, less one [%]."""
+        """Relative error of the predicted peak [%]."""
         peak = self.expected_peak
         return None if not peak else 100.0 * (self.peak_q / peak - 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PushMetrics(WholeMetrics):
-    """Figures over all pushes. ``reasons`` tells by name which could not be measured and why."""
+    """Metrics over all pushes; ``reasons`` by name for those not measured."""
 
     pushed_peak_q: float = declare_metric("rad", "Largest deviation of q", "max |q − q before the push|, of all pushes")
     pushed_peak_S: float = declare_metric(
@@ -636,9 +627,10 @@ class PushMetrics(WholeMetrics):
 
 
 def compute_push_metrics(columns: Columns, program: Program, context: EvaluationContext) -> PushMetrics:
-    """Measure one run; ``columns`` holds q, S, their references, F_push, tensions, voltages, a sample a millisecond.
+    """Compute the metrics of single pushes.
 
-    Raises NoSamplesError when the run ended before the first push was over.
+    ``columns`` has q, S, their references, F_push, tensions and voltages, one sample per millisecond. Raises
+    NoSamplesError if the run ended before the end of the first push.
     """
     found = measure_pushes(columns, program, context)
     if not found:
@@ -665,7 +657,7 @@ def compute_push_metrics(columns: Columns, program: Program, context: Evaluation
 
 
 def find_push_windows(program: Program) -> tuple[PushWindow, ...]:
-    """Return the pushes of a program, each from where the force begins to where it is none again."""
+    """Return the pushes of a program, each from the begin of the force until it is 0 again."""
     found: list[PushWindow] = []
     begun, shapes, before = -1, set[Shape](), 0.0
     stretches = [*iterate_segments(program)]
@@ -690,7 +682,7 @@ def _build_window(program: Program, pushed: slice, shapes: set[Shape]) -> PushWi
 
 
 def measure_pushes(columns: Columns, program: Program, context: EvaluationContext) -> tuple[MeasuredPush, ...]:
-    """Measure each push that was over before the run was."""
+    """Return the measurements of each completed push."""
     size = columns["q"].size
     responses: dict[tuple[object, ...], Array] = {}
     windows = [item for item in find_push_windows(program) if item.pushed.stop <= size]
@@ -703,7 +695,7 @@ def _measure_push(
     start, stop = window.pushed.start, window.pushed.stop
     seen = slice(start, min(window.until, columns["q"].size))
     before = slice(max(start - round(PUSH_REST_S / T_s), 0), max(start, 1))
-    # A sample shows the push of the tick before it: what acts from a sample on stands in the next one.
+    # A sample contains the push of the previous tick, so the force is shifted by one sample.
     force = np.append(columns["F_push"][start + 1 : seen.stop], 0.0)
     S = float(columns["S_ref"][start])
     q, S_seen = (columns[name][seen] - columns[name][before].mean() for name in ("q", "S"))
@@ -732,7 +724,7 @@ def _measure_push(
 
 
 def _find_return_time(off: Array, stop: int) -> tuple[float | None, str]:
-    """Return how long it took until the joint stayed where it belongs, or why that is not known."""
+    """Return the time [s] until the joint stays near its reference, or the reason why it is unknown."""
     if off.size == 0:
         return None, f"nothing was held after the push that ended at {stop * T_s:g} s"
     away = np.flatnonzero(~(off <= REST_TOLERANCES["q"]))
@@ -747,7 +739,7 @@ def _find_return_time(off: Array, stop: int) -> tuple[float | None, str]:
 def _predict_deviation(
     context: EvaluationContext, start: int, S: float, tau: Array, responses: dict[tuple[object, ...], Array]
 ) -> Array:
-    """Return the deviation of q [rad] that a torque (n,) [N·m] from the sample ``start`` on should give."""
+    """Return the predicted deviation of q [rad] for a torque ``tau`` (n,) [N·m] from the sample ``start`` on."""
     from scipy.signal import fftconvolve
 
     choice = context.get_tuning_at(start)
@@ -761,7 +753,7 @@ def _predict_deviation(
 
 
 def _compute_impulse_responses(context: EvaluationContext, start: int, S: float, size: int, count: int) -> Array:
-    """Return what q becomes (count, size) of an impulse of the torque, and of what a rejection adds."""
+    """Return the responses of q (count, size) to impulses of the torque and of the rejection's inputs."""
     closed = make_sampled_loop(
         context.parameters, context.compute_gains_at(start), S, position_loop=context.has_position_loop
     ).closed
@@ -774,28 +766,27 @@ def _compute_impulse_responses(context: EvaluationContext, start: int, S: float,
 
 
 def _largest_or_none(values: list[float | None]) -> float | None:
-    """Return the largest, None where one of them is not known."""
+    """Return the largest value; None if one is unknown."""
     known = [value for value in values if value is not None]
     return max(known) if len(known) == len(values) else None
 
 
 # Robustness ----------------------------------------------------------------------------------------
 #
-# Metrics of the robustness test: how far a load turns a motor away from its reference, and for how
-# long. Pure.
+# Deviation of the motors under loads on their shafts, and its duration.
 
 
 RobustnessColumns = Mapping[str, Array]
 
 RETURN_SHARE = 0.05
-"""A motor is back where it stays within this share of the largest deviation."""
+"""Fraction of the largest deviation within which a motor has returned to its reference."""
 
 _COUNTS_MIN = 20.0
 
 
 @dataclass(frozen=True)
 class RobustnessMetrics:
-    """Figures of one run, over all loads on and off. ``reasons`` tells by name which could not be measured and why."""
+    """Metrics over all load steps; ``reasons`` by name for those not measured."""
 
     deviation_A_rad: float = declare_metric(
         "rad", "Deviation of motor A", "max |θ_A − θ_A,ref| after its load steps on or off"
@@ -825,10 +816,10 @@ class RobustnessMetrics:
 def compute_robustness_metrics(
     columns: RobustnessColumns, steps: Sequence[LoadStep], motor_step_rad: float
 ) -> RobustnessMetrics:
-    """Measure one run. ``columns`` holds angles, references, q, S, tensions and voltages, one sample a millisecond.
+    """Compute the metrics of load steps.
 
-    ``motor_step_rad`` is one count of the motor encoders, 0 where they are exact. Raises NoSamplesError when the run
-    ended before every load had stepped.
+    ``columns`` has angles, references, q, S, tensions and voltages, one sample per millisecond. ``motor_step_rad`` is
+    the resolution of the motor encoders, 0 if exact. Raises NoSamplesError if the run ended before the last load step.
     """
     if not steps or columns["q"].size < max(step.window.stop for step in steps):
         raise NoSamplesError("the run ended before both motors had been loaded and let go")
@@ -841,7 +832,7 @@ def compute_robustness_metrics(
         if math.isnan(deviations[side]):
             reasons["back_s"] = reasons[f"deviation_{side}_rad"] = f"the angles of motor {side} hold no number"
             continue
-        if not size.max() > _COUNTS_MIN * motor_step_rad:  # neither is a motor that stood still
+        if not size.max() > _COUNTS_MIN * motor_step_rad:  # negated, so that it includes nan
             reasons["back_s"] = f"motor {side} moved by less than {_COUNTS_MIN:g} encoder counts: load it more"
             continue
         away = np.flatnonzero(size > RETURN_SHARE * size.max())

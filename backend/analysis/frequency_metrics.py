@@ -1,4 +1,4 @@
-"""Frequency responses of the closed loops, measured and predicted. Pure."""
+"""Frequency responses of the closed loops, measured and predicted."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,37 +26,35 @@ from plant import T_s
 
 # Response ------------------------------------------------------------------------------------------
 #
-# Frequency responses of the closed loops, from references that were excited to what was measured.
-# Pure.
-#
-# Of a periodic excitation the last period is measured, line by line: what came before has died
-# down. Of a sweep all of it, smoothed: there the response is an estimate.
+# Frequency responses from excited references to measured signals. A periodic excitation is evaluated
+# at its spectral lines in the last period, when transients have decayed. A sweep is evaluated as a
+# whole and averaged in bands, so its response is an estimate.
 
 
 Array = NDArray[np.float64]
 
 LINE_SHARE_MIN = 0.05
-"""Lines of the excitation below this share of its strongest are not measured."""
+"""Least magnitude of evaluated lines, relative to the strongest line of the excitation."""
 
 GAIN_MIN = 0.05
-"""A loop that follows less of its reference at the lowest line has no bandwidth to speak of."""
+"""Least gain at the lowest line for a meaningful bandwidth."""
 
 BAND_RATIO = 1.12
-"""Lines of a sweep or a sequence are taken together within bands of this ratio of frequencies."""
+"""Ratio of the frequency limits of a band, in which lines of a sweep or a sequence are averaged."""
 
 LOW_GAIN_MIN = 0.6
-"""Least gain of the lowest line from which a bandwidth below it is interpolated towards the gain 1 at rest.
+"""Least gain of the lowest line for interpolating a bandwidth below it, towards the gain 1 at rest.
 
-There the bandwidth is within 1.1 % for loops of two equal lags, within 2 % for four.
+The error of the bandwidth is below 1.1 % for loops of two equal lags and below 2 % for four.
 """
 
 MINUS_3_DB = 2.0**-0.5
-"""Gain at the bandwidth. At rest the gain is 1, because integral action leaves no error there."""
+"""Gain at the bandwidth. The gain at rest is 1, because of integral action."""
 
 
 @dataclass(frozen=True)
 class Response:
-    """``H`` (n,) complex, from the reference to the signal, at ``f`` (n,) [Hz], rising."""
+    """Complex frequency response ``H`` (n,) from the reference to the signal, at rising ``f`` (n,) [Hz]."""
 
     signal: str
     f: Array
@@ -64,13 +62,13 @@ class Response:
 
     @property
     def gain(self) -> Array:
-        """Gain of each line, (n,); that at rest is 1."""
+        """Gain of each line (n,); 1 at rest."""
         return np.asarray(np.abs(self.H))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResponseMetrics(WholeMetrics):
-    """Figures of both responses. ``reasons`` tells by name which could not be measured and why."""
+    """Metrics of both responses; ``reasons`` by name for those not measured."""
 
     bandwidth_q_Hz: float | None = declare_metric(
         "Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1"
@@ -90,9 +88,10 @@ class ResponseMetrics(WholeMetrics):
 
 
 def compute_response_metrics(columns: Columns, program: Program) -> ResponseMetrics:
-    """Measure both responses. ``columns`` holds q, S, their references, tensions, voltages, one sample a millisecond.
+    """Compute the metrics of both responses.
 
-    Raises NoSamplesError when no excitation was played to its end.
+    ``columns`` has q, S, their references, tensions and voltages, one sample per millisecond. Raises NoSamplesError
+    without a completed excitation.
     """
     found = compute_responses(columns, program)
     if not found:
@@ -120,7 +119,7 @@ def compute_response_metrics(columns: Columns, program: Program) -> ResponseMetr
 
 
 def find_problem(response: Response) -> str:
-    """Return why nothing can be told of a response, "" where it can."""
+    """Return why a response has no metrics; empty if it has."""
     if not np.isfinite(response.H).all():
         return NO_NUMBER
     if abs(response.H[0]) < GAIN_MIN:
@@ -129,16 +128,16 @@ def find_problem(response: Response) -> str:
 
 
 def compute_responses(columns: Columns, program: Program) -> tuple[Response, ...]:
-    """Return the response to each excitation that was played to its end; of one signal the first comes first."""
+    """Return the response to each completed excitation, in their order."""
     size = columns["q"].size
     return tuple(_compute_response(columns, item) for item in list_excitations(program) if item.window.stop <= size)
 
 
 def compute_bandwidth(response: Response) -> tuple[float | None, str]:
-    """Return where the gain first falls to −3 dB of that at rest [Hz], or None and why that is not measured.
+    """Return the frequency at which the gain falls to −3 dB [Hz], or None and the reason.
 
-    Between two lines, and between rest and the lowest one, 1/|H|² is interpolated over f² by a monotone cubic (Fritsch
-    and Carlson 1980): it is even and smooth in f, and for loops without zeros a polynomial in f².
+    Between lines, and between rest and the lowest line, 1/|H|² is interpolated over f² by a monotone cubic (Fritsch and
+    Carlson 1980): it is even and smooth in f, and for loops without zeros a polynomial in f².
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -156,12 +155,12 @@ def compute_bandwidth(response: Response) -> tuple[float | None, str]:
 
 
 def compute_resonance(response: Response) -> float:
-    """Return the largest gain of the lines over that at rest [dB]; 0 where none is larger."""
+    """Return the largest gain relative to rest [dB]; at least 0."""
     return 20.0 * float(np.log10(max(1.0, response.gain.max())))
 
 
 def compute_lag(response: Response, f: float) -> float:
-    """Return how far the signal is behind its reference at ``f`` [Hz], in degrees; at rest it is not."""
+    """Return the phase lag at ``f`` [Hz], in degrees."""
     from scipy.interpolate import PchipInterpolator
 
     phase = np.append(0.0, np.unwrap(np.angle(response.H)))
@@ -179,14 +178,17 @@ def _compute_response(columns: Columns, excitation: ReferenceExcitation) -> Resp
     f, U, Y = f[selected], U[selected], Y[selected]
     if f.size <= 60 and period is not None:
         return Response(excitation.signal, f, Y / U)
-    f, H, _ = average_bands(f, U, Y)
+    f, H, _ = average_in_bands(f, U, Y)
     return Response(excitation.signal, f, H)
 
 
-def average_bands(
+def average_in_bands(
     f: Array, U: NDArray[np.complex128], Y: NDArray[np.complex128]
 ) -> tuple[Array, NDArray[np.complex128], Array]:
-    """Take lines together in bands of the ratio BAND: frequency [Hz], response and √(1 − γ²) of each, nan of a line."""
+    """Average lines in bands of the ratio BAND_RATIO.
+
+    Returns frequency [Hz], response and √(1 − γ²) of each band; the latter is nan for a single line.
+    """
     bands = np.floor(np.log(f / f[0]) / np.log(BAND_RATIO)).astype(int)
     members = [bands == band for band in np.unique(bands)]
     both = np.array([np.vdot(U[item], Y[item]) for item in members])
@@ -200,21 +202,20 @@ def average_bands(
 
 # Predicted response --------------------------------------------------------------------------------
 #
-# What the closed loops should answer to an excitation: of the models and gains that were in use.
-# Pure.
+# Expected responses from the models and gains that were active.
 
 
 Complex = NDArray[np.complex128]
 
 BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ = 0.01, 100.0
-"""Between these a predicted bandwidth is looked for; the faster is a tenth of the sampling."""
+"""Frequency range of predicted bandwidths; the maximum is a tenth of the sampling rate."""
 
 _GRID_POINTS = 2000
 
 
 @dataclass(frozen=True)
 class PredictedResponse:
-    """The response to one excitation: at any frequency, until the loop's references ask for more than there is."""
+    """Predicted response to one excitation, valid while the trajectory stays within its voltage limit."""
 
     signal: str
     S: float
@@ -222,7 +223,7 @@ class PredictedResponse:
     context: EvaluationContext
 
     def response(self, f: Array) -> Complex:
-        """Return it at ``f`` (n,) [Hz]."""
+        """Return the response at ``f`` (n,) [Hz]."""
         parameters, closed = self.context.parameters, self.context.has_position_loop
         if self.tuning.following.budget > 0.0:
             H = planned_response(parameters, self.tuning, self.S, f, position_loop=closed)
@@ -232,7 +233,7 @@ class PredictedResponse:
         return np.asarray(H[:, output, to])
 
     def compute_bandwidth(self) -> float | None:
-        """Where the gain falls to −3 dB of that at rest [Hz], as it is measured; None where it does not."""
+        """Return the frequency at which the gain falls to −3 dB [Hz]; None if it does not."""
         f = np.geomspace(BANDWIDTH_MIN_HZ, BANDWIDTH_MAX_HZ, _GRID_POINTS)
         found, _ = compute_bandwidth(Response(self.signal, f, self.response(f)))
         return found
@@ -241,7 +242,10 @@ class PredictedResponse:
 def predict_response(
     context: EvaluationContext, excitation: ReferenceExcitation, references: Array
 ) -> PredictedResponse:
-    """Return what is expected of an excitation whose references (n, 2) were these. Raises NotPredictedError."""
+    """Return the predicted response to an excitation with these references (n, 2).
+
+    Raises PredictionUnavailableError.
+    """
     tuning = context.compute_gains_at(excitation.window.start)
     _, S = context.compute_references_before(excitation.window.start)
     budget = tuning.following.budget
@@ -255,7 +259,7 @@ def predict_response(
 
 
 def compute_required_voltage(tuning: cascade.CascadeTuning, S: float, references: Array) -> float:
-    """Largest |u_d| + |u_c| [V] with which the axes of a plan keep up with references (n, 2): (T θ'' + θ')/K."""
+    """Return the voltage max(|u_d| + |u_c|) [V] that a trajectory needs to follow references (n, 2): (T θ'' + θ')/K."""
     model = tuning.following.model
     theta = (references - references[0]) @ decoupling_matrix(tuning.decoupler, S).T
     axes = np.column_stack([theta[:, 0] - theta[:, 1], theta[:, 0] + theta[:, 1]]) / 2.0
@@ -267,15 +271,14 @@ def compute_required_voltage(tuning: cascade.CascadeTuning, S: float, references
 
 # Bode ----------------------------------------------------------------------------------------------
 #
-# Frequency responses with their quality, beside those that models and gains let expect. Pure.
+# Frequency responses with their quality, compared with predictions.
 #
-# Each line of a periodic excitation is measured on its last period; how far the period before it
-# differs says what the line is worth. Within a band of a sweep the coherence says it. A line is
-# measured only where no limit acted.
+# The quality of a line of a periodic excitation is its variation between the last two periods; that
+# of a band of a sweep is its coherence. A line counts only if no limit was active.
 
 
 VARIATION_MAX = 0.1
-"""A line that differs by more than this share from one period to the next is not measured."""
+"""Largest variation of a line between periods, relative to its magnitude."""
 
 _LIMIT_REASONS = {
     Limit.VOLTAGE_A: "the voltage of motor A was clipped",
@@ -289,12 +292,11 @@ _LIMIT_REASONS = {
 
 @dataclass(frozen=True)
 class Lines:
-    """Response to one excitation at ``f`` (n,) [Hz]: measured ``H``, ``unlike`` its quality, nan where there is none.
+    """Response to one excitation at ``f`` (n,) [Hz]: measured ``H`` and its ``variation``, nan if unknown.
 
-    ``residual`` is what of the signal's last period no line explains, as a share of its lines, nan where there is none.
-
-    ``reasons`` (n) say of each line why it is not measured, "" where it is. ``expected`` (n,) is what was predicted,
-    None where nothing was, and ``unpredicted`` says why.
+    ``residual`` is the part of the signal in the last period at other frequencies, relative to the lines; nan for a
+    sweep. ``reasons`` (n) say why a line is not measured, empty if it is. ``expected`` (n,) is the prediction, None
+    with the reason ``unpredicted``.
     """
 
     signal: str
@@ -309,19 +311,19 @@ class Lines:
 
     @property
     def measured(self) -> NDArray[np.bool_]:
-        """Which lines are (n,)."""
+        """Mask of the measured lines (n,)."""
         return np.array([not reason for reason in self.reasons])
 
     @property
     def response(self) -> Response:
-        """Measured lines alone."""
+        """Response at the measured lines."""
         selected = self.measured
         return Response(self.signal, self.f[selected], self.H[selected])
 
 
 @dataclass(frozen=True, kw_only=True)
 class BodeMetrics(WholeMetrics):
-    """Figures of both responses. ``reasons`` tells by name which could not be measured and why."""
+    """Metrics of both responses; ``reasons`` by name for those not measured."""
 
     bandwidth_q_Hz: float | None = declare_metric(
         "Hz", "Bandwidth of q", "where |q/q_ref| falls to 0.707; at rest it is 1"
@@ -371,9 +373,10 @@ class BodeMetrics(WholeMetrics):
 
 
 def compute_bode_metrics(columns: Columns, program: Program, context: EvaluationContext) -> BodeMetrics:
-    """Measure both responses; ``columns`` holds q, S, their references, tensions, voltages, limits, a sample a ms.
+    """Compute the metrics of both responses and their predictions.
 
-    Raises NoSamplesError when no excitation was played to its end.
+    ``columns`` has q, S, their references, tensions, voltages and limits, one sample per millisecond. Raises
+    NoSamplesError without a completed excitation.
     """
     found = build_bode_lines(columns, program, context)
     if not found:
@@ -407,7 +410,7 @@ _WIDTH, _EXPECTED, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE, _RESIDUAL = _NAM
 
 
 def _compute_metrics(lines: Lines) -> tuple[dict[str, float | None], dict[str, str]]:
-    """Return the figures of one response, and why some are missing, by the names of ``_NAMES``."""
+    """Return the metrics of one response, and reasons for missing ones, by the names in ``_NAMES``."""
     values: dict[str, float | None] = {}
     missing: dict[str, str] = {}
     if lines.predicted is None:
@@ -418,7 +421,7 @@ def _compute_metrics(lines: Lines) -> tuple[dict[str, float | None], dict[str, s
             missing[_EXPECTED] = "it is expected to stay above −3 dB wherever a response can be sampled"
     selected = lines.measured
     problem = lines.reasons[0] or find_problem(lines.response)
-    if problem:  # all is told by its lowest line
+    if problem:  # all metrics need the lowest line
         return values, dict.fromkeys(
             (_WIDTH, _GAIN_OFF, _PHASE_OFF, _PEAK, _LAG, _UNLIKE, _RESIDUAL), problem
         ) | missing
@@ -431,7 +434,7 @@ def _compute_metrics(lines: Lines) -> tuple[dict[str, float | None], dict[str, s
     else:
         values[_LAG] = compute_lag(response, bandwidth_Hz)
     if lines.expected is not None:
-        within = response.f <= (values[_EXPECTED] or np.inf)  # beyond it friction is what is left
+        within = response.f <= (values[_EXPECTED] or np.inf)  # friction dominates above it
         off = (response.H / lines.expected[selected])[within]
         if off.size:
             values[_GAIN_OFF] = float(np.abs(20.0 * np.log10(np.abs(off))).max())
@@ -452,7 +455,7 @@ def _compute_metrics(lines: Lines) -> tuple[dict[str, float | None], dict[str, s
 
 
 def build_bode_lines(columns: Columns, program: Program, context: EvaluationContext) -> tuple[Lines, ...]:
-    """Return the response to each excitation that was played to its end; of one signal the first comes first."""
+    """Return the response to each completed excitation, in their order."""
     size = columns["q"].size
     return tuple(_build_lines(columns, item, context) for item in list_excitations(program) if item.window.stop <= size)
 
@@ -466,7 +469,7 @@ def _build_lines(columns: Columns, excitation: ReferenceExcitation, context: Eva
     power = np.abs(Y) ** 2
     residual = np.nan if period is None else float(np.sqrt(power[~selected].sum() / power[selected].sum()))
     if period is None or selected.sum() > LINES_MAX:
-        f, H, variation = average_bands(f[selected], U[selected], Y[selected])
+        f, H, variation = average_in_bands(f[selected], U[selected], Y[selected])
     else:
         f = f[selected]
         if window.stop - window.start >= 3 * period:
@@ -508,7 +511,7 @@ def _build_lines(columns: Columns, excitation: ReferenceExcitation, context: Eva
 
 
 LINES_MAX = 60
-"""More lines than this are taken together in bands."""
+"""Number of lines above which they are averaged in bands."""
 
 
 def _compute_spectra(columns: Columns, signal: str, window: slice) -> tuple[Array, Complex, Complex]:
@@ -518,10 +521,10 @@ def _compute_spectra(columns: Columns, signal: str, window: slice) -> tuple[Arra
 
 
 def _find_active_limit(columns: Columns, window: slice, planned: bool) -> str:
-    """Return which limit acted in a stretch and for how long, "" where none did: what it did is no linear response."""
+    """Return which limit was active and for how long; empty if none was. A limited response is not linear."""
     flags = np.asarray(columns["limits"][window]).astype(int)
     for limit, words in _LIMIT_REASONS.items():
-        if limit is Limit.GOVERNOR and planned:  # there it says that the trajectory moves
+        if limit is Limit.GOVERNOR and planned:  # the flag only means that the trajectory moves
             continue
         ticks = int(np.count_nonzero(flags & int(limit)))
         if ticks:

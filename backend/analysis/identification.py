@@ -1,4 +1,4 @@
-"""From the samples of an identification run to a stored estimate with its lineage."""
+"""Estimates models from the samples of identification runs and builds the records to store."""
 
 import hashlib
 import math
@@ -83,19 +83,17 @@ from backend.storage import Database, EndState, NewIdentification, Run, RunKind
 from plant import SIDES, PlantParameters, Side, T_s
 
 # Actuator identification ---------------------------------------------------------------------------
-#
-# From the samples of an identification run to a stored estimate with its lineage.
 
 
 ActuatorColumns = Mapping[str, NDArray[np.float64]]
 
 _COUNTS_WHERE_EXACT = 4000, 8000
-"""Counts per turn of the paper's encoders, used where a parameter set has ideal sensors."""
+"""Counts per turn of the paper's encoders, used for parameter sets with ideal sensors."""
 
 
 @dataclass(frozen=True)
 class ActuatorMetrics:
-    """What the actuator went through during the excitation."""
+    """Loads of the actuator during the excitation."""
 
     motion_counts: float = declare_metric("1", "Joint motion", "peak to peak during the excitation, in encoder counts")
     min_tension_N: float = declare_metric("N", "Smallest tension", "of both load cells during the excitation")
@@ -104,10 +102,10 @@ class ActuatorMetrics:
 
 
 def find_excitation_start(columns: ActuatorColumns, excitation: Excitation) -> int:
-    """Return the index of the first excited sample of a run that played its program to the end.
+    """Return the index of the first excited sample of a complete run.
 
-    The travel to the nominal point takes as long as it takes, so the excitation is found from its end.
-    Raises NoSamplesError when the samples are fewer than the excitation.
+    The duration of the motion to the operating point varies, so the excitation is located from the end of the run.
+    Raises NoSamplesError if there are fewer samples than the excitation has.
     """
     chip_ticks = max(round(excitation.chip_s / T_s), 1)
     ticks = excitation.periods * len(excitation.levels) * chip_ticks
@@ -137,7 +135,7 @@ def identify_actuator(
 def compute_actuator_metrics(
     columns: ActuatorColumns, excitation: Excitation, estimate: ActuatorIdentification
 ) -> ActuatorMetrics:
-    """Return what the actuator went through."""
+    """Return the metrics of an actuator identification."""
     excited = slice(find_excitation_start(columns, excitation), None)
     tensions = np.concatenate([columns[name][excited] for name in ("F_A", "F_B")])
     voltages = np.concatenate([columns[name][excited] for name in ("u_A", "u_B")])
@@ -156,7 +154,7 @@ def build_actuator_record(
     estimate: ActuatorIdentification,
     software: str,
 ) -> NewIdentification:
-    """Return the estimate as it is stored: model, quality, and which samples it came from."""
+    """Return the record to store: model, quality, and the samples that it was estimated from."""
     start = find_excitation_start(columns, plan.excitation())
     signals = {"input": "theta_A_ref", "outputs": ["q", "S"]}
     channels = {"G_q": estimate.G_q, "G_S": estimate.G_S}
@@ -218,14 +216,14 @@ def _actuator_quality(channel: Estimate, candidates: Candidates, arx: Estimate |
 
 
 def _summarize_arx(found: Estimate | str) -> ArxEstimate | MissingArxEstimate:
-    """Return what the paper's method gives on the same record, or why it gives nothing."""
+    """Return the estimate of the paper's method on the same record, or the reason for none."""
     if isinstance(found, str):
         return MissingArxEstimate(found)
     return ArxEstimate(method=found.method, fit_percent=found.fit_percent, **asdict(found.first_order))
 
 
 def _summarize_candidates(candidates: Candidates) -> tuple[TriedStructure | FailedCandidate, ...]:
-    """List every structure that was tried, best first, in brief; one that gave no model says why."""
+    """Return a summary of all tried structures, best first, then those that failed."""
     ranked = [
         TriedStructure(
             structure=candidate.model.structure,
@@ -243,21 +241,21 @@ def _summarize_candidates(candidates: Candidates) -> tuple[TriedStructure | Fail
 
 # Motor identification ------------------------------------------------------------------------------
 #
-# From the samples of voltage steps to K_m, T_m and dry friction of both motors, with their lineage.
+# K_m, T_m and Coulomb friction of both motors from voltage steps.
 
 
 Array = NDArray[np.float64]
 MotorColumns = Mapping[str, Array]
 
 MOTOR_COUNTS_WHERE_EXACT = 8000
-"""Counts per turn of the paper's motor encoder, used where a parameter set has ideal sensors."""
+"""Counts per turn of the paper's motor encoder, used for parameter sets with ideal sensors."""
 
 _MOTOR_CURVE_POINTS = 120
 
 
 @dataclass(frozen=True)
 class SideSteps:
-    """Steps of one motor that can be used, and why the others cannot: (voltage [V], reason)."""
+    """Usable steps of one motor, and the rejected ones: (voltage [V], reason)."""
 
     steps: tuple[VoltageStepRecord, ...]
     refused: tuple[tuple[float, str], ...]
@@ -265,7 +263,7 @@ class SideSteps:
 
 @dataclass(frozen=True)
 class MotorMetrics:
-    """What came out for both motors, and what they went through."""
+    """Estimates of both motors, and their loads."""
 
     K_m_A: float = declare_metric("rad/(V·s)", "K_m of motor A", "least squares on position over all steps")
     K_m_B: float = declare_metric("rad/(V·s)", "K_m of motor B", "least squares on position over all steps")
@@ -283,16 +281,16 @@ class MotorMetrics:
 
 
 def find_open_loop_intervals(columns: MotorColumns) -> list[slice]:
-    """Return where the motors were driven without position loop: zero volts, a step, braking."""
+    """Return the intervals without position loop: zero volts, a step, braking."""
     open_loop = np.isnan(columns["theta_A_ref"])
     edges = np.flatnonzero(np.diff(np.concatenate(([False], open_loop, [False])).astype(int)))
     return [slice(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def extract_side_steps(columns: MotorColumns, side: Side, parameters: PlantParameters) -> SideSteps:
-    """Cut the run into the steps of one motor; a step that cannot be used is kept with its reason.
+    """Return the steps of one motor in a run, with reasons for unusable ones.
 
-    Raises NoSamplesError where the run holds no step.
+    Raises NoSamplesError for a run without steps.
     """
     steps: list[VoltageStepRecord] = []
     refused: list[tuple[float, str]] = []
@@ -325,7 +323,7 @@ def extract_side_steps(columns: MotorColumns, side: Side, parameters: PlantParam
 def identify_motors(
     columns: MotorColumns, parameters: PlantParameters
 ) -> dict[Side, tuple[SideSteps, MotorIdentification]]:
-    """Identify both motors. Raises NoSamplesError, IdentificationError naming the motor."""
+    """Identify both motors. Raises NoSamplesError, or ValueError with the motor."""
     found: dict[Side, tuple[SideSteps, MotorIdentification]] = {}
     for side in SIDES:
         cut = extract_side_steps(columns, side, parameters)
@@ -339,7 +337,7 @@ def identify_motors(
 def compute_motor_metrics(
     columns: MotorColumns, found: Mapping[Side, tuple[SideSteps, MotorIdentification]]
 ) -> MotorMetrics:
-    """Return what came out and what the motors went through."""
+    """Return the metrics of a motor identification."""
     driven = find_open_loop_intervals(columns)
     A, B = (found[side][1] for side in SIDES)
     return MotorMetrics(
@@ -362,7 +360,7 @@ def build_motor_record(
     parameters: PlantParameters,
     software: str,
 ) -> NewIdentification:
-    """Return both motors as they are stored: model, quality, and which samples they came from."""
+    """Return the record to store: models, quality, and the samples that they were estimated from."""
     verdicts = {side: result.verdict for side, (_, result) in found.items()}
     return NewIdentification(
         kind="motor",
@@ -405,7 +403,7 @@ def _motor_quality(cut: SideSteps, result: MotorIdentification) -> MotorQuality:
 
 
 def _build_step_curve(step: VoltageStepRecord, result: MotorIdentification) -> StoredStepCurve:
-    """Return a few points of a step as measured and as the model says, to draw: t [s], turn [rad]."""
+    """Return points of a measured and a predicted step for a plot: t [s], angle [rad]."""
     t = np.arange(step.u.size - step.first) * step.period_s
     model = turn_from_rest(t, steady_speed(step.voltage, result.K_m, result.u_c), result.T_m)
     turned = step.theta[step.first :] - step.theta[step.first]
@@ -428,31 +426,30 @@ def _compute_count_rad(parameters: PlantParameters) -> float:
 
 # Spring identification -----------------------------------------------------------------------------
 #
-# From a load sweep, or a table measured elsewhere, to the springs' characteristics with their
-# lineage.
+# Characteristics of the springs from a tension sweep, or from an imported table.
 
 
 SpringColumns = Mapping[str, Array]
 
 PAIR_S = 0.1
-"""Time over which elongation and force are averaged to one pair [s]: less noise, and pairs that know no neighbour."""
+"""Averaging time of a pair of elongation and force [s], which reduces noise and correlation between pairs."""
 
 MAX_ERROR_N = 2.5
-"""A characteristic further from a measured pair than this, 5 % of the 50 N range, is not usable."""
+"""Largest error of a usable characteristic [N]: 5 % of the range of 50 N."""
 
 _SPRING_CURVE_POINTS = 60
 
 
 @dataclass(frozen=True)
 class LoadSweep:
-    """Pairs of one spring: elongation ``x`` [m], force ``F`` [N], and whether tension was ``rising``; shape (n,)."""
+    """Pairs of one spring: elongation ``x`` [m], force ``F`` [N], and whether tension was ``rising``; each (n,)."""
 
     x: Array
     F: Array
     rising: NDArray[np.bool_]
 
     def hysteresis(self) -> Array:
-        """Force on the way up minus force on the way down [N], at elongations that both ways passed."""
+        """Return the force while rising minus that while falling [N], at elongations that both have."""
         if self.rising.all() or not self.rising.any():
             return np.empty(0)
         up, down = (np.argsort(self.x[mask]) for mask in (self.rising, ~self.rising))
@@ -464,7 +461,7 @@ class LoadSweep:
 
 @dataclass(frozen=True)
 class SpringMetrics:
-    """What came out for both springs, and what they went through."""
+    """Estimates of both springs, and their loads."""
 
     rms_A_N: float = declare_metric("N", "Error of spring A", "RMS of measured minus fitted force, recommended order")
     rms_B_N: float = declare_metric("N", "Error of spring B", "RMS of measured minus fitted force, recommended order")
@@ -484,7 +481,7 @@ def extract_load_sweep(
 ) -> LoadSweep:
     """Return the pairs of one spring (equations 1 and 2). Raises NoSamplesError.
 
-    Elongations count from the zero that pretension gave the encoders.
+    Elongations count from the zero that the pretension set.
     """
     swept = _find_sweep(columns, plan)
     g = parameters.geometry
@@ -511,7 +508,7 @@ def compute_spring_metrics(
     plan: SpringIdentificationPlan,
     found: Mapping[Side, tuple[LoadSweep, SpringIdentification]],
 ) -> SpringMetrics:
-    """Return what came out and what the springs went through."""
+    """Return the metrics of a spring identification."""
     swept = _find_sweep(columns, plan)
     tensions = np.concatenate([columns[f"F_{side}"][swept] for side in SIDES])
     (sweep_A, A), (sweep_B, B) = (found[side] for side in SIDES)
@@ -533,7 +530,7 @@ def build_spring_record(
     parameters: PlantParameters,
     software: str,
 ) -> NewIdentification:
-    """Return both springs as they are stored: polynomials, quality, and which samples they came from."""
+    """Return the record to store: polynomials, quality, and the samples that they were estimated from."""
     before = {str(side): tuple(parameters.select_identified(side).k) for side in SIDES}
     return _build_spring_record(
         {f"Spring {side}": pair for side, pair in found.items()},
@@ -555,9 +552,9 @@ def fit_spring_table(
     header: int | None = None,
     decimal: str | None = None,
 ) -> NewIdentification:
-    """Fit a table measured elsewhere, columns ``x [m]`` or ``x [mm]`` and ``F [N]``.
+    """Fit an imported table with columns ``x [m]`` or ``x [mm]`` and ``F [N]``.
 
-    ``header`` is the line that names the columns, ``decimal`` "point" or "comma"; both are found where they are not
+    ``header`` is the line with the names of the columns, ``decimal`` is "point" or "comma"; both are detected if not
     given. Raises IdentificationError.
     """
     for what, words, require in (("name of the table", name, check_single_line), ("the table", text, check_plain_text)):
@@ -667,7 +664,7 @@ def _verdict(sweep: LoadSweep, result: SpringIdentification) -> str:
 
 
 def _find_sweep(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice:
-    """Find the sweep from its end: the way to the lowest tension takes as long as it takes."""
+    """Return the samples of the sweep, located from the end because the duration of the motion to its start varies."""
     ticks = 2 * plan.cycles * round(plan.sweep_s / T_s)
     start = columns["t"].size - ticks
     if start < 0:
@@ -676,7 +673,7 @@ def _find_sweep(columns: SpringColumns, plan: SpringIdentificationPlan) -> slice
 
 
 def _average_locally(x: Array, x_measured: Array, F_measured: Array) -> Array:
-    """Force at ``x`` from scattered pairs of one way: a local line through the pairs of a tenth of the range."""
+    """Return the force at ``x`` by local linear fits over a tenth of the range of scattered pairs."""
     half = 0.05 * (x_measured[-1] - x_measured[0])
     values = []
     for centre in x:
@@ -696,17 +693,17 @@ def _round_values_7(values: Array) -> tuple[float, ...]:
 
 # Load friction -------------------------------------------------------------------------------------
 #
-# Load-dependent Coulomb friction from stored actuator identifications at several tensions. Nothing
-# is stored.
+# Load-dependent Coulomb friction from stored actuator identifications at several tensions; the
+# estimate is not stored.
 
 
 MOTOR_B = "motor B is held still in this experiment, so its friction is not measured"
 
 
 def estimate_run_friction(played: Sequence[tuple[Run, Columns]]) -> LoadFrictionResult:
-    """Return c0 and c1 of motor A from runs with their samples; others than actuator identifications do not count.
+    """Return c0 and c1 of motor A from actuator identifications among runs with their samples.
 
-    All have to be of the plant, station and parameters of the newest one: other motors have other friction.
+    Runs with another plant, station or other parameters than the newest one are left out.
     """
     identification_runs = [(run, columns) for run, columns in played if run.kind == RunKind.ACTUATOR_IDENTIFICATION]
     if not identification_runs:
@@ -727,7 +724,7 @@ def estimate_run_friction(played: Sequence[tuple[Run, Columns]]) -> LoadFriction
 
 
 def estimate_newest_load_friction(database: Database, identification_runs: Sequence[Run]) -> LoadFrictionResult:
-    """Return the same of stored runs: the newest completed one at each tension that was asked for."""
+    """Return c0 and c1 of motor A from the newest completed run at each tension."""
     newest: dict[object, Run] = {}
     for run in sorted(identification_runs, key=lambda run: run.id, reverse=True):
         if run.end_state == EndState.COMPLETED:
@@ -737,7 +734,7 @@ def estimate_newest_load_friction(database: Database, identification_runs: Seque
 
 
 def build_identification_document(found: LoadFrictionResult) -> Document:
-    """Return the result as plain data, SI units, with the sentence that people read."""
+    """Return the document of a friction estimate, in SI units, with its sentence."""
     return {
         "estimate": None if found.estimate is None else asdict(found.estimate),
         "problem": found.problem,

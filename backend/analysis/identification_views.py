@@ -1,4 +1,4 @@
-"""Stored identifications as they are drawn and compared: curves, predictions of other records, trend over stiffness."""
+"""Views of stored identifications: curves, validation on records, trend over stiffness."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -58,12 +58,11 @@ from plant import SIDES, ErrorCode, ParameterError, PlantParameters, Side, Sinew
 
 # Identification curves -----------------------------------------------------------------------------
 #
-# What can be drawn of a stored identification: responses of its models, residual tests, errors.
-# Pure.
+# Curves of a stored identification: responses of its models, residual tests, errors.
 
 
 OMEGA = np.geomspace(0.1, 60.0, 160)
-"""Where the models' frequency responses are drawn [rad/s]."""
+"""Frequencies of the plotted responses [rad/s]."""
 
 _STEP_POINTS = 200
 
@@ -115,7 +114,7 @@ def _build_bode(response: NDArray[np.complex128]) -> Document:
 
 
 def _build_measured_lines(frequency: FrequencyCheck | None) -> Document | None:
-    """Return the lines drawn of the estimate without a model; none of a run made before it was kept."""
+    """Return the plotted lines of the non-parametric estimate; None for an old run without one."""
     if frequency is None:
         return None
     shown_lines = [line for line, omega in enumerate(frequency.omega) if OMEGA[0] <= omega <= OMEGA[-1]]
@@ -150,24 +149,21 @@ def _build_spring_curves(name: str, quality: SpringQuality) -> Document:
     return {"name": name, **pairs, "curve_x": list(quality.curve_x), "orders": orders}
 
 
-# Unseen prediction ---------------------------------------------------------------------------------
+# Validation ----------------------------------------------------------------------------------------
 #
-# Identified models beside a record that they have not seen: what was measured, and what they say of
-# it.
-#
-# An actuator is judged on the last third of a record, a motor on each of its voltage steps. On the
-# record that an identification itself came from, its structure is fitted anew without what is
-# predicted: to the first two thirds, or to all other steps.
+# Compares identified models with validation data: the last third of a record of an actuator, each
+# voltage step of a motor. On its own record, a model is estimated again without the data that it
+# predicts: from the first two thirds, or from all other steps.
 
 
 PLOT_POINTS = 400
-"""At most so many samples of a stretch are drawn, evenly spaced; fit and residual are those of all."""
+"""Maximum number of plotted samples of an interval; fit and residual use all samples."""
 
 OUTPUTS = {"G_q": ("q", "rad"), "G_S": ("S", "N·m/rad")}
 
 
 class NotComparableError(SinewError, ValueError):
-    """An identification and a record of which the one says nothing about the other."""
+    """The identification and the record cannot be compared."""
 
     category = ErrorCode.BAD_VALUE
 
@@ -180,7 +176,7 @@ class _ComparedInterval:
 
 
 def validate_on_run(database: Database, run_id: int, of: int) -> Document:
-    """Set the newest estimate of a run beside the record of the run ``of``.
+    """Compare the newest estimate of a run with the record of the run ``of``.
 
     Raises UnknownRecordError, NotComparableError.
     """
@@ -285,17 +281,19 @@ def _build_failed_output(name: str, signal: str, unit: str, problem: str) -> Doc
     return {"name": name, "signal": signal, "unit": unit, "problem": problem, **figures}
 
 
-# Over stiffness ------------------------------------------------------------------------------------
+# Trend over stiffness ------------------------------------------------------------------------------
 #
-# Identified gains and lags over S beside what geometry, springs and motor loops predict. Nothing is
-# stored.
+# Identified gains and lags over S, compared with predictions from geometry, springs and motor loops.
 
 
 _STIFFNESS_CURVE_POINTS = 13
 
 
 def compute_trend(database: Database, parameters: PlantParameters, lam_motor: float) -> Document:
-    """Return the newest estimate of each actuator identification by stiffness, and the curves of what is in force."""
+    """Return the newest estimate of each actuator identification by stiffness, and the predicted curves.
+
+    The curves are those of the active ``parameters`` and ``lam_motor`` [s].
+    """
     with database.reading() as session:
         newest: dict[int, Identification] = {}
         for found in identifications.find(session, kind="actuator"):
@@ -320,7 +318,7 @@ def compute_trend(database: Database, parameters: PlantParameters, lam_motor: fl
 
 
 def predict_point(parameters: PlantParameters, lam_motor: float, S: float) -> PointModel:
-    """Return gains and sums of lags from one motor reference that are to be expected at stiffness S [N·m/rad]."""
+    """Return the predicted gains and sums of lags from one motor reference at stiffness S [N·m/rad]."""
     return linearize_one_motor(parameters, make_motor_loops(parameters, lam_motor), S)
 
 
