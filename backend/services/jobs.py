@@ -40,7 +40,6 @@ from backend.experiments import (
     LoopSettings,
     MotorIdentificationPlan,
     Plan,
-    PredictedRun,
     SpringIdentificationPlan,
     Stage,
     Start,
@@ -86,60 +85,70 @@ from backend.storage import Bank, Database, EndState, Run
 from backend.supervision import Supervision
 from plant import ErrorCode, PlantKind, PlantParameters, T_s
 
-# Identification orders -----------------------------------------------------------------------------
+# Identifications -----------------------------------------------------------------------------------
 #
-# From what is asked for to plans of identification, and what these would do to the rig.
+# Builds the plans of a requested identification and predicts their effect on the rig.
 
 
 def build_plans(request: IdentificationRequest) -> tuple[IdentificationPlan, ...]:
-    """Return the plans that are asked for, several where tensions are listed. Raises SettingError, OutOfRangeError."""
+    """Return the plans of a request: one per tension, if it lists tensions. Raises SettingError, OutOfRangeError."""
     match request:
         case MotorRequest():
-            return (_motor_plan(request),)
+            return (_build_motor_plan(request),)
         case SpringRequest():
-            return (_spring_plan(request),)
+            return (_build_spring_plan(request),)
         case ActuatorRequest():
-            return _actuator_plans(request)
+            return _build_actuator_plans(request)
 
 
 def predict_runs(
     request: IdentificationRequest, parameters: PlantParameters, lam_motor: float, start: Start
 ) -> Prediction:
-    """Tell what a run would do from ``start``; of several runs, the whole way and the largest figures."""
+    """Predict the runs of a request from ``start``; for several runs, the whole path and the worst values.
+
+    Args:
+        request: The request.
+        parameters: Parameters of the plant.
+        lam_motor: Tuning parameter of the motor loops [s].
+        start: Position and tensions before the first run.
+
+    """
     plans = build_plans(request)
-    told = forecast_identifications(plans, parameters, start, lam_motor)
-    worth = _assess(request, plans, parameters, lam_motor)
+    forecast = forecast_identifications(plans, parameters, start, lam_motor)
+    assessment = _assess(request, plans, parameters, lam_motor)
     try:
-        told.require_within_range(parameters)
-        problem = worth.problem
+        forecast.require_within_range(parameters)
+        problem = assessment.problem
         within_range = True
     except OutOfRangeError as error:
         problem, within_range = str(error), False
     return Prediction(
-        duration_s=told.duration_s,
-        q_start=told.q_start,
-        q_low=told.q_low,
-        q_high=told.q_high,
-        F_low=told.F_low,
-        F_high=told.F_high,
-        path=[PathPoint(q=q, S=S) for q, S in zip(told.q_path.tolist(), told.S_path.tolist(), strict=True)],
+        duration_s=forecast.duration_s,
+        q_start=forecast.q_start,
+        q_low=forecast.q_low,
+        q_high=forecast.q_high,
+        F_low=forecast.F_low,
+        F_high=forecast.F_high,
+        path=[PathPoint(q=q, S=S) for q, S in zip(forecast.q_path.tolist(), forecast.S_path.tolist(), strict=True)],
         within_range=within_range,
-        figures=worth.figures,
-        q_counts=worth.q_counts,
-        u_peak_V=worth.u_peak_V,
-        F_min_N=worth.F_min_N,
+        figures=assessment.figures,
+        q_counts=assessment.q_counts,
+        u_peak_V=assessment.u_peak_V,
+        F_min_N=assessment.F_min_N,
         enough_motion=not problem,
-        message=problem or f"{told.message}; {worth.message}",
+        message=problem or f"{forecast.message}; {assessment.message}",
     )
 
 
 @dataclass(frozen=True)
 class _Assessment:
-    """What the run is for: its figures, what it shows, and what ``problem`` makes it not worth starting."""
+    """Expected data quality of an identification."""
 
     figures: list[Expectation]
     message: str
     problem: str
+    """Why the run would give no usable model; empty if it would."""
+
     q_counts: float | None = None
     u_peak_V: float | None = None
     F_min_N: float | None = None
@@ -153,34 +162,35 @@ def _assess(
 ) -> _Assessment:
     match request:
         case MotorRequest():
-            run = predict_motor(_motor_plan(request), parameters)
+            run = predict_motor(_build_motor_plan(request), parameters)
             return _Assessment(
-                _list_expectations(run), run.message, "" if run.is_feasible else run.message, u_peak_V=request.u_high
+                list(run.figures), run.message, "" if run.is_feasible else run.message, u_peak_V=request.u_high
             )
         case SpringRequest():
-            run = predict_spring(_spring_plan(request), parameters)
-            return _Assessment(_list_expectations(run), run.message, "" if run.is_feasible else run.message)
+            run = predict_spring(_build_spring_plan(request), parameters)
+            return _Assessment(list(run.figures), run.message, "" if run.is_feasible else run.message)
         case ActuatorRequest():
-            excited = [plan for plan in plans if isinstance(plan, ActuatorIdentificationPlan)]
-            return _assess_actuator(excited, parameters, lam_motor)
+            actuator_plans = [plan for plan in plans if isinstance(plan, ActuatorIdentificationPlan)]
+            return _assess_actuator(actuator_plans, parameters, lam_motor)
 
 
-def _motor_plan(request: MotorRequest) -> MotorIdentificationPlan:
+def _build_motor_plan(request: MotorRequest) -> MotorIdentificationPlan:
     return build_plan(MotorIdentificationPlan, request.model_dump(exclude={"kind"}))
 
 
-def _spring_plan(request: SpringRequest) -> SpringIdentificationPlan:
+def _build_spring_plan(request: SpringRequest) -> SpringIdentificationPlan:
     return build_plan(SpringIdentificationPlan, request.model_dump(exclude={"kind"}))
 
 
-def _actuator_plans(request: ActuatorRequest) -> tuple[ActuatorIdentificationPlan, ...]:
+def _build_actuator_plans(request: ActuatorRequest) -> tuple[ActuatorIdentificationPlan, ...]:
     values = request.model_dump(exclude={"kind", "tensions_N", "tension_N"})
     if request.tensions_N is None:
         return (build_plan(ActuatorIdentificationPlan, {**values, "tension_N": request.tension_N}),)
-    return tuple(_plan_at_tension(values, place, tension) for place, tension in enumerate(request.tensions_N))
+    return tuple(_build_plan_at_tension(values, index, tension) for index, tension in enumerate(request.tensions_N))
 
 
-def _plan_at_tension(values: dict[str, Any], place: int, tension_N: float) -> ActuatorIdentificationPlan:
+def _build_plan_at_tension(values: dict[str, Any], index: int, tension_N: float) -> ActuatorIdentificationPlan:
+    """Return the plan of a listed tension; errors of the tension name its place in the list."""
     try:
         return build_plan(ActuatorIdentificationPlan, {**values, "tension_N": tension_N})
     except OutOfRangeError as error:
@@ -193,8 +203,8 @@ def _plan_at_tension(values: dict[str, Any], place: int, tension_N: float) -> Ac
             maximum=error.maximum,
             unit=error.unit,
             remedy=error.remedy,
-            words=f"tension {place + 1}",
-            path=("tensions_N", place),
+            words=f"tension {index + 1}",
+            path=("tensions_N", index),
         ) from None
 
 
@@ -202,13 +212,13 @@ def _assess_actuator(
     plans: list[ActuatorIdentificationPlan], parameters: PlantParameters, lam_motor: float
 ) -> _Assessment:
     predicted = [predict_excitation(plan, parameters, lam_motor) for plan in plans]
-    # A run that fails for voltage or slack names that; among good ones the least motion counts.
+    # The worst run is one that fails because of voltage or slack; among feasible ones, that with the least motion.
     worst = min(predicted, key=lambda item: (item.is_feasible, item.q_counts))
     u_peak, F_min = max(item.u_peak_V for item in predicted), min(item.F_min_N for item in predicted)
-    counts = "By the excitation alone, peak to peak"
+    label = "By the excitation alone, peak to peak"
     return _Assessment(
         figures=[
-            Expectation(name="q_counts", label=counts, value=worst.q_counts, unit="encoder counts"),
+            Expectation(name="q_counts", label=label, value=worst.q_counts, unit="encoder counts"),
             Expectation(
                 name="u_peak_V", label=f"Peak voltage, of {parameters.motor.u_max:g} V", value=u_peak, unit="V"
             ),
@@ -221,160 +231,49 @@ def _assess_actuator(
     )
 
 
-def _list_expectations(run: PredictedRun) -> list[Expectation]:
-    return list(run.figures)
-
-
-# Pause ---------------------------------------------------------------------------------------------
+# Kinds of runs -------------------------------------------------------------------------------------
 #
-# A pause between two runs of one order: the actuator stands in pretension until the next one is let
-# begin.
+# Experiments and identifications that can be run, with their settings as the forms show them.
 
 
-_REASONS_MOTORS_OFF = {
-    Mode.OFF: "the motors were switched off",
-    Mode.STOPPING: "it was stopped softly",
-    Mode.TRIPPED: "a fault or STOP took the motors",
-}
-
-
-class Pause:
-    """Between runs is the only safe point: within one the loop plays a program whole, and its record is of one piece.
-
-    ``wanted`` is what was last asked for of the order under way; ``following`` are its runs that have still to begin.
-    """
-
-    def __init__(self, live_state: LiveState, on_change: Callable[[], None]) -> None:
-        self.is_requested = False
-        self.remaining_runs = 0
-        self._live_state = live_state
-        self._on_change = on_change
-
-    def begin(self, following: int) -> None:
-        """Take note of an order whose first run begins; with none ``following``, that no further one will."""
-        self.is_requested, self.remaining_runs = False, following
-
-    def request(self, wanted: bool) -> None:
-        """Let the next run of the order wait, or begin. Raises RequestRejectedError where none follows."""
-        task = self._live_state.task
-        if task is None or self.remaining_runs == 0:
-            what = "nothing is under way" if task is None else "no run of the same order follows"
-            remedy = "several tensions in turn can be paused between two of them"
-            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what}: {remedy}")
-        self.is_requested = wanted
-        self._live_state.task = task.model_copy(update={"pause_wanted": wanted})
-        self._on_change()
-
-    async def wait_until_resumed(self, loop: LoopClient, show: Callable[[], None]) -> None:
-        """Wait as long as a pause is wanted; then the next run begins, and one less follows.
-
-        ``show`` tells meanwhile that the order waits. Raises NotReadyError once the motors were let go,
-        LoopExitedError.
-        """
-        while self.is_requested:
-            show()
-            await loop.advance(SLICE_S)
-            await asyncio.sleep(0)  # a loop that is computed takes no time: others have their turn
-            if (why := _REASONS_MOTORS_OFF.get(mode := current_mode(loop))) is not None:
-                raise NotReadyError(f"{why} in its pause", mode)
-        self.remaining_runs -= (
-            1  # at once: a pause behind the last run is not to be asked for while that one is prepared
-        )
-
-
-def describe_runs_not_started(run: int, why: Exception, count: int) -> str:
-    """Say why an order ended after a run, and that ``count`` runs of it were not begun."""
-    runs, them = ("1 run was", "it") if count == 1 else (f"{count} runs were", "them")
-    return f"The order ended after run {run}: {str(why).rstrip('.')}; {runs} not begun. Order {them} anew."
-
-
-# Results under way ---------------------------------------------------------------------------------
-#
-# Results of the runs of one order, computed while the next one plays.
-
-
-class PendingEvaluations:
-    """Belongs to the service's event loop. ``problem`` says why ``without``, a complete run, has no result."""
-
-    def __init__(self) -> None:
-        self._under_way: dict[int, tuple[EndState, asyncio.Task[Evaluation]]] = {}
-        self.run_without_result: int | None = None
-        self.problem = ""
-
-    def __contains__(self, run_id: int) -> bool:
-        return run_id in self._under_way
-
-    def add(self, run_id: int, end_state: EndState, work: asyncio.Task[Evaluation]) -> None:
-        """Take over the work on the result of a run that ended so."""
-        self._under_way[run_id] = end_state, work
-
-    def forget(self) -> None:
-        """Say no more of a run without a result: another one began, or it has one after all."""
-        self.run_without_result, self.problem = None, ""
-
-    async def wait_for_results(self) -> bool:
-        """Wait for the results under way; whether a run that completed came to none."""
-        missing = False
-        for run_id, (end_state, work) in tuple(self._under_way.items()):
-            evaluation = await work
-            del self._under_way[run_id]
-            if evaluation.result is None and end_state is EndState.COMPLETED:
-                self.run_without_result, missing = run_id, True
-                self.problem = f"Run {run_id} is complete, but {evaluation.problem}. Evaluate it again."
-        return missing
-
-    async def end(self, *, giving_up: bool) -> None:
-        """Wait for results under way after a run failed, or give them up: each run keeps why."""
-        waiting = [work for _, work in self._under_way.values()]
-        for work in waiting if giving_up else ():
-            work.cancel()
-        await asyncio.gather(*waiting, return_exceptions=True)
-        self._under_way.clear()
-
-
-# Run kinds -----------------------------------------------------------------------------------------
-#
-# What there is to be run, with the settings of each: what a form offers is what the service takes.
-
-
-_MOVED_BY_MOTORS_ALONE = (PlantKind.RIG, PlantKind.REPLAY)
+_WITHOUT_SIMULATED_INPUTS = (PlantKind.RIG, PlantKind.REPLAY)
 
 
 def list_experiment_kinds(
-    entries: Iterable[ExperimentDefinition], in_force: LoopSettings, tuning: TuningView, plant: PlantKind
+    definitions: Iterable[ExperimentDefinition], loop_settings: LoopSettings, tuning: TuningView, plant: PlantKind
 ) -> list[ExperimentKind]:
-    """Return experiments with their settings and those of the loop as ``in_force``.
+    """Return experiments with their settings and those of the loop, whose defaults are ``loop_settings``.
 
-    λ is offered as far as it is safe with the models of ``tuning``, and the seed is the service's own.
+    The ranges of λ are those that are safe with ``tuning``; the seed is fixed to that of the service.
     """
-    offered = {
+    ranges = {
         "lam_q": (tuning.lam_q_min, tuning.lam_q_max),
         "lam_S": (tuning.lam_S_min, tuning.lam_S_max),
         "lam_motor": (tuning.lam_motor_min, tuning.lam_motor_max),
-        "seed": (in_force.seed, in_force.seed),
+        "seed": (loop_settings.seed, loop_settings.seed),
     }
-    values = asdict(in_force)
-    of_the_loop = [
-        replace(_limit_setting(setting, offered), default=values[setting.name])
+    defaults = asdict(loop_settings)
+    described = [
+        replace(_limit_setting(setting, ranges), default=defaults[setting.name])
         for setting in describe_settings(LoopSettings)
     ]
-    moved_by_motors_alone = plant in _MOVED_BY_MOTORS_ALONE
+    has_no_inputs = plant in _WITHOUT_SIMULATED_INPUTS
     return [
         ExperimentKind(
-            name=entry.name,
-            title=entry.title,
-            description=entry.description,
-            run_kind=entry.run_kind,
-            duration_s=entry.default_plan.program().duration_s,
-            settings=[*entry.settings, *of_the_loop],
-            why_not=_explain_missing_ability(entry) if moved_by_motors_alone else "",
+            name=definition.name,
+            title=definition.title,
+            description=definition.description,
+            run_kind=definition.run_kind,
+            duration_s=definition.default_plan.program().duration_s,
+            settings=[*definition.settings, *described],
+            why_not=_explain_missing_ability(definition) if has_no_inputs else "",
         )
-        for entry in entries
+        for definition in definitions
     ]
 
 
 def describe_identification_kinds() -> list[IdentificationKind]:
-    """Return what can be identified, with the settings of each."""
+    """Return the kinds of identification with their settings."""
     return [
         IdentificationKind(
             kind=kind,
@@ -386,101 +285,218 @@ def describe_identification_kinds() -> list[IdentificationKind]:
     ]
 
 
-def _explain_missing_ability(entry: ExperimentDefinition) -> str:
-    """Return why nothing but its motors moving a plant is not enough for an experiment; empty where it is."""
+def _explain_missing_ability(definition: ExperimentDefinition) -> str:
+    """Return why an experiment needs simulated inputs, as obstacle, push or load; empty if it needs none."""
     try:
-        program = entry.default_plan.program()
+        program = definition.default_plan.program()
         if program.walls:
             return NO_WALL
         for segment in program.segments:
             require_plant_ability(segment, pushes=False, loads_shafts=False)
-    except CommandRejectedError as refused:
-        return str(refused)
+    except CommandRejectedError as error:
+        return str(error)
     return ""
 
 
-def _limit_setting(setting: Setting, offered: Mapping[str, tuple[float, float]]) -> Setting:
-    low, high = offered.get(setting.name, (setting.minimum, setting.maximum))
-    return replace(setting, minimum=low, maximum=high)
+def _limit_setting(setting: Setting, ranges: Mapping[str, tuple[float, float]]) -> Setting:
+    minimum, maximum = ranges.get(setting.name, (setting.minimum, setting.maximum))
+    return replace(setting, minimum=minimum, maximum=maximum)
 
 
-# Run progress --------------------------------------------------------------------------------------
+# Pause ---------------------------------------------------------------------------------------------
 #
-# How far a run is, as the state shows it: of the time that it is expected to take.
+# A pause between two runs of one request, in mode pretension. Within a run there is no pause: the
+# control loop executes a program as a whole, and its recording is contiguous.
+
+
+_REASONS_MOTORS_OFF = {
+    Mode.OFF: "the motors were switched off",
+    Mode.STOPPING: "it was stopped softly",
+    Mode.TRIPPED: "a fault or STOP took the motors",
+}
+
+
+class Pause:
+    """The pause of the current request."""
+
+    def __init__(self, live_state: LiveState, on_change: Callable[[], None]) -> None:
+        self.is_requested = False
+        """Whether the next run must wait."""
+
+        self.remaining_runs = 0
+        """Runs of the request that have not started."""
+
+        self._live_state = live_state
+        self._on_change = on_change
+
+    def begin(self, remaining_runs: int) -> None:
+        """Clear the pause, with a number of runs that have not started."""
+        self.is_requested, self.remaining_runs = False, remaining_runs
+
+    def request(self, is_requested: bool) -> None:
+        """Let the next run wait, or start. Raises RequestRejectedError if no run remains."""
+        task = self._live_state.task
+        if task is None or self.remaining_runs == 0:
+            what = "nothing is under way" if task is None else "no run of the same order follows"
+            remedy = "several tensions in turn can be paused between two of them"
+            raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what}: {remedy}")
+        self.is_requested = is_requested
+        self._live_state.task = task.model_copy(update={"pause_wanted": is_requested})
+        self._on_change()
+
+    async def wait_until_resumed(self, loop: LoopClient, show: Callable[[], None]) -> None:
+        """Wait while a pause is requested, then count the next run as started.
+
+        Calls ``show`` meanwhile. Raises NotReadyError if the motors are switched off, LoopExitedError.
+        """
+        while self.is_requested:
+            show()
+            await loop.advance(SLICE_S)
+            await asyncio.sleep(0)  # a simulated loop advances without waiting: let other tasks run
+            if (why := _REASONS_MOTORS_OFF.get(mode := current_mode(loop))) is not None:
+                raise NotReadyError(f"{why} in its pause", mode)
+        # Before the next run is prepared: a pause after the last run cannot be requested.
+        self.remaining_runs -= 1
+
+
+def describe_runs_not_started(run: int, why: Exception, count: int) -> str:
+    """Return a message that a request ended after ``run``, and that ``count`` of its runs were not started."""
+    runs, them = ("1 run was", "it") if count == 1 else (f"{count} runs were", "them")
+    return f"The order ended after run {run}: {str(why).rstrip('.')}; {runs} not begun. Order {them} anew."
+
+
+# Pending evaluations -------------------------------------------------------------------------------
+#
+# Results of the runs of one request, which are computed while the next run is executed.
+
+
+class PendingEvaluations:
+    """Evaluations in progress. Used in the event loop of the service."""
+
+    def __init__(self) -> None:
+        self._in_progress: dict[int, tuple[EndState, asyncio.Task[Evaluation]]] = {}
+        self.run_without_result: int | None = None
+        """A completed run whose evaluation gave no result."""
+
+        self.problem = ""
+        """Why that run has no result."""
+
+    def __contains__(self, run_id: int) -> bool:
+        return run_id in self._in_progress
+
+    def add(self, run_id: int, end_state: EndState, task: asyncio.Task[Evaluation]) -> None:
+        """Add the evaluation of a run that has ended with ``end_state``."""
+        self._in_progress[run_id] = end_state, task
+
+    def clear_problem(self) -> None:
+        """Clear the run without result: another run has started, or it has a result now."""
+        self.run_without_result, self.problem = None, ""
+
+    async def wait_for_results(self) -> bool:
+        """Wait for all evaluations; return whether a completed run has no result."""
+        is_missing = False
+        for run_id, (end_state, task) in tuple(self._in_progress.items()):
+            evaluation = await task
+            del self._in_progress[run_id]
+            if evaluation.result is None and end_state is EndState.COMPLETED:
+                self.run_without_result, is_missing = run_id, True
+                self.problem = f"Run {run_id} is complete, but {evaluation.problem}. Evaluate it again."
+        return is_missing
+
+    async def end(self, *, cancel: bool) -> None:
+        """Wait for all evaluations after a failure, or cancel them; errors are stored with the runs."""
+        tasks = [task for _, task in self._in_progress.values()]
+        for task in tasks if cancel else ():
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        self._in_progress.clear()
+
+
+# Progress ------------------------------------------------------------------------------------------
+#
+# Progress of a run in the live state, in relation to its forecast duration.
 
 
 @dataclass(frozen=True)
 class RunPart:
-    """A part of a program until ``end_s`` after its begin, the ``number``th ``of``; ``doing`` what at a set point."""
+    """Part of a program."""
 
     title: str
     number: int
-    of: int
+    total: int
+    """Number of parts."""
+
     end_s: float
-    doing: Stage | None = None
+    """End after the start of the program [s]."""
+
+    stage: Stage | None = None
+    """What the identification does at an operating point."""
 
 
 @dataclass(frozen=True)
 class ScheduledRun:
-    """A run of a plan, as it is expected to go: the ``number``th ``of`` those that were ordered together."""
+    """A run with its forecast."""
 
     plan: Plan
     run: int
     expected: Expected
     number: int = 1
-    of: int = 1
+    total: int = 1
+    """Number of runs of the request."""
 
     @property
     def parts(self) -> tuple[RunPart, ...]:
-        """The parts of its program by their times; set points are counted over all that was ordered together."""
-        told = self.expected.timetable
-        if told is None:
+        """The parts of the program in order; operating points are counted over all runs of the request."""
+        timetable = self.expected.timetable
+        if timetable is None:
             phases = self.plan.phases()
-            return tuple(RunPart(one.title, at, len(phases), one.end_s) for at, one in enumerate(phases, start=1))
+            return tuple(
+                RunPart(phase.title, number, len(phases), phase.end_s) for number, phase in enumerate(phases, start=1)
+            )
         return tuple(
             RunPart(
-                title=told.title(one),
-                number=(self.number - 1) * one.of + one.number,
-                of=self.of * one.of,
-                end_s=one.end * T_s,
-                doing=one.stage,
+                title=timetable.title(interval),
+                number=(self.number - 1) * interval.of + interval.number,
+                total=self.total * interval.of,
+                end_s=interval.end * T_s,
+                stage=interval.stage,
             )
-            for one in told.intervals
+            for interval in timetable.intervals
         )
 
 
-def make_progress_callback(live_state: LiveState, ordered: ScheduledRun, pause: Pause) -> ProgressCallback:
-    """Return what puts into ``present`` how far a run is.
+def make_progress_callback(live_state: LiveState, scheduled: ScheduledRun, pause: Pause) -> ProgressCallback:
+    """Return a callback that sets the progress of a run in ``live_state``.
 
-    What it is told counts from the start of each part; what is shown counts from the start of the run. Once the program
-    plays, the way to it took as long as it took.
+    The callback gets the time since the start of a phase. The shown time counts from the start of the run, and the
+    expected duration is corrected when the program starts.
     """
-    before_s, expected_s, parts = 0.0, ordered.expected.duration_s, ordered.parts
-    plan = ordered.plan
+    before_s, expected_s, parts = 0.0, scheduled.expected.duration_s, scheduled.parts
+    plan = scheduled.plan
     title = escape_line(plan.experiment.title) if isinstance(plan, ExperimentPlan) and plan.kind == KIND else ""
 
-    def show(doing: RunPhase, elapsed_s: float) -> None:
+    def show(phase: RunPhase, elapsed_s: float) -> None:
         nonlocal before_s, expected_s
-        if doing is RunPhase.PRETENSION:
+        if phase is RunPhase.PRETENSION:
             before_s = elapsed_s
-        if doing is RunPhase.PROGRAM:
-            expected_s = before_s + ordered.expected.program_s
-        passed_s = {
+        if phase is RunPhase.PROGRAM:
+            expected_s = before_s + scheduled.expected.program_s
+        since_start_s = {
             RunPhase.STARTING: 0.0,
             RunPhase.PRETENSION: elapsed_s,
             RunPhase.PROGRAM: before_s + elapsed_s,
             RunPhase.PAUSED: expected_s,
             RunPhase.EVALUATION: expected_s,
-        }[doing]
+        }[phase]
         live_state.task = TaskView(
             kind=plan.kind,
             title=title,
-            run=ordered.run,
-            elapsed_s=passed_s,
+            run=scheduled.run,
+            elapsed_s=since_start_s,
             duration_s=expected_s,
-            phase=doing,
-            part=find_part(parts, elapsed_s) if doing is RunPhase.PROGRAM else None,
-            number=ordered.number,
+            phase=phase,
+            part=find_part(parts, elapsed_s) if phase is RunPhase.PROGRAM else None,
+            number=scheduled.number,
             following=pause.remaining_runs,
             pause_wanted=pause.is_requested,
         )
@@ -489,24 +505,24 @@ def make_progress_callback(live_state: LiveState, ordered: ScheduledRun, pause: 
 
 
 def find_part(parts: tuple[RunPart, ...], t: float) -> PartView | None:
-    """Return the part of a program ``t`` [s] after its start; what is past the end is in the last one."""
+    """Return the part at ``t`` [s] after the start of the program; the last part after its end."""
     if not parts:
         return None
     part = next((one for one in parts if t < one.end_s), parts[-1])
     left_s = max(0.0, part.end_s - t)
-    return PartView(title=part.title, number=part.number, of=part.of, doing=part.doing, left_s=left_s, t=t)
+    return PartView(title=part.title, number=part.number, of=part.total, doing=part.stage, left_s=left_s, t=t)
 
 
-# Ordered runs --------------------------------------------------------------------------------------
+# Job manager ---------------------------------------------------------------------------------------
 #
-# Identifications and experiments that run in this service, one at a time.
+# Runs identifications and experiments on the rig, one at a time.
 
 
 _log = logging.getLogger(__name__)
 
 
 class JobManager:
-    """Starts what takes its time and keeps the state informed of how far it is."""
+    """Starts identifications and experiments, and shows their progress in the live state."""
 
     def __init__(
         self,
@@ -531,143 +547,145 @@ class JobManager:
         self._text_work = text_work
         self._safe_stop = safe_stop
         self.queue = ExperimentQueue(self.start_experiment, self.complete_request, supervision, rig.database)
+        self.pause = Pause(actuator.live_state, actuator.publish_change)
         self._problem = ""
         self._evaluations = PendingEvaluations()
-        self.pause = Pause(actuator.live_state, actuator.publish_change)
         self._running: asyncio.Task[None] | None = None
-        self._closing = False
+        self._is_closing = False
 
     @property
     def problems(self) -> list[str]:
-        """What became of the last run that failed, until another one is started or it has its result after all."""
+        """Problems of the last run, until the next one starts or the missing result is there."""
         return [problem for problem in (self._problem, self._evaluations.problem) if problem]
 
     def clear_missing_result(self, run_id: int) -> None:
-        """Take note that a run has been evaluated again: that its result is missing is not so any more."""
+        """Clear the problem of a run without result, because it was evaluated again."""
         if run_id == self._evaluations.run_without_result:
-            self._evaluations.forget()
+            self._evaluations.clear_problem()
             self._actuator.publish_change()
 
-    async def list_experiment_kinds(self, person: User, is_disconnected: IsDisconnected) -> list[ExperimentKind]:
-        """Return the experiments there are, with their settings and those of the loop as in force."""
+    def is_evaluating(self, run_id: int) -> bool:
+        """Return whether the result of a run is being computed."""
+        return run_id in self._evaluations
+
+    async def close(self, cause: str = "service ended") -> None:
+        """Cancel the current run, which is stored as ended by ``cause``."""
+        self._is_closing = True
+        if self._running is not None:
+            self._running.cancel(cause)
+            await asyncio.gather(self._running, return_exceptions=True)
+
+    async def list_experiment_kinds(self, user: User, is_disconnected: IsDisconnected) -> list[ExperimentKind]:
+        """Return all experiments with their settings and those of the loop."""
         live_state = self._actuator.live_state
-        settings = self._loop_settings()
-        self._dry_runs.prepare(live_state.tuning.parameters, settings)  # who looks at experiments may well try one
+        settings = self._get_loop_settings()
+        self._dry_runs.prepare(live_state.tuning.parameters, settings)  # the user may start a dry run next
         tuning, plant = live_state.operator_tuning.view(0.0), live_state.plant.kind
-        asked = self._experiments, settings, tuning, plant
+        arguments = self._experiments, settings, tuning, plant
         if await asyncio.to_thread(self._experiments.has_own):
-            return await self._text_work.run(person, is_disconnected, _list_experiment_kinds, *asked)
-        return await asyncio.to_thread(_list_experiment_kinds, *asked)
+            return await self._text_work.run(user, is_disconnected, _list_experiment_kinds, *arguments)
+        return await asyncio.to_thread(_list_experiment_kinds, *arguments)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
         """Start an experiment and return its run. Raises RequestRejectedError, SettingError, OutOfRangeError."""
-        _, plan, wanted = await self._parse_request(request)
-        self._require_seed(wanted)
+        _, plan, settings = await self._build_plan(request)
+        self._require_seed(settings)
         async with self._actuator.start_lock:
-            self._require_free()
+            self._require_idle()
             require_ready(self._rig.loop)
-            return await self._start(await self._load_bank(wanted), RunRequest(plan, wanted, who))
+            return await self._start(await self._load_bank(settings), RunRequest(plan, settings, who))
 
     async def complete_request(self, request: ExperimentRequest) -> ExperimentRequest:
-        """Return an order with all that it leaves to what is in force now, for one that waits for its turn.
+        """Return a request for the queue with all its settings, which are then independent of the active tuning.
 
-        Raises what a start would raise: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
+        Raises the errors of a start: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
         """
-        name, plan, wanted = await self._parse_request(request)
-        self._require_seed(wanted)
-        tuning, bank = self._actuator.live_state.tuning, await self._load_bank(wanted)
-        await asyncio.to_thread(tuning.with_choice, wanted.tuning, bank)
+        name, plan, settings = await self._build_plan(request)
+        self._require_seed(settings)
+        tuning, bank = self._actuator.live_state.tuning, await self._load_bank(settings)
+        await asyncio.to_thread(tuning.with_choice, settings.tuning, bank)
         await self._text_work.run_for_operator(
-            _require_playable, self._rig.database, tuning.parameters, plan, wanted.tuning
+            _require_compilable, self._rig.database, tuning.parameters, plan, settings.tuning
         )
         return ExperimentRequest(
-            name=name, settings={**request.settings, **list_setting_values(plan), **asdict(wanted)}
+            name=name, settings={**request.settings, **list_setting_values(plan), **asdict(settings)}
         )
 
     async def check_experiment(
-        self, asked: ExperimentCheckRequest, person: User, is_disconnected: IsDisconnected
+        self, request: ExperimentCheckRequest, user: User, is_disconnected: IsDisconnected
     ) -> CheckedExperiment:
-        """Look an own experiment over on this plant and the tuning in force, and predict its peaks on the simulator.
+        """Check the text of an experiment with the active parameters and tuning, and predict its peaks by a dry run.
 
         Raises ExperimentError.
         """
-        checked = await self._check_text(asked.text, person, is_disconnected)
-        if not asked.play:
+        checked = await self._check_text(request.text, user, is_disconnected)
+        if not request.play:
             return checked.build_view({}, "it was looked over only")
         try:
             played = await self._run_dry(
-                RunRequest(checked.plan, self._loop_settings(), person.name), person, is_disconnected
+                RunRequest(checked.plan, self._get_loop_settings(), user.name), user, is_disconnected
             )
         except (RequestRejectedError, InvalidValueError) as error:
             busy = isinstance(error, RequestRejectedError) and error.category is ErrorCode.TOO_MANY
             return checked.build_view({}, str(error), busy=busy)
         return checked.build_view({item.name: item.value for item in played.metrics}, dry_run=played)
 
-    async def store_experiment(self, written: str, person: User, is_disconnected: IsDisconnected) -> OwnExperiment:
-        """Keep an own experiment as the next version of its name. Raises ExperimentError."""
-        checked = await self._check_text(written, person, is_disconnected)
-        kept = await asyncio.to_thread(self._experiments.store, checked, written, person.name)
-        return build_own_experiment(kept, checked.title)
+    async def store_experiment(self, text: str, user: User, is_disconnected: IsDisconnected) -> OwnExperiment:
+        """Store an experiment as the next version of its name. Raises ExperimentError."""
+        checked = await self._check_text(text, user, is_disconnected)
+        stored = await asyncio.to_thread(self._experiments.store, checked, text, user.name)
+        return build_own_experiment(stored, checked.title)
 
-    async def _check_text(self, written: str, person: User, is_disconnected: IsDisconnected) -> ExperimentCheck:
-        here = self._actuator.live_state.tuning.parameters, self._loop_settings().tuning
-        return await self._text_work.run(person, is_disconnected, self._experiments.check, written, *here)
+    async def _check_text(self, text: str, user: User, is_disconnected: IsDisconnected) -> ExperimentCheck:
+        parameters, tuning = self._actuator.live_state.tuning.parameters, self._get_loop_settings().tuning
+        return await self._text_work.run(user, is_disconnected, self._experiments.check, text, parameters, tuning)
 
-    async def dry_run(self, request: ExperimentRequest, person: User, is_disconnected: IsDisconnected) -> DryRunView:
-        """Play an experiment on a simulator beside this service. Raises SettingError and what ``DryRuns.play`` does."""
-        asked = request.name, self._loop_settings(), request.settings
+    async def dry_run(self, request: ExperimentRequest, user: User, is_disconnected: IsDisconnected) -> DryRunView:
+        """Run an experiment on a simulator. Raises SettingError and the errors of ``DryRuns.play``."""
+        arguments = request.name, self._get_loop_settings(), request.settings
+        build_plan = self._experiments.build_plan
         if request.name in experiments_by_name():
-            _, plan, wanted = await asyncio.to_thread(self._experiments.build_plan, *asked)
+            _, plan, settings = await asyncio.to_thread(build_plan, *arguments)
         else:
-            _, plan, wanted = await self._text_work.run(person, is_disconnected, self._experiments.build_plan, *asked)
-        return await self._run_dry(RunRequest(plan, wanted, person.name), person, is_disconnected)
+            _, plan, settings = await self._text_work.run(user, is_disconnected, build_plan, *arguments)
+        return await self._run_dry(RunRequest(plan, settings, user.name), user, is_disconnected)
 
-    async def _run_dry(self, order: RunRequest, person: User, is_disconnected: IsDisconnected) -> DryRunView:
-        bank = await self._load_bank(order.loop_settings)
-        others = list_plan_banks(order.plan) - {0 if bank is None else bank.id}
+    async def _run_dry(self, request: RunRequest, user: User, is_disconnected: IsDisconnected) -> DryRunView:
+        bank = await self._load_bank(request.loop_settings)
+        others = list_plan_banks(request.plan) - {0 if bank is None else bank.id}
         used = [
             *([] if bank is None else [bank]),
             *(await asyncio.to_thread(self._banks.find_existing, others) if others else ()),
         ]
-        return await self._dry_runs.play(
-            self._actuator.live_state.tuning.parameters, order, used, person, is_disconnected
-        )
+        parameters = self._actuator.live_state.tuning.parameters
+        return await self._dry_runs.play(parameters, request, used, user, is_disconnected)
 
     async def start_identification(self, request: IdentificationRequest, who: str) -> int:
-        """Start an identification, or several in turn, and return the first run.
+        """Start the runs of an identification, one after the other, and return the first.
 
         Raises RequestRejectedError, SettingError, OutOfRangeError.
         """
         plans = build_plans(request)
         async with self._actuator.start_lock:
-            self._require_free()
+            self._require_idle()
             parameters = self._rig.parameters
-            loop, bank = self._loop_settings(), self._actuator.live_state.tuning.bank
+            settings, bank = self._get_loop_settings(), self._actuator.live_state.tuning.bank
             start = read_start(self._rig.loop.ring.newest())
-            told = await self._text_work.run_for_operator(
-                forecast_identifications, plans, parameters, start, loop.lam_motor
+            forecast = await self._text_work.run_for_operator(
+                forecast_identifications, plans, parameters, start, settings.lam_motor
             )
-            told.require_within_range(parameters)
-            return await self._start(bank, *(RunRequest(plan, loop, who) for plan in plans))
+            forecast.require_within_range(parameters)
+            return await self._start(bank, *(RunRequest(plan, settings, who) for plan in plans))
 
     async def predict_identification(self, request: IdentificationRequest, compute: Compute) -> Prediction:
-        """Tell what an identification would do to the rig. Raises SettingError, OutOfRangeError."""
+        """Predict the effect of an identification on the rig. Raises SettingError, OutOfRangeError."""
         tuning, start = self._actuator.live_state.tuning, read_start(self._rig.loop.ring.newest())
-        told: Prediction = await compute(predict_runs, request, tuning.parameters, tuning.lambdas.lam_motor, start)
-        return told
+        lam_motor = tuning.lambdas.lam_motor
+        prediction: Prediction = await compute(predict_runs, request, tuning.parameters, lam_motor, start)
+        return prediction
 
-    def is_evaluating(self, run_id: int) -> bool:
-        """Whether the result of a run is being computed."""
-        return run_id in self._evaluations
-
-    async def close(self, cause: str = "service ended") -> None:
-        """Give up what is running; its run is closed as ended by ``cause``."""
-        self._closing = True
-        if self._running is not None:
-            self._running.cancel(cause)
-            await asyncio.gather(self._running, return_exceptions=True)
-
-    def _require_free(self) -> None:
+    def _require_idle(self) -> None:
+        """Raise RequestRejectedError during a commissioning step, a run or a trial."""
         self._actuator.require_unoccupied()
         if (task := self._actuator.live_state.task) is not None:
             remedy = "wait for its end or stop it"
@@ -675,128 +693,128 @@ class JobManager:
         if self._actuator.tuning_service.view_trial() is not None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
 
-    async def _start(self, bank: Bank | None, *orders: RunRequest) -> int:
-        """Start orders in turn, all with the tuning of the first on the models of ``bank``."""
-        await self._actuator.tuning_service.apply_temporary(orders[0].loop_settings.tuning, bank, orders[0].who)
+    async def _start(self, bank: Bank | None, *requests: RunRequest) -> int:
+        """Start runs one after the other, all with the tuning of the first and the models of ``bank``."""
+        settings = requests[0].loop_settings
+        await self._actuator.tuning_service.apply_temporary(settings.tuning, bank, requests[0].who)
         try:
-            run = await asyncio.to_thread(create_run, self._rig, orders[0])
+            run = await asyncio.to_thread(create_run, self._rig, requests[0])
         except BaseException:
             await self._actuator.tuning_service.restore_operator_tuning()
             raise
         self._problem = ""
-        self._evaluations.forget()
-        self.pause.begin(len(orders) - 1)
-        progress = await self._make_progress_callback(orders, 0, run)
-        progress(RunPhase.STARTING, 0.0)
-        self._running = asyncio.create_task(self._run_all(orders, run, progress))
+        self._evaluations.clear_problem()
+        self.pause.begin(len(requests) - 1)
+        show = await self._make_progress_callback(requests, 0, run)
+        show(RunPhase.STARTING, 0.0)
+        self._running = asyncio.create_task(self._run_all(requests, run, show))
         self._prepare_report()
         return run.id
 
-    async def _run_all(self, orders: Sequence[RunRequest], run: Run, show: ProgressCallback) -> None:
-        """Perform orders in turn; ``run`` and ``show`` are those of the first. One that does not complete ends it.
+    async def _run_all(self, requests: Sequence[RunRequest], run: Run, show: ProgressCallback) -> None:
+        """Execute requests one after the other until one does not complete.
 
-        While the result of one is computed the next one plays: together they take what was announced.
+        ``run`` and ``show`` belong to the first request. A run is evaluated while the next one is executed.
         """
         end_state: EndState | None = None
-        playing = True
+        is_executing = True
         try:
-            for position, order in enumerate(orders):
+            for position, request in enumerate(requests):
                 if position > 0:
-                    playing = False
-                    if (following := await self._create_next_run(orders[position:], run, show)) is None:
+                    is_executing = False
+                    if (next_run := await self._create_next_run(requests[position:], run, show)) is None:
                         break
-                    run, playing = following, True
-                    show = await self._make_progress_callback(orders, position, run)
+                    run, is_executing = next_run, True
+                    show = await self._make_progress_callback(requests, position, run)
                     show(RunPhase.STARTING, 0.0)
-                self._actuator.live_state.program_tunings = await self._list_program_tunings(order)
-                over = (
-                    self._actuator.tuning_service.restore_operator_tuning
-                    if position == len(orders) - 1
-                    else _keep_tuning
-                )
-                closed = await execute_run(self._rig, order, run, show, over)
+                self._actuator.live_state.program_tunings = await self._list_program_tunings(request)
+                is_last = position == len(requests) - 1
+                restore = self._actuator.tuning_service.restore_operator_tuning if is_last else _keep_tuning
+                closed = await execute_run(self._rig, request, run, show, restore)
                 end_state = EndState(closed.end_state)
-                work = asyncio.create_task(evaluate_closed_run(self._rig, order.plan, closed))
-                self._evaluations.add(run.id, end_state, work)
+                task = asyncio.create_task(evaluate_closed_run(self._rig, request.plan, closed))
+                self._evaluations.add(run.id, end_state, task)
                 if end_state is not EndState.COMPLETED:
                     break
-            playing = False
+            is_executing = False
             self.pause.begin(0)
             show(RunPhase.EVALUATION, 0.0)
             if await self._evaluations.wait_for_results():
-                end_state = None  # whoever waits for the result, the queue too, waits for a person
+                end_state = None  # a missing result pauses the queue until an operator has seen it
         except Exception as error:
             _log.exception("Run %s failed.", run.id)
             self._problem = f"Run {run.id} was given up ({type(error).__name__}: {error}): what it moved was stopped."
         finally:
-            if playing and not self._closing:
-                # Nobody watches over the program any more, and its run is closed: it must not play on.
+            if is_executing and not self._is_closing:
+                # The run is closed and its execution is no longer monitored, so the program must not continue.
                 self._problem = self._problem or f"The watch over run {run.id} was ended: what it moved was stopped."
                 self._safe_stop.begin(Fault.SERVICE_LOST)
-            if not self._closing:  # the next start finds the operator's tuning: what was lent is not kept
+            if not self._is_closing:  # a temporary tuning is not stored: the next service starts with the operator's
                 await self._actuator.tuning_service.restore_operator_tuning()
-            await self._evaluations.end(giving_up=self._closing)
+            await self._evaluations.end(cancel=self._is_closing)
             self._actuator.live_state.task = None
             self._actuator.publish_change()
             self.queue.handle_run_end(run.id, end_state)
 
-    async def _create_next_run(self, orders: Sequence[RunRequest], run: Run, show: ProgressCallback) -> Run | None:
-        """Create the first run of what is left after ``run`` once no pause is wanted; None, and a problem, if it fails.
+    async def _create_next_run(self, requests: Sequence[RunRequest], run: Run, show: ProgressCallback) -> Run | None:
+        """Return the run of the first of the remaining requests, when no pause is requested any more.
 
-        Nothing plays then, and ``run`` is complete: neither it nor the joint is concerned.
+        Returns None and sets the problem if that fails. No program is executed then, and ``run`` stays complete.
         """
         try:
             await self.pause.wait_until_resumed(self._rig.loop, partial(show, RunPhase.PAUSED, 0.0))
-            return await asyncio.to_thread(create_run, self._rig, orders[0])
+            return await asyncio.to_thread(create_run, self._rig, requests[0])
         except Exception as error:
             _log.warning("No run follows run %s: %s", run.id, error, exc_info=not isinstance(error, NotReadyError))
-            self._problem = describe_runs_not_started(run.id, error, len(orders))
+            self._problem = describe_runs_not_started(run.id, error, len(requests))
             return None
 
-    async def _list_program_tunings(self, order: RunRequest) -> list[ResolvedTuning]:
-        """Return the tunings that an order puts into use while it plays, by their numbers from 1 on."""
-        choices = list_plan_tunings(order.plan, order.loop_settings.tuning)
+    async def _list_program_tunings(self, request: RunRequest) -> list[ResolvedTuning]:
+        """Return the tunings that the program activates, in the order of their numbers from 1."""
+        choices = list_plan_tunings(request.plan, request.loop_settings.tuning)
+        if not choices:
+            return []
         numbers = {choice.bank for choice in choices}
-        there = (
-            {bank.id: bank for bank in await asyncio.to_thread(self._banks.find_existing, numbers)} if choices else {}
-        )
-        return [ResolvedTuning(choice, there.get(choice.bank)) for choice in choices]
+        banks = {bank.id: bank for bank in await asyncio.to_thread(self._banks.find_existing, numbers)}
+        return [ResolvedTuning(choice, banks.get(choice.bank)) for choice in choices]
 
-    async def _make_progress_callback(self, orders: Sequence[RunRequest], position: int, run: Run) -> ProgressCallback:
-        """Return what shows in the state how far a run is, of the time that it is expected to take from here."""
-        plan, start = orders[position].plan, read_start(self._rig.loop.ring.newest())
-        told = await asyncio.to_thread(forecast_duration, plan, self._rig.parameters, start)
-        ordered = ScheduledRun(plan, run.id, told, position + 1, len(orders))
-        return make_progress_callback(self._actuator.live_state, ordered, self.pause)
+    async def _make_progress_callback(
+        self, requests: Sequence[RunRequest], position: int, run: Run
+    ) -> ProgressCallback:
+        """Return the callback for the run at ``position``, with its forecast duration from the current position."""
+        plan, start = requests[position].plan, read_start(self._rig.loop.ring.newest())
+        expected = await asyncio.to_thread(forecast_duration, plan, self._rig.parameters, start)
+        scheduled = ScheduledRun(plan, run.id, expected, position + 1, len(requests))
+        return make_progress_callback(self._actuator.live_state, scheduled, self.pause)
 
-    def _require_seed(self, wanted: LoopSettings) -> None:
-        if wanted.seed != self._seed:
+    def _require_seed(self, settings: LoopSettings) -> None:
+        if settings.seed != self._seed:
             remedy = f"the simulator of this service runs with seed {self._seed}; sinew experiment takes any"
-            raise SettingError("seed", wanted.seed, remedy)
+            raise SettingError("seed", settings.seed, remedy)
 
-    async def _load_bank(self, wanted: LoopSettings) -> Bank | None:
-        return await asyncio.to_thread(self._banks.load_stored_bank, wanted.bank) if wanted.bank else None
+    async def _load_bank(self, settings: LoopSettings) -> Bank | None:
+        return await asyncio.to_thread(self._banks.load_stored_bank, settings.bank) if settings.bank else None
 
-    async def _parse_request(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
-        """Return what is asked for, of an own one its version; the operator's tuning where nothing else is said."""
-        asked = request.name, self._loop_settings(), request.settings
-        if request.name in experiments_by_name():  # no text of a person's: as costly as Sinew's own
-            return await asyncio.to_thread(self._experiments.build_plan, *asked)
-        return await self._text_work.run_for_operator(self._experiments.build_plan, *asked)
+    async def _build_plan(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
+        """Return name with version, plan and settings of a request; unspecified settings are the operator's tuning."""
+        arguments = request.name, self._get_loop_settings(), request.settings
+        if request.name in experiments_by_name():  # ready-made, not a text of a user
+            return await asyncio.to_thread(self._experiments.build_plan, *arguments)
+        return await self._text_work.run_for_operator(self._experiments.build_plan, *arguments)
 
-    def _loop_settings(self) -> LoopSettings:
+    def _get_loop_settings(self) -> LoopSettings:
         return LoopSettings(**self._actuator.live_state.operator_tuning.choice.to_document(), seed=self._seed)
 
 
 def _list_experiment_kinds(
-    known: OwnExperiments, in_force: LoopSettings, tuning: TuningView, plant: PlantKind
+    experiments: OwnExperiments, loop_settings: LoopSettings, tuning: TuningView, plant: PlantKind
 ) -> list[ExperimentKind]:
-    return list_experiment_kinds(known.list_definitions(), in_force, tuning, plant)
+    return list_experiment_kinds(experiments.list_definitions(), loop_settings, tuning, plant)
 
 
-def _require_playable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> None:
+def _require_compilable(database: Database, parameters: PlantParameters, plan: Plan, tuning: TuningSettings) -> None:
     compile_program(make_bank_loader(database), parameters, plan, tuning)
 
 
 async def _keep_tuning() -> None:
-    """Leave the tuning with a sequence of runs until the last one is over."""
+    """Keep the temporary tuning after a run that is followed by another one of the request."""
