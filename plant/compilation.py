@@ -295,7 +295,7 @@ def get_compiled_kind(value: object) -> object:
         return type(value), *map(get_compiled_kind, value)
     if isinstance(value, np.ndarray):
         return value.dtype, value.ndim, value.flags.c_contiguous, value.flags.writeable
-    return getattr(value, "numba_type", type(value))  # state blocks are alike if their contents are
+    return getattr(value, "numba_type", type(value))  # the kind of a state block is that of its content
 
 
 def compiled_run(function: _F) -> _F:

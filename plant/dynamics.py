@@ -507,9 +507,10 @@ class Dynamics(NamedTuple):
 
 
 class PlantState(NamedTuple):
-    """q [rad], q_dot [rad/s]; of each motor angle, speed and torque at the outlet.
+    """State of the plant: joint, both motors at their outlets, and friction bristles.
 
-    In rad, rad/s and N·m. ``z_A``, ``z_B`` [rad]: deflection of the friction's bristles, 0 and unused if friction is
+    ``q`` [rad] and ``q_dot`` [rad/s] of the joint; angle ``theta`` [rad], speed ``omega`` [rad/s] and torque ``tau``
+    [N·m] of each motor. ``z_A``, ``z_B`` [rad]: deflection of the friction's bristles, 0 and unused if friction is
     smoothed.
     """
 

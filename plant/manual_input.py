@@ -12,11 +12,11 @@ _MOTOR_V_PER_RAD, _MOTOR_V_S_PER_RAD, _MOTOR_MAX_V = 3.0, 0.3, 4.0
 
 @dataclass(frozen=True)
 class ManualInput:
-    """Positions and forces of the hand; None leaves a part alone.
+    """Positions and forces of a simulated hand; None leaves a part free.
 
-    ``q``, ``theta_A``, ``theta_B`` [rad]: where joint and motors are moved. ``pull_A``, ``pull_B`` [N]: pull at the
-    load cells, as by a hanging weight. ``F_limit`` [N]: tension at which the safety module trips, None for its own
-    limit.
+    ``q``, ``theta_A``, ``theta_B`` [rad]: positions to which joint and motors are moved. ``pull_A``, ``pull_B`` [N]:
+    pull at the load cells, as by a hanging weight. ``F_limit`` [N]: tension at which the safety module trips, None for
+    its own limit.
     """
 
     q: float | None = None

@@ -342,7 +342,7 @@ class PlantParameters:
         return replace(self.identified, **self.sided.get(f"identified_{side}", {}))
 
     def select_identified_spring(self, side: Side) -> SpringParameters:
-        """Return the identified spring of one side; where it turns solid is the plant's."""
+        """Return the identified spring of one side, with the solid limit of the plant's."""
         known = self.select_identified(side)
         return replace(self.select_spring(side), k=known.k, points=known.points)
 
@@ -365,7 +365,7 @@ class PlantParameters:
     def make_dynamics(self) -> Dynamics:
         """Return the constants of the simulated plant (method section 1).
 
-        Factors of asymmetry included.
+        The factors of asymmetry are included.
         """
         factor = self.asymmetry
         return Dynamics(

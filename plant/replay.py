@@ -22,8 +22,7 @@ from plant.interface import (
 
 # Recording -----------------------------------------------------------------------------------------
 #
-# A recording as a file: what ``sinew runs export`` and the downloads write, CSV or Parquet, read
-# and looked over.
+# A recording as a CSV or Parquet file, as written by ``sinew runs export`` and by downloads: reading and checks.
 
 
 Signal = NDArray[np.float64]

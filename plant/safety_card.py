@@ -22,7 +22,7 @@ from plant.interface import MotorCommand, PlantError
 
 # Change timeout ------------------------------------------------------------------------------------
 #
-# For how long nothing has changed, on a machine that may itself stand still.
+# Time without a change, measured on a machine that may itself be paused.
 
 
 class Stillness:

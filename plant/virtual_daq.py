@@ -724,11 +724,11 @@ class VirtualRig(Rig):
         self._watchdog_proven = True
 
     def card_state(self) -> CardState:
-        """Return what the card puts out, as anybody may see it."""
+        """Return the values of the card's registers, which any process can read."""
         return self._card_registers.state()
 
     def read(self) -> Measurement:
-        """Return what the sensors say now, the push, and the force of a wall. Raises PlantError."""
+        """Return the measurement with the push and the force of a wall. Raises PlantError."""
         m, simulator = super().read(), self._simulator
         return m._replace(F_push=simulator.F_push, F_wall=simulator.F_wall)
 
@@ -741,11 +741,11 @@ class VirtualRig(Rig):
         self._simulator.load(load)
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
-        """Put a wall in the joint's way from the next period on, None takes it away. Raises PlantError."""
+        """Set the wall from the next period on, None removes it. Raises PlantError."""
         self._simulator.obstacle(obstacle)
 
     def inject(self, broken: Broken | None) -> None:
-        """Break something of the card or of the simulated plant, None to mend it."""
+        """Inject a fault of the card or of the simulated plant, None clears it."""
         of_the_card = broken is not None and broken.kind in ONLY_OF_A_CARD
         self.card.inject(broken if of_the_card else None)
         self._simulator.inject(None if of_the_card else broken)
@@ -753,5 +753,5 @@ class VirtualRig(Rig):
             self._card_registers.kill_watchdog()
 
     def by_hand(self, hand: ManualInput) -> None:
-        """Let a hand act from the next period on."""
+        """Apply a simulated hand from the next period on."""
         self.card.by_hand(hand)

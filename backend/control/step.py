@@ -132,7 +132,7 @@ class Moving(NamedTuple):
 
 
 class Resting(NamedTuple):
-    """State of no motion."""
+    """State while no motion is active."""
 
     volts: float
 

@@ -58,9 +58,9 @@ MAX_POINTS = 64
 
 
 class ActiveInputs(NamedTuple):
-    """Push [N], loads [N·m] and numbers of tuning, obstacle, contact detection.
+    """Inputs that a program has set and that are active; 0 where it sets none.
 
-    As set by a program; 0 where it sets none.
+    Push [N], loads [N·m], and the numbers of tuning, obstacle and contact detection.
     """
 
     F_push: float
@@ -349,10 +349,10 @@ class ManualDisturbance:
 
 
 class ProgramDisturbances:
-    """``F_push`` [N], ``load`` [N·m], numbers of obstacle and contact detection.
+    """Pushes, loads, obstacles and contact detections of a program on the plant.
 
-    As activated by a program. A method of the plant is called only for a change. The operator's obstacle, number 0, is
-    restored at the end of a program.
+    ``F_push`` [N], ``load`` [N·m] and the numbers of obstacle and contact detection are the active ones. A method of
+    the plant is called only for a change. The operator's obstacle, number 0, is restored at the end of a program.
     """
 
     def __init__(self, plant: Plant, events: list[Event], contact: Contact) -> None:
@@ -375,7 +375,7 @@ class ProgramDisturbances:
     def require_program(self, program: Program) -> None:
         """Raise CommandRejectedError or OutOfRangeError for impossible disturbances.
 
-        Of the program's obstacles and contact detections.
+        Checks the obstacles and the contact detections of the program.
         """
         self._contact.require_program(program)
         obstacles = program.walls

@@ -20,7 +20,7 @@ from backend.realtime.ipc import encode
 from backend.supervision import Part
 from plant import WATCHDOG_S, Card, Stillness, cache_compiled
 
-# Card guard ----------------------------------------------------------------------------------------
+# Watchdog monitor ----------------------------------------------------------------------------------
 #
 # The service's own monitoring of the card's registers, which it shares with the loop and the watchdog.
 

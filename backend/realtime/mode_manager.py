@@ -281,7 +281,7 @@ class ModeManager:
     def react_to_contact(self, context: TickContext) -> None:
         """React to a contact: the joint yields at its position.
 
-        Permanently, or for a limited time while a program's run continues.
+        It yields permanently, or for a limited time while the run of a program continues.
         """
         has_program, ticks = self._program is not None, self.contact.pause(self._program, self.motion)
         run_continues = bool(ticks) or (self.contact.begin_reaction(context.tick) and has_program)

@@ -1,9 +1,9 @@
 """Ring buffer in shared memory: one writer, any number of readers.
 
-The writer never waits; readers detect rows that were overwritten. Anonymous shared memory (memfd) is freed whichever
-process dies. Layout: a header of 64-bit integers, then ``capacity`` rows of float64, one per tick; row k is in slot k
-modulo ``capacity``. A row is written before it is counted, so a counted row is complete (x86-64 and similar processors
-keep the order of stores). A header word is read and written in one access.
+The writer never waits; readers detect rows that were overwritten. The memory is anonymous (memfd) and freed with its
+last process, however that ends. Layout: a header of 64-bit integers, then ``capacity`` rows of float64, one per tick;
+row k is in slot k modulo ``capacity``. A row is written before it is counted, so a counted row is complete (x86-64 and
+similar processors keep the order of stores). A header word is read and written in one access.
 """
 
 import mmap

@@ -188,9 +188,9 @@ class StepContext:
 
     @property
     def rest_statistics(self) -> tuple[float, float, float]:
-        """Stiffness [N·m/rad]; mean and standard deviation [N] of the estimated force.
+        """Stiffness [N·m/rad], and mean and standard deviation of the estimated force [N].
 
-        Over the last 0.3 s, without subtraction of the bias.
+        The statistics cover the last 0.3 s, without subtraction of the bias.
         """
         observer_state, m, tuning = self._observer_state.get(), self.m, self._tuning.get()
         S = decoupler.stiffness(tuning.decoupler, m.theta_A, m.theta_B)
