@@ -342,7 +342,7 @@ class PlantParameters:
         return replace(self.identified, **self.sided.get(f"identified_{side}", {}))
 
     def select_identified_spring(self, side: Side) -> SpringParameters:
-        """Return the identified spring of one side, with the solid limit of the plant's."""
+        """Return the identified spring of one side; x_solid and k_solid are the plant's."""
         known = self.select_identified(side)
         return replace(self.select_spring(side), k=known.k, points=known.points)
 

@@ -56,7 +56,7 @@ _CERTAIN = re.compile(
 )
 _CERTAIN_T = re.compile(rf"^t(?:[_ .-]+(?P<unit>{_SHORT}))?$")
 _DOUBTFUL = re.compile(rf"^t[_ .-]*(?P<unit>{_TIME_UNIT})?$|^date$|^x_value$", re.IGNORECASE)
-"""Names of a time, of a sample time, a temperature, a torque, a lowest temperature."""
+"""Ambiguous names: time, but also sample time (Ts), temperature or torque (T), or lowest temperature (Tmin)."""
 _EPOCHS = {"ms": 1e12, "us": 1e15, "ns": 1e18}
 """Magnitude of a time since 1970 by its unit; since 2001 it is between one and four times that."""
 _LONGEST_PERIOD_S = 0.5
