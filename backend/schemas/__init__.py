@@ -1,4 +1,4 @@
-"""Requests and responses by subject: pydantic models that know no HTTP."""
+"""Requests, responses and messages by subject, as pydantic models independent of HTTP."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Bringing a rig up: its steps, what each is about, how it stands, what came of it."""
+"""Schemas of commissioning: its steps with their state and result, and the drive lockout."""
 
 from datetime import datetime
 from typing import Annotated
@@ -10,15 +10,15 @@ from backend.schemas.base import Finite, Schema, quantity
 
 
 class StepFigure(Schema):
-    """One number that a step has measured."""
+    """A value that a step has measured."""
 
     words: str
-    value: float | None = Field(description="null where it was not measured")
+    value: float | None = Field(description="null if it was not measured")
     unit: str
 
 
 class StepResult(Schema):
-    """What a step came to, by whom and when."""
+    """Result of a step, with person and time."""
 
     passed: bool
     text: str
@@ -28,15 +28,15 @@ class StepResult(Schema):
 
 
 class RunningStep(Schema):
-    """A step that is under way."""
+    """The current step."""
 
     phase: str
     elapsed_s: float = quantity("s", "time since the step began")
-    confirm: str = Field(description="what a person is asked to do and to confirm now; empty for nothing")
+    confirm: str = Field(description="instruction that the operator has to confirm now; else empty")
 
 
 class BringUpStep(Schema):
-    """One step; ``why`` tells how its state comes about, ``blocked`` why it cannot be started now."""
+    """One step; ``why`` is the reason for its state, ``blocked`` the reason why it cannot start now."""
 
     id: StepId
     title: str
@@ -50,32 +50,30 @@ class BringUpStep(Schema):
 
 
 class EarlierLockout(Schema):
-    """Who had the drives off, as hands were to be at the rig, and when."""
+    """Drive lockout from before the start of this service: by whom and when."""
 
     who: str
     at: datetime
 
 
 class BringUpView(Schema):
-    """The whole of it, in the order of the steps; ``why_not`` tells where there is nothing to be brought up."""
+    """Commissioning of the plant, in the order of its steps; ``why_not`` says why it does not apply."""
 
     applies: bool
     why_not: str
-    drives_on: bool | None = Field(description="whether the drive-enable line is on; null where it is not seen")
-    drives_locked: bool = Field(description="whether they stay off, and nothing starts, until they are switched on")
-    drives_left: EarlierLockout | None = Field(
-        description="who left them off before this service was started, where nobody has switched them since"
-    )
+    drives_on: bool | None = Field(description="whether the drive-enable line is on; null if unknown")
+    drives_locked: bool = Field(description="whether the drive lockout is active, so that nothing starts")
+    drives_left: EarlierLockout | None = Field(description="lockout from before the start of this service; else null")
     steps: list[BringUpStep]
 
 
 class DrivesRequest(Schema):
-    """Take the drives away, or give them back."""
+    """Whether to enable the drives, or to start the drive lockout."""
 
     on: bool
 
 
 class StepValues(Schema):
-    """Numbers that a step asks for, by name; what is left out is as its default."""
+    """Inputs of a step by name; others have their defaults."""
 
     values: dict[Annotated[str, Field(max_length=40)], Finite] = Field(default_factory=dict, max_length=20)

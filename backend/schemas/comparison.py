@@ -1,4 +1,4 @@
-"""Runs beside one of them: their metrics, what they were set to, and their signals on its time axis."""
+"""Schemas of the comparison of runs with a reference run: metrics, settings and signals."""
 
 from datetime import datetime
 from enum import StrEnum
@@ -11,11 +11,11 @@ from backend.schemas.run import LONGEST_S
 from backend.schemas.state import MarkKind
 
 MOST_NUMBER = 100_000
-"""Beyond the steps and events of any run."""
+"""Bound of the number of a step or an event in a run."""
 
 
 class AlignBy(StrEnum):
-    """What of each run is brought to one moment."""
+    """Event by which the time axes of runs are aligned."""
 
     BEGIN = "begin"
     STEP = "step"
@@ -23,7 +23,7 @@ class AlignBy(StrEnum):
 
 
 class StepSignal(StrEnum):
-    """Signals that jump when they are told to."""
+    """Signals with steps, to align runs by."""
 
     Q_REF = "q_ref"
     S_REF = "S_ref"
@@ -31,7 +31,7 @@ class StepSignal(StrEnum):
 
 
 class ComparisonRequest(Schema):
-    """Which runs, beside which of them, and how they are aligned: ``number`` counts steps or events from 1."""
+    """Runs to compare, reference run and alignment; ``number`` counts steps or events from 1."""
 
     run: list[RowNumber] = Field(min_length=1, max_length=100, description="runs to compare, in order")
     reference: RowNumber | None = Field(
@@ -44,7 +44,7 @@ class ComparisonRequest(Schema):
 
 
 class DifferencesRequest(ComparisonRequest):
-    """Of which signal, over which stretch of the reference, and from what deviation on it is told."""
+    """Signal to compare, time range of the reference, and tolerance band."""
 
     signal: Annotated[str, Field(max_length=40)] = "q"
     from_s: Finite = Field(default=0.0, ge=0.0, le=LONGEST_S, description="begin, on the reference's axis [s]")
@@ -54,7 +54,7 @@ class DifferencesRequest(ComparisonRequest):
 
 
 class ComparedRun(Schema):
-    """One of the runs that are compared."""
+    """One of the compared runs."""
 
     id: int
     title: str
@@ -62,9 +62,9 @@ class ComparedRun(Schema):
     station: str
     who: str
     started: datetime
-    verdict: str = Field(description="in one sentence")
-    aligned_at_s: float | None = quantity("s", "moment that is aligned, from the run's first sample; null: none")
-    offset_s: float | None = quantity("s", "what its times are shifted by onto the reference's axis; null: not aligned")
+    verdict: str = Field(description="verdict in one sentence")
+    aligned_at_s: float | None = quantity("s", "aligned time since the run's first sample; null if not aligned")
+    offset_s: float | None = quantity("s", "shift of its times to the axis of the reference; null if not aligned")
     not_aligned: str = Field(description="why it is not aligned")
 
 
@@ -72,9 +72,9 @@ class ComparedValue(Schema):
     """A metric of one run."""
 
     value: float | None
-    reason: str = Field(description="why there is no value, or why it is that of a part only")
-    difference: float | None = Field(description="to the reference run; null where either has no value")
-    percent: float | None = Field(description="the difference in per cent of the reference; null where that is 0")
+    reason: str = Field(description="why there is no value, or only that of a part")
+    difference: float | None = Field(description="difference from the reference run; null if either has no value")
+    percent: float | None = Field(description="difference in per cent of the reference; null if that is 0")
 
 
 class ComparedMetric(Schema):
@@ -88,45 +88,45 @@ class ComparedMetric(Schema):
 
 
 class ComparedSetting(Schema):
-    """Something that not all compared runs were set to alike: of each run in its order, null where it has none."""
+    """A setting that differs between the compared runs, with its value in each, null without one."""
 
     name: str
-    unit: str = Field(description="SI, 1 for what has none")
+    unit: str = Field(description="SI, 1 without a unit")
     values: list[bool | float | str | None]
 
 
 class RunComparison(Schema):
-    """Runs beside each other."""
+    """Metrics and different settings of the compared runs."""
 
     reference: int
     runs: list[ComparedRun]
     metrics: list[ComparedMetric]
-    settings: list[ComparedSetting] = Field(description="what differs of what they were set to")
+    settings: list[ComparedSetting] = Field(description="settings that differ")
 
 
 class RunDifference(Schema):
-    """A signal of a run minus that of the reference, at the reference's samples; null where either has none."""
+    """A signal of a run minus that of the reference, at the reference's samples; null if either has none."""
 
     run: int
-    reason: str = Field(description="why nothing is compared")
+    reason: str = Field(description="why the signal cannot be compared; else empty")
     minimum: list[float | None] = Field(description="smallest difference per bucket; raw: the difference")
     maximum: list[float | None] = Field(description="largest difference per bucket; raw: the difference")
-    compared_s: float = quantity("s", "length of what was compared, of the stretch asked for")
-    missing_s: float = quantity("s", "the rest of the stretch, where one of both has no sample")
-    left_at_s: float | None = quantity("s", "when the band is left first, on the reference's axis; null: never")
-    outside_s: float = quantity("s", "how long it is outside the band, together")
-    longest_s: float = quantity("s", "how long at most without coming back into it")
-    largest: float | None = Field(description="difference of the largest size, in the signal's unit")
-    largest_at_s: float | None = quantity("s", "when, on the reference's axis")
+    compared_s: float = quantity("s", "compared time of the requested range")
+    missing_s: float = quantity("s", "time of the requested range in which either has no sample")
+    left_at_s: float | None = quantity("s", "first violation of the band, on the reference's axis; null for none")
+    outside_s: float = quantity("s", "total time outside the band")
+    longest_s: float = quantity("s", "longest continuous time outside the band")
+    largest: float | None = Field(description="difference of the largest magnitude, in the signal's unit")
+    largest_at_s: float | None = quantity("s", "time of that difference, on the reference's axis")
 
 
 class Differences(Schema):
-    """Differences of all runs to the reference, but for itself, computed from every sample."""
+    """Differences of all other runs from the reference, computed from every sample."""
 
     reference: int
     signal: str
     unit: str
     raw: bool = Field(description="buckets are single samples")
-    width_s: float = quantity("s", "length of a bucket")
-    t: list[float] = quantity("s", "where the buckets begin, on the reference's axis")
+    width_s: float = quantity("s", "width of a bucket")
+    t: list[float] = quantity("s", "start of each bucket, on the reference's axis")
     runs: list[RunDifference]

@@ -1,4 +1,4 @@
-"""Schemas of experiments, of experiments as texts, and of studies."""
+"""Schemas of experiments, the queue, stored experiments and studies."""
 
 from datetime import datetime
 from typing import Annotated, Any, Literal
@@ -13,9 +13,7 @@ from backend.schemas.run import SamplesView
 from backend.storage import StudyPoint
 from backend.studies import Map, Share, Spreading
 
-# Experiment ----------------------------------------------------------------------------------------
-#
-# Experiments: which there are, their settings, and how they went.
+# Experiments ---------------------------------------------------------------------------------------
 
 
 SettingName = Annotated[str, Field(max_length=40)]
@@ -23,25 +21,25 @@ SettingValue = bool | Finite | Annotated[str, Field(max_length=100_000)]
 
 
 class ExperimentKind(Schema):
-    """A kind of experiment that can be started."""
+    """An experiment that can be started."""
 
     name: str
     title: str
     description: str
     run_kind: str = Field(description="kind of its runs")
-    duration_s: float = quantity("s", "length with the settings at their defaults")
+    duration_s: float = quantity("s", "duration with default settings")
     settings: list[Setting]
-    why_not: str = Field(description="why what is driven cannot play it, only a dry run; empty where it can")
+    why_not: str = Field(description="why the present plant cannot run it, except as a preview; else empty")
 
 
 class ExperimentKindList(Schema):
-    """The kinds of experiments there are."""
+    """All experiments."""
 
     experiments: list[ExperimentKind]
 
 
 class ExperimentRequest(Schema):
-    """Which experiment to start, with settings that differ from the defaults."""
+    """Experiment to start, with settings that differ from the defaults."""
 
     name: str = Field(
         min_length=1,
@@ -53,7 +51,7 @@ class ExperimentRequest(Schema):
 
 
 class Criterion(Schema):
-    """A bound that a metric had to keep."""
+    """A metric with a bound, and whether it passed."""
 
     name: str
     label: str
@@ -61,143 +59,139 @@ class Criterion(Schema):
     bound: float
     relation: str = Field(description="'<' or '>'")
     unit: str
-    passed: bool | None = Field(description="null when it was not measured")
+    passed: bool | None = Field(description="null if it was not measured")
     reason: str = Field(description="why it was not measured")
 
 
 class QueuedView(Schema):
-    """An experiment that waits for its turn."""
+    """An experiment in the queue."""
 
     id: int
     name: str
     settings: dict[str, SettingValue]
     who: str
-    kept: bool = Field(default=False, description="it waited already when the service was started")
+    kept: bool = Field(default=False, description="it was queued before the start of this service")
 
 
 class QueueView(Schema):
-    """What waits, in order."""
+    """The queue, in order."""
 
     items: list[QueuedView]
-    running: bool = Field(description="the next one starts by itself")
-    run: int | None = Field(description="run that the queue has started and that is under way")
-    problem: str = Field(description="why the queue was held")
+    running: bool = Field(description="the next experiment starts automatically")
+    run: int | None = Field(description="current run of the queue")
+    problem: str = Field(description="why the queue is paused")
 
 
 class QueuePlace(Schema):
-    """Where in the queue an experiment is to wait."""
+    """New position of an experiment in the queue."""
 
     place: int = Field(ge=0, le=1000, description="from 0, the next one to be started")
 
 
 class DryRunView(Schema):
-    """What an experiment would give, played on a simulator of its own; nothing is stored."""
+    """Preview of an experiment, simulated without storing anything."""
 
     status: str
     message: str
-    duration_s: float = quantity("s", "length of the experiment")
-    settings: dict[str, SettingValue] = Field(description="all it was played with, those of the loop included")
+    duration_s: float = quantity("s", "duration of the experiment")
+    settings: dict[str, SettingValue] = Field(description="all settings, with those of the control loop")
     outcome: Outcome
-    verdict: str = Field(description="what it came to, in a sentence")
+    verdict: str = Field(description="verdict in one sentence")
     metrics: list[MeasuredFigure]
     criteria: list[Criterion]
     samples: SamplesView | None
 
 
 class DryRunProgress(Schema):
-    """How far the dry run of a person is."""
+    """Progress of the preview of a person."""
 
     under_way: bool
-    doing: RunPhase = Field(description="what is being done for it; starting while it waits for its turn")
-    played_s: float = quantity("s", "how much of the experiment is played")
-    duration_s: float = quantity("s", "length of the experiment")
+    doing: RunPhase = Field(description="current phase; starting while it waits")
+    played_s: float = quantity("s", "simulated time of the experiment")
+    duration_s: float = quantity("s", "duration of the experiment")
 
 
 class ExperimentView(Schema):
-    """One experiment run and, once it has ended, its result."""
+    """A run of an experiment and, after its end, its result."""
 
     id: int
     name: str
-    title: str = Field(description="what was run, in words")
+    title: str = Field(description="title of the experiment")
     status: str
     created: datetime
     progress: float = Field(ge=0.0, le=1.0)
     settings: dict[str, SettingValue | None]
     outcome: Outcome
-    verdict: str = Field(description="what it came to, in a sentence")
+    verdict: str = Field(description="verdict in one sentence")
     metrics: list[MeasuredFigure]
     criteria: list[Criterion]
     message: str
 
 
-# Own experiment ------------------------------------------------------------------------------------
-#
-# Experiments as texts: written, looked over, kept in versions.
+# Stored experiments --------------------------------------------------------------------------------
 
 
 class ExperimentText(Schema):
-    """An experiment as YAML or JSON; what is taken says ``GET /api/experiments/schema``."""
+    """An experiment as YAML or JSON text; ``GET /api/experiments/schema`` returns its schema."""
 
     text: str = Field(min_length=1, max_length=MAX_CHARACTERS)
 
 
 class ExperimentCheckRequest(ExperimentText):
-    """An experiment that is looked over."""
+    """An experiment to check."""
 
     play: bool = Field(default=True, description="play it on the simulator too, which takes its time")
 
 
 class WrittenExperiment(ExperimentText):
-    """An experiment as it was written, and what its text says as plain data."""
+    """The text of an experiment, and the same as parsed data."""
 
     document: dict[str, Any]
 
 
 class RecordedExperiment(WrittenExperiment):
-    """A run as an experiment."""
+    """An experiment that repeats a recorded run."""
 
-    left_out: list[str] = Field(description="what happened in the run that the experiment does not repeat")
+    left_out: list[str] = Field(description="events of the run that the experiment does not repeat")
 
 
 class CheckedExperiment(Schema):
-    """What can be told of an experiment before it is kept or started, its settings at their defaults."""
+    """Result of the check of an experiment with default settings."""
 
     name: str
     title: str
-    duration_s: float = quantity("s", "length of its program")
-    segments: int = Field(description="pieces that the loop plays")
+    duration_s: float = quantity("s", "duration of its program")
+    segments: int = Field(description="number of segments of its program")
     changes_of_tuning: int
-    phases: list[str] = Field(description="titles of its stretches")
-    criteria: int = Field(description="bounds that its runs are judged by")
+    phases: list[str] = Field(description="titles of its phases")
+    criteria: int = Field(description="number of its criteria")
     peak_voltage_V: float | None = quantity("V", "largest voltage on the simulator")
-    min_tension_N: float | None = quantity("N", "least tension on the simulator")
+    min_tension_N: float | None = quantity("N", "smallest tension on the simulator")
     max_tension_N: float | None = quantity("N", "largest tension on the simulator")
-    not_predicted: str = Field(description="why there are no peaks, where there are none")
-    busy: bool = Field(description="there was no place to play it dry: ask again")
-    document: dict[str, Any] = Field(description="what its text says as plain data")
-    parts: list[PlayedPart] = Field(description="in the order in which they first play")
-    dry_run: DryRunView | None = Field(description="how it went on the simulator, None where it was not played")
+    not_predicted: str = Field(description="why peaks are missing; else empty")
+    busy: bool = Field(description="the simulation was not possible because of other ones: repeat the request")
+    document: dict[str, Any] = Field(description="its text as parsed data")
+    parts: list[PlayedPart] = Field(description="parts in the order of their first execution")
+    dry_run: DryRunView | None = Field(description="simulation; null if it was not simulated")
 
 
 class OwnExperiment(Schema):
-    """A version of an own experiment."""
+    """A version of a stored experiment."""
 
     name: str
     version: int
-    title: str = Field(description="empty where this version of Sinew does not take it any more")
+    title: str = Field(description="empty if this version of Sinew no longer accepts its text")
     who: str
     created: datetime
 
 
 class OwnExperimentList(Schema):
-    """Own experiments by name, or the versions of one, the newest first."""
+    """Stored experiments by name, or the versions of one, newest first."""
 
     experiments: list[OwnExperiment]
 
 
-# Study ---------------------------------------------------------------------------------------------
-#
-# Studies as the page and the command line show them.
+# Studies -------------------------------------------------------------------------------------------
 
 
 MapPick = Annotated[
@@ -213,30 +207,30 @@ class StudyText(Schema):
 
 
 class CheckedStudy(Schema):
-    """What a text says, and whether it is a study that could be begun now."""
+    """Result of the check of a study."""
 
-    document: dict[str, Any] | None = Field(description="what the text says as plain data, null where it says none")
-    points: int | None = Field(description="runs that it has, null where it is refused")
-    problem: str = Field(description="why it is refused, with its line; empty where it is not")
-    path: list[int | str] = Field(description="where in the document it is refused")
+    document: dict[str, Any] | None = Field(description="its text as parsed data; null if it cannot be parsed")
+    points: int | None = Field(description="number of its runs; null if it is rejected")
+    problem: str = Field(description="why it is rejected, with the line; else empty")
+    path: list[int | str] = Field(description="path in the document of what is rejected")
 
 
 class PlantNumber(Schema):
-    """A number of the plant that a study can vary."""
+    """A parameter of the plant that a study can vary."""
 
-    name: str = Field(description='by section and entry, such as "motor.c0"')
+    name: str = Field(description='section and entry, such as "motor.c0"')
     value: float
     unit: str
 
 
 class PlantNumbers(Schema):
-    """All of them, by section."""
+    """All parameters of the plant that a study can vary, by section."""
 
     numbers: list[PlantNumber]
 
 
 class StudyView(Schema):
-    """A study, and how far it is. ``state`` is running, stopping, stopped or done."""
+    """A study and its progress. ``state`` is running, stopping, stopped or done."""
 
     id: int
     name: str
@@ -244,11 +238,11 @@ class StudyView(Schema):
     who: str
     created: datetime
     state: str
-    points: int = Field(description="runs that it has")
-    done: int = Field(description="runs that are computed")
-    ends: dict[str, int] = Field(description="how many of these ended how")
-    left_s: float | None = quantity("s", "time left, as fast as it went so far")
-    problem: str = Field(description="what the last attempt to compute it ended of, where that went wrong")
+    points: int = Field(description="number of its runs")
+    done: int = Field(description="number of computed runs")
+    ends: dict[str, int] = Field(description="number of computed runs by end state")
+    left_s: float | None = quantity("s", "estimated remaining time")
+    problem: str = Field(description="error that ended the last computation; else empty")
 
 
 class StudyList(Schema):
@@ -258,7 +252,7 @@ class StudyList(Schema):
 
 
 class StudyAxis(Schema):
-    """What was gone through, and its values in SI."""
+    """A varied quantity with its values in SI."""
 
     name: str
     symbol: str
@@ -267,7 +261,7 @@ class StudyAxis(Schema):
 
 
 class StudyDetail(Schema):
-    """A study with its figures, maps and the first rows of its table."""
+    """A study with its metrics, maps and the first rows of its table."""
 
     study: StudyView
     text: str

@@ -1,4 +1,4 @@
-"""Schemas of identification runs, their curves and models."""
+"""Schemas of identification runs: requests, forecasts, models, curves and validation."""
 
 from datetime import datetime
 from typing import Annotated, Any, Literal
@@ -17,55 +17,54 @@ from backend.plain_text import ONE_LINE
 from backend.schemas.base import Finite, Schema, quantity
 from backend.schemas.experiment import SettingValue
 
-# Compared models -----------------------------------------------------------------------------------
+# Validation ----------------------------------------------------------------------------------------
 #
-# Identified models beside what they are judged by: data they have not seen, and what geometry and
-# springs say.
+# Identified models compared with validation data and with predictions from geometry and springs.
 
 
 class SampleRange(Schema):
-    """Samples in a row, evenly thinned to be drawn."""
+    """Consecutive samples, decimated for drawing."""
 
-    label: str = Field(description="what sets it apart, as the voltage of a step; empty where there is one")
+    label: str = Field(description="label, such as the voltage of a step; empty for the only range")
     t: list[float] = quantity("s", "time from the first sample of the run, or from a motor's step")
     measured: list[float]
     predicted: list[float]
 
 
 class ValidationOutput(Schema):
-    """One output, as measured and as the model says; in the unit of the signal."""
+    """One output, measured and predicted by the model, in the unit of the signal."""
 
     name: str = Field(description="G_q or G_S of an actuator, A or B of motors")
     signal: str
     unit: str
     fit_percent: float | None = Field(description="100 (1 - |y - y_hat| / |y - mean y|) over all samples [%]")
     rms: float | None = Field(description="RMS of measured minus predicted, in the unit of the signal")
-    samples: int = Field(description="samples that fit and residual are of")
-    problem: str = Field(description="why there is nothing; empty where there is")
+    samples: int = Field(description="number of samples for fit and residual")
+    problem: str = Field(description="why there is no prediction; else empty")
     stretches: list[SampleRange]
 
 
 class ValidationView(Schema):
-    """A model beside the part of a record that it was not fitted to."""
+    """A model compared with validation data."""
 
-    run: int = Field(description="identification run whose model it is")
-    of: int = Field(description="run whose record it is")
-    own: bool = Field(description="whether that is its own run: what is predicted was then left out of the fit")
+    run: int = Field(description="identification run of the model")
+    of: int = Field(description="run of the record")
+    own: bool = Field(description="whether both are the same run; the fit then did not use the compared samples")
     kind: str
     outputs: list[ValidationOutput]
 
 
 class PredictionComparison(Schema):
-    """A figure of a model beside what geometry, springs and motor loops predict for the same run."""
+    """A number of a model, and the prediction from geometry, springs and motor loops for the same run."""
 
     identified: float
-    std: float | None = Field(description="standard error; null where it was not kept or could not be had")
+    std: float | None = Field(description="standard error; null if it was not stored or could not be computed")
     predicted: float
     off_percent: float = Field(description="100 (identified / predicted - 1) [%]")
 
 
 class ChannelComparison(Schema):
-    """Gain and sum of lags of G_q or G_S."""
+    """Gain K and sum of lags T of G_q or G_S."""
 
     K: PredictionComparison
     T: PredictionComparison
@@ -76,13 +75,13 @@ class TrendRow(Schema):
     """One actuator identification; predicted with the parameters and λ of the motor loops of its own run."""
 
     run: int
-    S: float = quantity("N·m/rad", "stiffness at which it was made")
+    S: float = quantity("N·m/rad", "stiffness of the identification")
     G_q: ChannelComparison
     G_S: ChannelComparison
 
 
 class PredictedModels(Schema):
-    """What is predicted over S with what is in force now."""
+    """Predictions over S with the active parameters and tuning."""
 
     S: list[float] = quantity("N·m/rad", "stiffness")
     K_q: list[float]
@@ -92,30 +91,28 @@ class PredictedModels(Schema):
 
 
 class LoadFriction(Schema):
-    """What the newest run at each tension says of the friction over the load."""
+    """Friction over the load, estimated from the newest run at each tension."""
 
-    estimate: LoadFrictionFit | None = Field(description="null where it is not measured")
-    problem: str = Field(description="why it is not measured; empty where it is")
+    estimate: LoadFrictionFit | None = Field(description="null if it is not measured")
+    problem: str = Field(description="why it is not measured; else empty")
     sentence: str
-    left_out: list[str] = Field(description="what was not used or not measured, each with the reason")
+    left_out: list[str] = Field(description="runs that were not used, each with the reason")
 
 
 class Trend(Schema):
-    """Identified gains and lags in order of S, beside what geometry, springs and motor loops predict."""
+    """Identified gains and lags by S, and the predictions from geometry, springs and motor loops."""
 
     rows: list[TrendRow]
     predicted: PredictedModels
-    left_out: list[str] = Field(description="identifications that are not among the rows, each with the reason")
+    left_out: list[str] = Field(description="identifications that are not in the rows, each with the reason")
     friction: LoadFriction
 
 
 # Curves --------------------------------------------------------------------------------------------
-#
-# Curves of an identification, to draw: responses, residual tests, errors.
 
 
 class Bode(Schema):
-    """A frequency response, line by line."""
+    """A frequency response."""
 
     omega: list[float] = quantity("rad/s", "angular frequency")
     magnitude: list[float]
@@ -125,23 +122,23 @@ class Bode(Schema):
 class MeasuredBode(Bode):
     """A frequency response estimated from the data without a model."""
 
-    coherence: list[float] = Field(description="0 to 1: how much of the output follows the input")
+    coherence: list[float] = Field(description="coherence of input and output, 0 to 1")
 
 
 class Correlation(Schema):
-    """A residual test: whether the largest of all correlations leaves the bound that belongs to the test."""
+    """A residual test: it fails if any correlation exceeds the bound of the test."""
 
     lags_s: list[float] = quantity("s", "lag")
     correlation: list[float]
-    bound: list[float] = Field(description="what each correlation may be, at the level for all lags together")
+    bound: list[float] = Field(description="bound of each correlation, at the level for all lags together")
     statistic: float = Field(description="largest correlation, in standard deviations")
-    critical: float = Field(description="what the statistic may be")
-    level: float = Field(description="probability that a model which leaves nothing out fails")
+    critical: float = Field(description="bound of the statistic")
+    level: float = Field(description="probability that a complete model fails")
     passed: bool
 
 
 class Candidate(Schema):
-    """A structure that was tried."""
+    """A model structure that was tried."""
 
     structure: str
     K: float | None
@@ -158,7 +155,7 @@ class ChannelCurves(Schema):
     name: str
     model: Bode
     first_order: Bode
-    measured: MeasuredBode | None = Field(description="null for runs made before it was kept")
+    measured: MeasuredBode | None = Field(description="null for runs of versions that did not store it")
     step_t: list[float] = quantity("s", "time of the step responses")
     step_model: list[float]
     step_first_order: list[float]
@@ -168,56 +165,54 @@ class ChannelCurves(Schema):
 
 
 class MotorCurves(Schema):
-    """Steps of one motor."""
+    """Voltage steps of one motor."""
 
     side: Literal["A", "B"]
     steps: list[StoredStepCurve]
 
 
 class OrderCurve(Schema):
-    """One polynomial: its errors at the pairs, and its curve."""
+    """One polynomial: its errors at the measured points, and its curve."""
 
     order: int
-    errors: list[float] = quantity("N", "measured minus fitted force at the pairs")
+    errors: list[float] = quantity("N", "measured minus fitted force at the measured points")
     force: list[float] = quantity("N", "fitted force over curve_x")
 
 
 class SpringCurves(Schema):
-    """Pairs of one spring with the polynomials through them."""
+    """Measured points of one spring, with the fitted polynomials."""
 
     name: str
-    x: list[float] = quantity("m", "elongation of the pairs")
-    F: list[float] = quantity("N", "force of the pairs")
+    x: list[float] = quantity("m", "elongation of the measured points")
+    F: list[float] = quantity("N", "force of the measured points")
     rising: list[bool]
     curve_x: list[float] = quantity("m", "elongation of the curves")
     orders: list[OrderCurve]
 
 
 class IdentificationCurves(Schema):
-    """All that can be drawn of one identification; lists that do not belong to its kind are empty."""
+    """Curves of one identification; lists of other kinds are empty."""
 
     channels: list[ChannelCurves]
     motors: list[MotorCurves]
     springs: list[SpringCurves]
 
 
-# Identification ------------------------------------------------------------------------------------
-#
-# Identification runs: what to do, what to expect of it, what came out.
+# Requests and results ------------------------------------------------------------------------------
 
 
-def _declared(plan: type[Any], name: str) -> Any:
-    """Return the field of a setting that the plan declares, with its bounds."""
+def _declare_setting(plan: type[Any], name: str) -> Any:
+    """Return the pydantic field of a setting of a plan, with its bounds."""
     setting = next(setting for setting in describe_settings(plan) if setting.name == name)
     bounds = {"ge": setting.minimum, "le": setting.maximum}
     return quantity(setting.unit, setting.meaning, default=setting.default, **bounds)
 
 
 class ActuatorRequest(Schema):
-    """The closed-loop experiment of method section 4, at one tension or at several in turn."""
+    """The closed-loop experiment of method section 4, at one tension or several."""
 
     kind: Literal["actuator"] = "actuator"
-    tension_N: float = _declared(ActuatorIdentificationPlan, "tension_N")
+    tension_N: float = _declare_setting(ActuatorIdentificationPlan, "tension_N")
     tensions_N: list[Finite] | None = quantity(
         "N",
         "tensions of several runs in turn",
@@ -225,38 +220,38 @@ class ActuatorRequest(Schema):
         min_length=1,
         max_length=8,
     )
-    amplitude_rad: float = _declared(ActuatorIdentificationPlan, "amplitude_rad")
-    chip_s: float = _declared(ActuatorIdentificationPlan, "chip_s")
-    bits: int = _declared(ActuatorIdentificationPlan, "bits")
-    periods: int = _declared(ActuatorIdentificationPlan, "periods")
-    settle_s: float = _declared(ActuatorIdentificationPlan, "settle_s")
-    estimator: Literal[Method.DEFAULT, Method.ARX] = _declared(ActuatorIdentificationPlan, "estimator")
+    amplitude_rad: float = _declare_setting(ActuatorIdentificationPlan, "amplitude_rad")
+    chip_s: float = _declare_setting(ActuatorIdentificationPlan, "chip_s")
+    bits: int = _declare_setting(ActuatorIdentificationPlan, "bits")
+    periods: int = _declare_setting(ActuatorIdentificationPlan, "periods")
+    settle_s: float = _declare_setting(ActuatorIdentificationPlan, "settle_s")
+    estimator: Literal[Method.DEFAULT, Method.ARX] = _declare_setting(ActuatorIdentificationPlan, "estimator")
 
 
 class MotorRequest(Schema):
     """Unloaded voltage steps of both motors, method section 2."""
 
     kind: Literal["motor"]
-    u_low: float = _declared(MotorIdentificationPlan, "u_low")
-    u_high: float = _declared(MotorIdentificationPlan, "u_high")
-    levels: int = _declared(MotorIdentificationPlan, "levels")
-    travel_rad: float = _declared(MotorIdentificationPlan, "travel_rad")
-    step_s: float = _declared(MotorIdentificationPlan, "step_s")
-    settle_s: float = _declared(MotorIdentificationPlan, "settle_s")
+    u_low: float = _declare_setting(MotorIdentificationPlan, "u_low")
+    u_high: float = _declare_setting(MotorIdentificationPlan, "u_high")
+    levels: int = _declare_setting(MotorIdentificationPlan, "levels")
+    travel_rad: float = _declare_setting(MotorIdentificationPlan, "travel_rad")
+    step_s: float = _declare_setting(MotorIdentificationPlan, "step_s")
+    settle_s: float = _declare_setting(MotorIdentificationPlan, "settle_s")
 
 
 class SpringRequest(Schema):
     """Slow sweep of both tensions, method section 3."""
 
     kind: Literal["spring"]
-    F_low: float = _declared(SpringIdentificationPlan, "F_low")
-    F_high: float = _declared(SpringIdentificationPlan, "F_high")
-    sweep_s: float = _declared(SpringIdentificationPlan, "sweep_s")
-    cycles: int = _declared(SpringIdentificationPlan, "cycles")
-    settle_s: float = _declared(SpringIdentificationPlan, "settle_s")
+    F_low: float = _declare_setting(SpringIdentificationPlan, "F_low")
+    F_high: float = _declare_setting(SpringIdentificationPlan, "F_high")
+    sweep_s: float = _declare_setting(SpringIdentificationPlan, "sweep_s")
+    cycles: int = _declare_setting(SpringIdentificationPlan, "cycles")
+    settle_s: float = _declare_setting(SpringIdentificationPlan, "settle_s")
 
 
-def _kind(body: Any) -> Any:
+def _find_kind(body: Any) -> Any:
     return body.get("kind", "actuator") if isinstance(body, dict) else getattr(body, "kind", None)
 
 
@@ -264,13 +259,13 @@ IdentificationRequest = Annotated[
     Annotated[ActuatorRequest, Tag("actuator")]
     | Annotated[MotorRequest, Tag("motor")]
     | Annotated[SpringRequest, Tag("spring")],
-    Discriminator(_kind),
+    Discriminator(_find_kind),
 ]
-"""What to identify; the actuator where no kind is given."""
+"""Request of an identification; of the actuator if it has no kind."""
 
 
 class IdentificationKind(Schema):
-    """Something that can be identified."""
+    """A kind of identification with its settings."""
 
     kind: str
     title: str
@@ -279,47 +274,47 @@ class IdentificationKind(Schema):
 
 
 class IdentificationKindList(Schema):
-    """What can be identified."""
+    """All kinds of identification."""
 
     kinds: list[IdentificationKind]
 
 
 class PathPoint(Schema):
-    """A point of the way that the joint is expected to go."""
+    """A point of the expected path of the joint."""
 
     q: float = quantity("rad", "joint position")
     S: float = quantity("N·m/rad", "joint stiffness")
 
 
 class Prediction(Schema):
-    """What a run is expected to do before it starts, from where the joint is at present."""
+    """Forecast of a run from the present joint position."""
 
-    duration_s: float = quantity("s", "from the start until the joint is back in pretension, all ways included")
-    q_start: float = quantity("rad", "joint position at present")
-    q_low: float = quantity("rad", "least joint position on the whole way")
-    q_high: float = quantity("rad", "largest joint position on the whole way")
-    F_low: float = quantity("N", "least tendon tension on the whole way; 0 where the tendons are let slack")
-    F_high: float = quantity("N", "largest tendon tension on the whole way")
-    path: list[PathPoint] = Field(description="way of the joint while the tendons are taut, start first")
-    within_range: bool = Field(description="whether joint and springs stay within their range; it is refused if not")
-    figures: list[Expectation] = Field(description="what to expect, in numbers")
+    duration_s: float = quantity("s", "time from the start until the joint is back in pretension")
+    q_start: float = quantity("rad", "present joint position")
+    q_low: float = quantity("rad", "smallest joint position of the run")
+    q_high: float = quantity("rad", "largest joint position of the run")
+    F_low: float = quantity("N", "smallest tendon tension of the run; 0 if the tendons become slack")
+    F_high: float = quantity("N", "largest tendon tension of the run")
+    path: list[PathPoint] = Field(description="path of the joint while the tendons are taut, from the start")
+    within_range: bool = Field(description="whether joint and springs stay within their range; else it is rejected")
+    figures: list[Expectation] = Field(description="expected values")
     q_counts: float | None = Field(
         description="joint motion by the excitation alone, peak to peak, in encoder counts; actuator only"
     )
     u_peak_V: float | None = quantity("V", "largest motor voltage expected; actuator and motor")
-    F_min_N: float | None = quantity("N", "least tendon tension expected; actuator only")
-    enough_motion: bool = Field(description="whether the run is worth starting")
+    F_min_N: float | None = quantity("N", "smallest tendon tension expected; actuator only")
+    enough_motion: bool = Field(description="whether the expected motion suffices for an identification")
     message: str
 
 
 class PauseRequest(Schema):
-    """Whether the next run of the order under way is to wait, in pretension, until this is taken back."""
+    """Whether the next run of the current request waits in pretension until the pause ends."""
 
     paused: bool
 
 
 class StartedRun(Schema):
-    """The task was started; its run, the first where there are several, carries the result."""
+    """Number of the started run, which will have the result; of several, the first one."""
 
     id: int
 
@@ -335,8 +330,8 @@ class ModelView(Schema):
     gain_geometry: float = Field(description="static gain known from geometry")
     K: float = Field(description="static gain of the first-order reduction")
     T: float = quantity("s", "time constant of the first-order reduction: sum of lags")
-    K_std: float | None = Field(description="standard error of K; null where it could not be had")
-    T_std: float | None = quantity("s", "standard error of T; null where it could not be had")
+    K_std: float | None = Field(description="standard error of K; null if it could not be computed")
+    T_std: float | None = quantity("s", "standard error of T; null if it could not be computed")
     grade: Grade
     usable: bool
     verdict: str
@@ -350,16 +345,16 @@ class MotorEstimate(Schema):
 
 
 class MotorView(Schema):
-    """One motor: least squares over all steps, and the 63.21 % rule beside it."""
+    """Result for one motor: least-squares fit over all steps, and 63.21 % rule for comparison."""
 
     side: Literal["A", "B"]
     fitted: MotorEstimate
     std_errors: MotorEstimate
-    u_c: float = quantity("V", "Coulomb voltage: what only overcomes dry friction")
+    u_c: float = quantity("V", "Coulomb voltage, which overcomes Coulomb friction")
     u_c_std: float = quantity("V", "standard error of the Coulomb voltage")
     rule_mean: MotorEstimate = Field(description="63.21 % rule, mean over the steps")
     rule_spread: MotorEstimate = Field(description="63.21 % rule, standard deviation over the steps")
-    before: MotorEstimate = Field(description="in force when the run was made")
+    before: MotorEstimate = Field(description="active parameters at the time of the run")
     rms_counts: float = Field(description="RMS error of position, in encoder counts")
     refused: list[str] = Field(description="steps that could not be used, with the reason")
     grade: Grade
@@ -367,18 +362,18 @@ class MotorView(Schema):
 
 
 class SpringView(Schema):
-    """One spring: polynomials of several orders, and which of them to use."""
+    """Result for one spring: polynomials of several orders, and the recommended one."""
 
     name: str = Field(description="A, B, or table for an imported one")
-    recommended: int = Field(description="order to use")
+    recommended: int = Field(description="recommended order")
     reason: str
     pairs: int
-    hysteresis_N: float | None = quantity("N", "largest mean difference between the ways up and down")
+    hysteresis_N: float | None = quantity("N", "largest mean difference between rising and falling force")
     fits: list[StoredSpringFit]
 
 
 class SpringTableRequest(Schema):
-    """A spring measured elsewhere."""
+    """A measured table of a spring to import."""
 
     name: Annotated[str, ONE_LINE] = Field(min_length=1, max_length=120, description="name of the file")
     table: str = Field(
@@ -401,7 +396,7 @@ class ColumnNotRead(Schema):
 
 
 class SpringTableReading(Schema):
-    """What was read of a measured table."""
+    """Layout of an imported table."""
 
     x_unit: str
     F_unit: str
@@ -422,7 +417,7 @@ class SpringTableView(Schema):
     file: str
     sha256: str = Field(description="digest of the table")
     read: SpringTableReading | None = Field(
-        description="what was read of it; null for tables from before that was kept"
+        description="layout of the table; null for tables that an earlier version imported"
     )
     created: datetime
     who: str
@@ -438,7 +433,7 @@ class SpringTableList(Schema):
 
 
 class IdentificationView(Schema):
-    """One identification run and, once it has ended, its models."""
+    """One identification run and, after its end, its models."""
 
     id: int
     run: int
@@ -446,10 +441,10 @@ class IdentificationView(Schema):
     status: str
     created: datetime
     progress: float = Field(ge=0.0, le=1.0)
-    tension_N: float | None = quantity("N", "tension held, of the actuator")
-    S_nominal: float | None = quantity("N·m/rad", "stiffness at which the run was held")
+    tension_N: float | None = quantity("N", "tension of an identification of the actuator")
+    S_nominal: float | None = quantity("N·m/rad", "stiffness of the run")
     settings: dict[str, SettingValue]
-    estimate: int | None = Field(description="number of the stored identification; null while there is none")
+    estimate: int | None = Field(description="number of the stored identification; null without one")
     usable: bool
     G_q: ModelView | None
     G_S: ModelView | None

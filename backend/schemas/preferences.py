@@ -1,4 +1,4 @@
-"""Schemas of layouts of the charts and of a person's preferences."""
+"""Schemas of chart layouts and of a person's preferences for the page."""
 
 from collections import Counter
 from collections.abc import Collection
@@ -13,29 +13,27 @@ from backend.schemas.base import Schema, quantity
 from backend.units import AngleUnit
 from plant import ErrorCode
 
-# Layouts -------------------------------------------------------------------------------------------
-#
-# Layouts of the charts: which panels, and which signals in each.
+# Chart layouts -------------------------------------------------------------------------------------
 
 
 _NAME = "[A-Za-z][A-Za-z0-9_]{0,19}"
-Drawn = Annotated[str, Field(max_length=43, pattern=f"^{_NAME}( - {_NAME})?$")]
+ChartSignal = Annotated[str, Field(max_length=43, pattern=f"^{_NAME}( - {_NAME})?$")]
 """A column of the sample, a difference of two, or a derived signal."""
 
 LayoutName = Annotated[str, Field(min_length=1, max_length=40, pattern=r"^\S(.*\S)?$"), ONE_LINE]
 
 
 class ChartPanel(Schema):
-    """One chart: signals of one unit over time, or over another signal."""
+    """A chart of signals with one unit over time, or over another signal."""
 
     title: LayoutName
-    signals: list[Drawn] = Field(max_length=8, description="what is drawn, in this order")
-    over: Drawn | None = Field(description="signal along the other axis; null for time")
+    signals: list[ChartSignal] = Field(max_length=8, description="what is drawn, in this order")
+    over: ChartSignal | None = Field(description="signal along the other axis; null for time")
     share: float = quantity("1", "height, as a multiple of that of a plain panel", ge=0.5, le=4.0)
 
 
 class ChartLayout(Schema):
-    """A stack of panels under a name."""
+    """A named list of panels."""
 
     version: Literal[1]
     name: LayoutName
@@ -43,44 +41,43 @@ class ChartLayout(Schema):
 
 
 def check_preferences(layouts: list[ChartLayout], formulas: Collection[str] = ()) -> None:
-    """Raise RequestRejectedError for what no chart can show: signals that are not there, several units on one axis.
+    """Check that charts can show the layouts: signals exist, and each panel has one unit.
 
-    ``formulas`` are the names of derived signals, also of removed ones: their units are for the page to look at.
+    ``formulas`` are the names of derived signals, including deleted ones; the page checks their units. Raises
+    RequestRejectedError.
     """
-    _once([layout.name for layout in layouts], "layout of the charts")
+    _require_unique([layout.name for layout in layouts], "layout of the charts")
     for layout in layouts:
-        _once([panel.title for panel in layout.panels], f"panel of layout “{layout.name}”")
+        _require_unique([panel.title for panel in layout.panels], f"panel of layout “{layout.name}”")
         for panel in layout.panels:
-            _look_over_panel(panel, layout.name, formulas)
+            _check_panel(panel, layout.name, formulas)
         if all(panel.over is not None for panel in layout.panels):
-            raise _refused(f"layout “{layout.name}” has no panel over time; add one: its time axis is that of all")
+            raise _build_error(f"layout “{layout.name}” has no panel over time; add one: its time axis is that of all")
 
 
-def _look_over_panel(panel: ChartPanel, layout: str, formulas: Collection[str]) -> None:
+def _check_panel(panel: ChartPanel, layout: str, formulas: Collection[str]) -> None:
     where = f"panel “{panel.title}” of layout “{layout}”"
     for name in (*panel.signals, *filter(None, [panel.over])):
         if name not in UNIT_BY_SIGNAL and name not in formulas:
-            raise _refused(f"{where}: there is no signal {name}", legal=UNIT_BY_SIGNAL)
-    _once(panel.signals, f"signal in {where}")
+            raise _build_error(f"{where}: there is no signal {name}", legal=UNIT_BY_SIGNAL)
+    _require_unique(panel.signals, f"signal in {where}")
     units = {UNIT_BY_SIGNAL[name]: name for name in reversed(panel.signals) if name in UNIT_BY_SIGNAL}
     if len(units) > 1:
-        told = " and ".join(f"{name} in {unit}" for unit, name in reversed(units.items()))
-        raise _refused(f"{where} has {told}: one panel has one unit; put them into panels of their own")
+        signals = " and ".join(f"{name} in {unit}" for unit, name in reversed(units.items()))
+        raise _build_error(f"{where} has {signals}: one panel has one unit; put them into panels of their own")
 
 
-def _once(names: list[str], what: str) -> None:
+def _require_unique(names: list[str], label: str) -> None:
     name, count = max(Counter(names).items(), key=lambda item: item[1], default=("", 0))
     if count > 1:
-        raise _refused(f"{what}: “{name}” is there {count} times; once is enough")
+        raise _build_error(f"{label}: “{name}” is there {count} times; once is enough")
 
 
-def _refused(message: str, legal: dict[str, str] | None = None) -> RequestRejectedError:
+def _build_error(message: str, legal: dict[str, str] | None = None) -> RequestRejectedError:
     return RequestRejectedError(ErrorCode.BAD_VALUE, message, code="bad_layout", legal=legal)
 
 
 # Preferences ---------------------------------------------------------------------------------------
-#
-# How a person likes the page; nothing here reaches the loop.
 
 
 SignalName = Annotated[str, Field(max_length=20, pattern="^[A-Za-z][A-Za-z_]{0,19}$")]
@@ -88,13 +85,13 @@ SignalColours = dict[SignalName, Annotated[str, Field(max_length=7, pattern="^#[
 
 
 class Preferences(Schema):
-    """What the page remembers for one person, on every machine."""
+    """Settings of the page for one person, on every machine; they do not affect the control loop."""
 
     scheme: Literal["light", "dark", "auto"]
     colours: SignalColours = Field(
         max_length=40, description="own colour of a signal as #rrggbb; its reference follows it"
     )
-    hidden: list[Drawn] = Field(max_length=60, description="signals switched off in the charts")
+    hidden: list[ChartSignal] = Field(max_length=60, description="signals switched off in the charts")
     layout: LayoutName = Field(description="name of the charts' layout in use: an own one, or one of the page's")
     layouts: list[ChartLayout] = Field(max_length=20, description="own layouts of the charts")
     clock: bool = Field(description="the time axis tells the time of day; else the time since the start")
@@ -136,4 +133,4 @@ DEFAULT_PREFERENCES = Preferences(
     sound=False,
     angles=AngleUnit.DEGREES,
 )
-"""What somebody starts with who has chosen nothing yet."""
+"""Preferences of a person who has not changed any."""

@@ -1,4 +1,4 @@
-"""Schemas of sign-in and of the health of the service: who is signed in, in which role."""
+"""Schemas of sign-in, tokens, persons and the health of the service."""
 
 from datetime import datetime
 from enum import StrEnum
@@ -12,14 +12,14 @@ from backend.schemas.base import ErrorDetail, Schema, quantity
 
 
 class Role(StrEnum):
-    """What a signed-in person may do: an operator commands, a viewer watches (and may stop)."""
+    """Role of a session: an operator may send commands, a viewer may only observe and STOP."""
 
     OPERATOR = "operator"
     VIEWER = "viewer"
 
 
 class SignIn(Schema):
-    """A token from the data folder, exchanged for a session cookie."""
+    """A token from the data folder, to exchange for a session cookie."""
 
     token: str = Field(min_length=1, max_length=200)
     name: Annotated[str, ONE_LINE] = Field(
@@ -28,19 +28,19 @@ class SignIn(Schema):
 
 
 class Rotation(Schema):
-    """Which token to replace."""
+    """Role whose token to replace."""
 
     role: Role | None = Field(default=None, description="operator or viewer; both when left out")
 
 
 class NewTokens(Schema):
-    """The new tokens: shown once, kept in the data folder."""
+    """The new tokens, which the data folder stores."""
 
     tokens: dict[Role, str]
 
 
 class NameRequest(Schema):
-    """What a person wants to be called."""
+    """Name that a person chooses."""
 
     name: Annotated[str, ONE_LINE] = Field(
         min_length=1, max_length=40, description="a number is put behind it while somebody else of this name is here"
@@ -52,32 +52,32 @@ class SessionView(Schema):
 
     name: str
     role: Role
-    asks_name: bool = Field(description="this browser has given no name yet: the page asks for one")
+    asks_name: bool = Field(description="this browser has no name yet, so the page asks for one")
 
 
 class PageAddress(Schema):
-    """Where a page was opened."""
+    """Address at which a page was opened."""
 
     url: str = Field(max_length=2000, description="address of the page, without query and fragment")
 
 
 class PageAddressFindings(Schema):
-    """What is wrong with the way from there to the service, and how to set it right; nothing where all is well."""
+    """Problems of the connection between a page address and the service, with remedies."""
 
     problems: list[ErrorDetail]
 
 
 class PersonView(Schema):
-    """Somebody who has the page open."""
+    """A person with an open page."""
 
     name: str
     role: Role
-    pages: int = Field(description="pages and scripts of this person that follow the loop")
-    since: datetime = Field(description="when the first of these came")
+    pages: int = Field(description="number of pages and scripts of this person with a live stream")
+    since: datetime = Field(description="when the first of these connected")
 
 
 class Health(Schema):
-    """Whether the service and its loop are alive; open to all, without secrets."""
+    """Health of service and control loop; available without sign-in."""
 
     alive: bool
     mode: Mode | None

@@ -1,4 +1,4 @@
-"""What the page has to know before anything is sent: the table of samples, and the words of modes, faults, limits."""
+"""Generates the TypeScript module of constants for the page: signals, modes, faults, limits and defaults."""
 
 import json
 from dataclasses import asdict
@@ -13,7 +13,7 @@ from plant import T_s
 
 
 def render_sample_typescript() -> str:
-    """Return the sample table as a TypeScript module."""
+    """Return the TypeScript module with the table of signals and other constants."""
     fields = [
         {"name": field.name, "symbol": field.symbol, "unit": field.unit, "meaning": field.meaning} for field in STORED
     ]
