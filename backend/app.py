@@ -422,7 +422,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     events.subscribe(Triggered, announce_trigger)
 
     service = Service(
-        applied=ParameterService(
+        parameter_service=ParameterService(
             actuator=actuator,
             supervisor=supervisor,
             database=database,

@@ -1,4 +1,4 @@
-"""The FastAPI application: routes, refusals, documentation."""
+"""The FastAPI application: routes, error handlers, documentation."""
 
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -10,8 +10,8 @@ from starlette.types import ASGIApp
 
 from backend import __version__
 from backend.api import errors
-from backend.api.dependencies import angles_of
-from backend.api.middleware import AuthenticationMiddleware, tell_refused
+from backend.api.dependencies import load_angle_unit
+from backend.api.middleware import AuthenticationMiddleware, log_rejected_command
 from backend.api.routers import actuator, experiments, identifications, runs, session, system, tuning
 from backend.public_url import PublicUrl
 from backend.server import HostOriginMiddleware, RequestSchedulingMiddleware, SessionExpiryMiddleware
@@ -26,12 +26,12 @@ Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
 
 
 @asynccontextmanager
-async def _nothing(_app: FastAPI) -> AsyncIterator[None]:
+async def _run_without_lifespan(_app: FastAPI) -> AsyncIterator[None]:
     yield
 
 
 class _Application(FastAPI):
-    """Has the guard in front of everything, also of the answers to failures."""
+    """Applies the host and origin check to every response, error responses included."""
 
     def __init__(self, allowed_hosts: tuple[str, ...], public: PublicUrl | None, **settings: Any) -> None:
         super().__init__(**settings)
@@ -39,24 +39,27 @@ class _Application(FastAPI):
         self._public = public
 
     def build_middleware_stack(self) -> ASGIApp:
-        """Return what each request goes through."""
+        """Return the middleware stack, with the host and origin check outermost."""
         return HostOriginMiddleware(super().build_middleware_stack(), self._allowed_hosts, self._public)
 
 
 def create_app(
-    lifespan: Lifespan = _nothing,
+    lifespan: Lifespan = _run_without_lifespan,
     further_routes: Iterable[APIRouter] = (),
     allowed_hosts: Iterable[str] = (),
     public: PublicUrl | None = None,
 ) -> FastAPI:
-    """Build the application; ``lifespan`` gives ``app.state`` its authentication and its service."""
+    """Build the application.
+
+    ``lifespan`` sets authentication and service in ``app.state``. ``further_routes`` come before the static files.
+    """
     app = _Application(
         tuple(allowed_hosts),
         public,
         title="Sinew",
         version=__version__,
         description=DESCRIPTION,
-        openapi_url=None,  # described at /api/openapi.json to those who are signed in
+        openapi_url=None,  # served at /api/openapi.json to signed-in users
         lifespan=lifespan,
         generate_unique_id_function=_operation_id,
         separate_input_output_schemas=False,
@@ -73,7 +76,7 @@ def create_app(
         tuning.tuning_router,
         identifications.router,
         tuning.banks_router,
-        experiments.own_experiments_router,  # its names come before the numbers of runs
+        experiments.own_experiments_router,  # its fixed paths take precedence over the numbers of runs
         experiments.experiments_router,
         runs.run_library_router,
         runs.formulas_router,
@@ -87,7 +90,7 @@ def create_app(
     for router in (system.stream_router, *further_routes, system.site_router):
         app.include_router(router)
     system.mount_static(app)
-    errors.install(app, angles_of, tell_refused)
+    errors.install_handlers(app, load_angle_unit, log_rejected_command)
     app.add_middleware(RequestSchedulingMiddleware)
     app.add_middleware(SessionExpiryMiddleware)
     app.add_middleware(AuthenticationMiddleware)

@@ -1,4 +1,4 @@
-"""What routes depend on: the service, the person who asks, the units; and the live websocket."""
+"""Dependencies of the routes: user, control lease, service, units; live websocket."""
 
 import asyncio
 import logging
@@ -52,93 +52,108 @@ from backend.storage import Database, StorageError
 from backend.units import AngleUnit
 from plant import ErrorCode
 
-# Auth ----------------------------------------------------------------------------------------------
+# Users ---------------------------------------------------------------------------------------------
 #
-# Who is asking, as routes say what they need: anybody signed in, an operator, somebody who presses
-# STOP.
+# A route declares the user that it needs: a signed-in one, an operator, or one who may press STOP.
 
 
-__all__ = ["BEARER", "OPEN", "MayStop", "Operator", "SignedIn", "User", "may_stop", "require_signed_in"]
+__all__ = [
+    "BEARER",
+    "OPEN",
+    "Operator",
+    "SignedInUser",
+    "StopRequester",
+    "User",
+    "require_signed_in",
+    "require_stop_permission",
+]
 
 _SIGN_IN = "sign in again with the link that the service printed at its start, or with a token of the data folder"
 
 
 def require_signed_in(connection: HTTPConnection) -> User:
-    """Return the signed-in person. Raises RequestRejectedError for anybody else."""
+    """Return the signed-in user. Raises RequestRejectedError for anyone else."""
     person = find_authentication(connection).authenticate(read_credentials(connection))
     if person is None:
         raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in: {_SIGN_IN}")
     return person
 
 
-def may_stop(connection: HTTPConnection) -> User:
-    """Return who presses STOP: also somebody whose session is not live any more. Raises RequestRejectedError."""
+def require_stop_permission(connection: HTTPConnection) -> User:
+    """Return the user who presses STOP, also if the session has expired.
+
+    Raises RequestRejectedError.
+    """
     person = find_authentication(connection).authenticate_for_stop(read_credentials(connection))
     if person is None:
         raise RequestRejectedError(ErrorCode.NOT_SIGNED_IN, f"not signed in, nothing was stopped: {_SIGN_IN}")
     return person
 
 
-# Declared for the documentation only: the generated schema names both ways of proving who asks.
+# Declared for the documentation only: the generated schema lists both ways of authentication.
 _bearer = HTTPBearer(auto_error=False, description="token from the data folder")
 _cookie = APIKeyCookie(
     name=f"{COOKIE}8000", auto_error=False, description="from signing in; its name ends with the port of the address"
 )
 
-# All of these are coroutines: commands whose dependencies run in threads would overtake one another there.
+# These are coroutines, because commands whose dependencies run in threads could change their order.
 
 
-async def _signed_in(
+async def _get_signed_in_user(
     request: Request, _token: Annotated[object, Depends(_bearer)], _session: Annotated[object, Depends(_cookie)]
 ) -> User:
     return require_signed_in(request)
 
 
-SignedIn = Annotated[User, Depends(_signed_in)]
+SignedInUser = Annotated[User, Depends(_get_signed_in_user)]
 
 
-async def _may_stop(
+async def _get_stop_requester(
     request: Request, _token: Annotated[object, Depends(_bearer)], _session: Annotated[object, Depends(_cookie)]
 ) -> User:
-    return may_stop(request)
+    return require_stop_permission(request)
 
 
-MayStop = Annotated[User, Depends(_may_stop)]
+StopRequester = Annotated[User, Depends(_get_stop_requester)]
 
 
-async def _operator(request: Request, person: SignedIn) -> User:
+async def _get_operator(request: Request, person: SignedInUser) -> User:
     if person.role is not Role.OPERATOR:
         if request.method not in ("GET", "HEAD"):
-            request.state.commanding = person, b""  # the log tells who asked for what; a viewer's values are not read
+            request.state.commanding = person, b""  # for the log; values of viewers are not logged
         raise RequestRejectedError(
             ErrorCode.NOT_ALLOWED, f"{person.name} is signed in as {person.role}; this needs the operator's token"
         )
     return person
 
 
-Operator = Annotated[User, Depends(_operator)]
+Operator = Annotated[User, Depends(_get_operator)]
 
 
-# Live ----------------------------------------------------------------------------------------------
+# Live websocket ------------------------------------------------------------------------------------
 #
-# The websocket /api/live: sends what the live stream has; who reads nothing or says nothing for
-# long is dropped.
+# A client that does not read for SEND_TIMEOUT_S, or stops pinging, is disconnected.
 
 
-LIVE_PATIENCE_S = 20.0
-SILENT_S = 75.0
-"""A page, which pings every second, is gone when it has said nothing for so long: its laptop was closed, say.
+SEND_TIMEOUT_S = 20.0
+PING_TIMEOUT_S = 75.0
+"""Time without a ping [s] after which a page counts as lost.
 
-One that is hidden for minutes is let speak by its browser once a minute only, and is there all the same.
+A page pings every second. Browsers let a hidden page send only once a minute.
 """
 
 _log = logging.getLogger(__name__)
 
 
-async def serve(stream: LiveStream, websocket: WebSocket, heard: Callable[[Ping], None] = lambda _ping: None) -> None:
-    """Serve one accepted websocket until either side ends it; ``heard`` gets each ping."""
+async def serve_live_stream(
+    stream: LiveStream, websocket: WebSocket, on_ping: Callable[[Ping], None] = lambda _receive_ping: None
+) -> None:
+    """Serve one accepted websocket until either side ends it.
+
+    ``on_ping`` is called with each ping.
+    """
     with stream.connect() as (client, first):
-        receiving = asyncio.create_task(_receive(websocket, client, heard))
+        receiving = asyncio.create_task(_receive(websocket, client, on_ping))
         tasks = receiving, asyncio.create_task(_send(websocket, client, first))
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -149,13 +164,13 @@ async def serve(stream: LiveStream, websocket: WebSocket, heard: Callable[[Ping]
                 if isinstance(ended, Exception):
                     _log.error("A live stream to a page failed. The page connects again.", exc_info=ended)
     if not receiving.cancelled() and receiving.exception() is None and receiving.result():
-        await _send_away(websocket)
+        await _close_with_reason(websocket)
 
 
-async def _send_away(websocket: WebSocket) -> None:
-    """Close with the reason; when nothing else is sent any more, which would find the connection half closed."""
+async def _close_with_reason(websocket: WebSocket) -> None:
+    """Close the websocket with a reason, after all other messages."""
     with suppress(TimeoutError, RuntimeError, WebSocketDisconnect):
-        async with asyncio.timeout(LIVE_PATIENCE_S):
+        async with asyncio.timeout(SEND_TIMEOUT_S):
             await websocket.close(1008, "only pings are understood here, and they have to come")
 
 
@@ -170,34 +185,35 @@ async def _send(websocket: WebSocket, client: StreamClient, first: Iterable[str 
 
 
 async def _send_one(websocket: WebSocket, message: str | bytes) -> None:
-    async with asyncio.timeout(LIVE_PATIENCE_S):
+    async with asyncio.timeout(SEND_TIMEOUT_S):
         await (websocket.send_text(message) if isinstance(message, str) else websocket.send_bytes(message))
 
 
-async def _receive(websocket: WebSocket, client: StreamClient, heard: Callable[[Ping], None]) -> bool:
-    """Hear pings, and return whether the page is to be sent away; it may also have left by itself."""
+async def _receive(websocket: WebSocket, client: StreamClient, on_ping: Callable[[Ping], None]) -> bool:
+    """Receive pings; return whether the client must be disconnected.
+
+    False if the client has disconnected itself.
+    """
     with suppress(RuntimeError, WebSocketDisconnect):
-        patience_s = None  # who never pings is a script, of which the server itself sees whether it is there
-        while (ping := await _ping(websocket, patience_s)) is not None:
-            patience_s = SILENT_S
-            heard(ping)
+        timeout_s = None  # a client that never pings is a script; the server detects the end of its connection
+        while (ping := await _receive_ping(websocket, timeout_s)) is not None:
+            timeout_s = PING_TIMEOUT_S
+            on_ping(ping)
             client.queue_text(Pong(id=ping.id).model_dump_json())
         return True
     return False
 
 
-async def _ping(websocket: WebSocket, patience_s: float | None) -> Ping | None:
-    """Return the next ping; None for anything else, and for nothing in all that time."""
+async def _receive_ping(websocket: WebSocket, timeout_s: float | None) -> Ping | None:
+    """Return the next ping; None for any other message, and after the timeout."""
     try:
-        async with asyncio.timeout(patience_s):
+        async with asyncio.timeout(timeout_s):
             return Ping.model_validate_json(await websocket.receive_text())
     except (ValidationError, KeyError, TimeoutError):
         return None
 
 
 # Service -------------------------------------------------------------------------------------------
-#
-# The parts of a running service that routes call.
 
 
 RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the database")]
@@ -205,11 +221,11 @@ RowId = Annotated[int, Path(ge=1, le=2**53, description="identifier in the datab
 
 @dataclass(frozen=True)
 class Service:
-    """What the routes act on."""
+    """Parts of the running service that the routes call."""
 
     actuator: ActuatorService
     state: ServiceState
-    applied: ParameterService
+    parameter_service: ParameterService
     control: ControlLease
     hand_over: ControlHandover
     ordered_runs: JobManager
@@ -239,8 +255,8 @@ class Service:
     triggers: Triggers
     formulas: Formulas
 
-    def places_for(self, method: str, path: str) -> WorkLimiter | None:
-        """Return where a request takes its place before its body is read; None for one that needs none."""
+    def get_work_limiter(self, method: str, path: str) -> WorkLimiter | None:
+        """Return the limiter that a costly request needs; None for other requests."""
         if method != "POST":
             return None
         return {
@@ -254,74 +270,78 @@ class Service:
         }.get(path)
 
 
-def service_of(connection: HTTPConnection) -> Service:
+def get_service(connection: HTTPConnection) -> Service:
     """Return the running service."""
     service: Service = connection.app.state.service
     return service
 
 
-async def _service_in_use(request: Request) -> Service:
-    return service_of(request)
+async def _get_current_service(request: Request) -> Service:
+    return get_service(request)
 
 
-ServiceInUse = Annotated[Service, Depends(_service_in_use)]
+CurrentService = Annotated[Service, Depends(_get_current_service)]
 
 
-Stamped = Annotated[
+CommandTokenHeader = Annotated[
     str | None, Header(alias=CONTROL_HEADER, max_length=40, description="page.sequence of the page that holds control")
 ]
 
 
-async def _holds_control(
-    request: Request, service: ServiceInUse, person: Operator, stamp: Stamped = None
+async def _get_control_holder(
+    request: Request, service: CurrentService, person: Operator, stamp: CommandTokenHeader = None
 ) -> AsyncIterator[User]:
-    request.state.commanding = person, await request.body()  # the log tells who asked for what, if it is refused
+    request.state.commanding = person, await request.body()  # for the log, if the command is rejected
     async with service.control.turn(person, parse_command_token(stamp)):
         yield person
 
 
-HoldsControl = Annotated[User, Depends(_holds_control, scope="function")]
-"""An operator who holds control, of whatever is driven or played."""
+ControlHolder = Annotated[User, Depends(_get_control_holder, scope="function")]
+"""An operator who holds the control lease."""
 
 
-async def _in_control(service: ServiceInUse, person: HoldsControl) -> User:
+async def _get_actuator_operator(service: CurrentService, person: ControlHolder) -> User:
     service.actuator.player.require_no_recording()
     return person
 
 
-InControl = Annotated[User, Depends(_in_control, scope="function")]
-"""An operator who holds control: only their commands move the actuator. Refused while a recording is played."""
+ActuatorOperator = Annotated[User, Depends(_get_actuator_operator, scope="function")]
+"""An operator who holds the control lease, while a plant is controlled.
+
+Rejected while a recording is replayed.
+"""
 
 
-# Angles --------------------------------------------------------------------------------------------
-#
-# In which unit somebody who asks for something reads angles.
+# Units of angles -----------------------------------------------------------------------------------
 
 
-ANGLES_PATIENCE_S = 1.0
-"""No refusal waits longer for a preference: a database that does not answer must not keep anybody from reading it."""
+PREFERENCE_TIMEOUT_S = 1.0
+"""Longest time [s] that an error message waits for a preference from the database."""
 
 
-async def angles_of(connection: HTTPConnection) -> AngleUnit:
-    """Return what the signed-in person prefers; degrees for who is not signed in, or is not known just now."""
+async def load_angle_unit(connection: HTTPConnection) -> AngleUnit:
+    """Return the user's preferred unit of angles.
+
+    Degrees for users who are not signed in, and if the preference cannot be loaded.
+    """
     person = find_authentication(connection).authenticate(read_credentials(connection))
     if person is None:
         return AngleUnit.DEGREES
     try:
-        async with asyncio.timeout(ANGLES_PATIENCE_S):
-            preferences = await asyncio.to_thread(service_of(connection).preferences.load, person)
+        async with asyncio.timeout(PREFERENCE_TIMEOUT_S):
+            preferences = await asyncio.to_thread(get_service(connection).preferences.load, person)
             return preferences.angles
     except (StorageError, TimeoutError):
         return AngleUnit.DEGREES
 
 
-async def _angles_read(
+async def _get_angle_unit(
     request: Request,
     angles: Annotated[
         AngleUnit | None, Query(description="unit in which angles are printed; what the person prefers if left out")
     ] = None,
 ) -> AngleUnit:
-    return await angles_of(request) if angles is None else angles
+    return await load_angle_unit(request) if angles is None else angles
 
 
-AnglesRead = Annotated[AngleUnit, Depends(_angles_read)]
+RequestedAngleUnit = Annotated[AngleUnit, Depends(_get_angle_unit)]

@@ -1,4 +1,4 @@
-"""Turns exceptions into the one error body of the interface."""
+"""Converts exceptions into the error response of the interface."""
 
 import logging
 from collections.abc import Awaitable, Callable, Mapping
@@ -26,7 +26,7 @@ from plant import ErrorCode, SinewError
 
 _log = logging.getLogger(__name__)
 
-STATUS = {
+STATUS_BY_CODE = {
     ErrorCode.MALFORMED: 400,
     ErrorCode.NOT_SIGNED_IN: 401,
     ErrorCode.NOT_ALLOWED: 403,
@@ -37,9 +37,11 @@ STATUS = {
     ErrorCode.TOO_MANY: 429,
     ErrorCode.UNAVAILABLE: 503,
 }
-"""What HTTP calls each reason."""
+"""HTTP status of each category of errors."""
 
-_CODES = {405: "method_not_allowed", 500: "internal_error"} | {status: str(why) for why, status in STATUS.items()}
+_CODES = {405: "method_not_allowed", 500: "internal_error"} | {
+    status: str(why) for why, status in STATUS_BY_CODE.items()
+}
 
 RESPONSES: dict[int | str, dict[str, Any]] = {
     status: {"model": ErrorResponse, "description": description}
@@ -56,42 +58,49 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
         503: "the loop process does not answer",
     }.items()
 }
-"""The refusals that any route may answer with, for the documentation."""
+"""Errors that any route can return, for the documentation."""
 
 
-AnglesOf = Callable[[HTTPConnection], Awaitable[AngleUnit]]
-"""Tells in which unit whoever asks reads angles."""
-Told = Callable[[HTTPConnection, str], None]
-"""Hears of each refusal: of which request, and why, with angles in SI."""
+AngleUnitLoader = Callable[[HTTPConnection], Awaitable[AngleUnit]]
+"""Returns the unit in which the client of a request reads angles."""
+RejectionListener = Callable[[HTTPConnection, str], None]
+"""Called with each rejected request and its reason, with angles in SI."""
 
 
-def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _reason: None) -> None:
-    """Register the handlers on ``app``; ``angles_of`` is asked where a refusal speaks of an angle, all are ``told``."""
+def install_handlers(
+    app: FastAPI, load_angle_unit: AngleUnitLoader, on_rejection: RejectionListener = lambda _request, _reason: None
+) -> None:
+    """Register the exception handlers on ``app``.
+
+    ``load_angle_unit`` is called only for messages with angles, ``on_rejection`` for each error.
+    """
 
     async def answer(
         request: Request,
         status: int,
-        problem: Callable[[AngleUnit], ErrorDetail],
+        build_detail: Callable[[AngleUnit], ErrorDetail],
         headers: Mapping[str, str] | None = None,
     ) -> JSONResponse:
-        said, reason = problem(AngleUnit.DEGREES), problem(AngleUnit.RADIANS).message
-        told(request, reason)
-        if said.message != reason:
-            said = problem(await angles_of(request))
-        return _answer(status, said, headers)
+        detail, reason = build_detail(AngleUnit.DEGREES), build_detail(AngleUnit.RADIANS).message
+        on_rejection(request, reason)
+        if detail.message != reason:
+            detail = build_detail(await load_angle_unit(request))
+        return _build_json_response(status, detail, headers)
 
     @app.exception_handler(SinewError)
-    async def refused(request: Request, error: SinewError) -> JSONResponse:
+    async def handle_sinew_error(request: Request, error: SinewError) -> JSONResponse:
         if error.category is None:
-            return await unexpected(request, error)
-        return await answer(request, STATUS[error.category], partial(build_error_detail, error), _headers(error))
+            return await handle_unexpected_error(request, error)
+        return await answer(
+            request, STATUS_BY_CODE[error.category], partial(build_error_detail, error), _headers(error)
+        )
 
     @app.exception_handler(RequestValidationError)
-    async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
-        return await answer(request, 422, partial(_form_problem, request, error.errors()[0]))
+    async def handle_validation_error(request: Request, error: RequestValidationError) -> JSONResponse:
+        return await answer(request, 422, partial(_describe_form_error, request, error.errors()[0]))
 
     @app.exception_handler(HTTPException)
-    async def http(request: Request, error: HTTPException) -> Response:
+    async def handle_http_error(request: Request, error: HTTPException) -> Response:
         path = request.url.path
         if (
             error.status_code == 404
@@ -100,19 +109,19 @@ def install(app: FastAPI, angles_of: AnglesOf, told: Told = lambda _request, _re
         ):
             return render_message_page(404, missing_page_message(path))
         problem = ErrorDetail(code=_CODES.get(error.status_code, "error"), message=str(error.detail))
-        return _answer(error.status_code, problem, error.headers)
+        return _build_json_response(error.status_code, problem, error.headers)
 
     @app.exception_handler(Exception)
-    async def unexpected(request: Request, error: Exception) -> JSONResponse:
+    async def handle_unexpected_error(request: Request, error: Exception) -> JSONResponse:
         _log.error("An unexpected error ended %s %s.", request.method, request.url.path, exc_info=error)
-        return _answer(
+        return _build_json_response(
             500, ErrorDetail(code="internal_error", message="the service failed on this request; see its log")
         )
 
 
-def answer_to(error: RequestRejectedError) -> JSONResponse:
-    """Return the answer that a refusal is."""
-    return _answer(STATUS[error.category], build_error_detail(error), _headers(error))
+def build_response(error: RequestRejectedError) -> JSONResponse:
+    """Return the HTTP response of a rejected request."""
+    return _build_json_response(STATUS_BY_CODE[error.category], build_error_detail(error), _headers(error))
 
 
 def _headers(error: SinewError) -> dict[str, str]:
@@ -120,12 +129,12 @@ def _headers(error: SinewError) -> dict[str, str]:
     return {"Retry-After": str(retry_after_s)} if retry_after_s else {}
 
 
-def _form_problem(request: Request, error: Mapping[str, Any], angles: AngleUnit) -> ErrorDetail:
+def _describe_form_error(request: Request, error: Mapping[str, Any], angles: AngleUnit) -> ErrorDetail:
     wanted = getattr(request.scope.get("route"), "body_field", None) if error["loc"][:1] == ("body",) else None
     problem = build_request_error(error, None if wanted is None else wanted.field_info.annotation, angles)
     return problem.model_copy(update={"value": limit_rejected_value(problem.value)})
 
 
-def _answer(status: int, problem: ErrorDetail, headers: Mapping[str, str] | None = None) -> JSONResponse:
+def _build_json_response(status: int, problem: ErrorDetail, headers: Mapping[str, str] | None = None) -> JSONResponse:
     body = replace_invalid_text(ErrorResponse(error=problem).model_dump(exclude_none=True))
     return JSONResponse(body, status_code=status, headers=dict(headers or {}))

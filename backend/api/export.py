@@ -1,7 +1,7 @@
-"""Writes what the front end is generated from: the OpenAPI schema and the table of sample fields.
+"""Writes the sources of generated front-end code: OpenAPI schema, sample fields.
 
-``python -m backend.api.export OUT_DIR`` writes the files; with ``--check`` it fails where a committed one is stale. The
-OpenAPI schema is not committed: either way it is written, for the types that derive from it.
+``python -m backend.api.export OUT_DIR`` writes the files; ``--check`` fails if a committed file is stale. The OpenAPI
+schema is not committed and always written, because TypeScript types are generated from it.
 """
 
 import argparse
@@ -17,8 +17,8 @@ from backend.glossary import render_glossary_typescript
 from backend.schemas import LiveMessage, Ping, render_sample_typescript
 
 
-def openapi() -> dict[str, Any]:
-    """Return the OpenAPI schema with the messages of the websocket among its components."""
+def build_openapi_schema() -> dict[str, Any]:
+    """Return the OpenAPI schema, with the websocket messages as components."""
     schema = create_app().openapi()
     components = schema["components"]["schemas"]
     messages: dict[str, TypeAdapter[Any]] = {"LiveMessage": TypeAdapter(LiveMessage), "Ping": TypeAdapter(Ping)}
@@ -31,8 +31,8 @@ def openapi() -> dict[str, Any]:
     return schema
 
 
-def files() -> dict[str, str]:
-    """Return the content of each generated file that is committed, by its name."""
+def build_files() -> dict[str, str]:
+    """Return the content of each committed generated file by its name."""
     return {"sample.gen.ts": render_sample_typescript(), "glossary.gen.ts": render_glossary_typescript()}
 
 
@@ -43,11 +43,11 @@ def main() -> None:
     parser.add_argument("--check", action="store_true", help="fail when a committed file is stale")
     arguments = parser.parse_args()
     folder: Path = arguments.out_dir
-    stale = {name: content for name, content in files().items() if _read(folder / name) != content}
+    stale = {name: content for name, content in build_files().items() if _read(folder / name) != content}
     if arguments.check and stale:
         sys.exit(f"stale: {', '.join(stale)}; run python -m backend.api.export {folder}")
     folder.mkdir(parents=True, exist_ok=True)
-    schema = json.dumps(openapi(), ensure_ascii=False) + "\n"
+    schema = json.dumps(build_openapi_schema(), ensure_ascii=False) + "\n"
     for name, content in {**stale, "openapi.json": schema}.items():
         (folder / name).write_text(content, encoding="utf-8")
 

@@ -8,7 +8,7 @@ import pytest
 from fastapi import Response
 from starlette.requests import HTTPConnection
 
-from backend.api.errors import STATUS
+from backend.api.errors import STATUS_BY_CODE
 from backend.auth.authentication import ATTEMPTS, ATTEMPTS_WINDOW_S, GRACE_S, SIGN_INS, Authentication, User
 from backend.auth.sessions import IDLE_S, LIVE_OF_A_ROLE, Sessions, TokenFiles, replace_tokens
 from backend.errors import RequestRejectedError
@@ -68,7 +68,7 @@ def connection(headers: dict[str, str], address: str = "10.0.0.1") -> HTTPConnec
 
 
 def status(error: pytest.ExceptionInfo[RequestRejectedError]) -> int:
-    return STATUS[error.value.category]
+    return STATUS_BY_CODE[error.value.category]
 
 
 def refused(door: Door, token: str, address: str = "here", **headers: str) -> int:

@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI
 from starlette.requests import HTTPConnection
 
-from backend.api.errors import install
+from backend.api.errors import install_handlers
 from backend.errors import OutOfRangeError
 from backend.schemas.identification import ActuatorRequest, IdentificationRequest, SpringTableRequest
 from backend.schemas.preferences import DEFAULT_PREFERENCES, Preferences
@@ -111,7 +111,7 @@ def answers(path: str, body: Any) -> dict[str, Any]:
     async def degrees(_connection: HTTPConnection) -> AngleUnit:
         return AngleUnit.DEGREES
 
-    install(app, degrees)
+    install_handlers(app, degrees)
     for name, schema in BODIES.items():
 
         async def take(body: Any) -> None:

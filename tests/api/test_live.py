@@ -9,7 +9,7 @@ import pytest
 from fastapi import WebSocket, WebSocketDisconnect
 
 from backend import wire
-from backend.api.dependencies import serve
+from backend.api.dependencies import serve_live_stream
 from backend.realtime.ring_buffer import Ring
 from backend.sample import FIELDS, INDEX
 from backend.schemas.state import EventMessage, MarkKind, StateMessage
@@ -105,7 +105,7 @@ def stream_on(ring: Ring) -> LiveStream:
 
 
 async def served(stream: LiveStream, watcher: Watcher) -> None:
-    await serve(stream, cast(WebSocket, watcher))
+    await serve_live_stream(stream, cast(WebSocket, watcher))
 
 
 async def settle() -> None:
@@ -169,7 +169,7 @@ def test_a_page_that_falls_silent_is_gone_and_a_script_that_never_said_anything_
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async def session() -> None:
-        monkeypatch.setattr("backend.api.dependencies.SILENT_S", 0.05)
+        monkeypatch.setattr("backend.api.dependencies.PING_TIMEOUT_S", 0.05)
         stream, page, script = stream_on(Ring.create(1024)), Silent(), Watcher()
         left, there = (asyncio.create_task(served(stream, watcher)) for watcher in (page, script))
         await asyncio.wait_for(left, 60.0)

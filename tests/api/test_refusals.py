@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pytest
 
-from backend.api.middleware import values_in
+from backend.api.middleware import describe_values
 from backend.event_bus import EventBus
 from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, EventLog, RejectionLog
 from backend.storage import events
@@ -102,11 +102,11 @@ def test_a_long_reason_is_cut_and_characters_that_nobody_sees_are_written_out(da
     ],
 )
 def test_values_are_told_with_their_units(asked: object, said: str) -> None:
-    assert values_in(json.dumps(asked).encode()) == said
+    assert describe_values(json.dumps(asked).encode()) == said
 
 
 def test_what_is_no_document_has_no_values() -> None:
-    assert [values_in(body) for body in (b"", b"{", b"\xff", 10_000 * b"[")] == ["", "", "", ""]
+    assert [describe_values(body) for body in (b"", b"{", b"\xff", 10_000 * b"[")] == ["", "", "", ""]
 
 
 def test_a_refused_command_stands_in_the_log_with_its_person_and_is_no_alarm(

@@ -55,7 +55,7 @@ def test_routes_that_wait_for_the_database_leave_room_for_all_others(tmp_path: P
 
 
 def test_no_route_takes_a_thread_of_the_page_and_no_command_takes_any() -> None:
-    commands = {dependencies._holds_control, dependencies._may_stop}
+    commands = {dependencies._get_control_holder, dependencies._get_stop_requester}
     for route in routes():
         assert iscoroutinefunction(route.endpoint), f"{route.path}: its router is without ThreadRoute"
         if calls(route.dependant) & commands:

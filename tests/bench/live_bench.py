@@ -15,7 +15,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
 from backend import wire
-from backend.api.dependencies import LIVE_PATIENCE_S
+from backend.api.dependencies import SEND_TIMEOUT_S
 from backend.sample import INDEX, STORED_NAMES
 from backend.services.live_stream import HISTORY_S
 from plant.interface import T_s
@@ -88,7 +88,7 @@ async def _viewers(live: Bench, loop: Loop) -> list[Ratio]:
         silent = [await stack.enter_async_context(_connected(live, silent=True)) for _ in range(SILENT)]
         beside, missed_beside = await _delays(reading, origin_s)
         grown_MB = _memory_MB(live.service.pid) - before_MB
-        await asyncio.sleep(LIVE_PATIENCE_S)
+        await asyncio.sleep(SEND_TIMEOUT_S)
         dropped = sum(await asyncio.gather(*(_is_dropped(connection) for connection in silent)))
     p99, p99_beside = (float(np.percentile(delays, 99.0)) for delays in (alone, beside))
     return [

@@ -30,11 +30,15 @@ def calls(dependant: Dependant) -> set[object]:
 def who(route: APIRoute) -> str:
     """Who may ask, by what the route depends on."""
     needed = calls(route.dependant)
-    if dependencies._in_control in needed:
+    if dependencies._get_actuator_operator in needed:
         return "who is in control"
-    if dependencies._operator in needed:
+    if dependencies._get_operator in needed:
         return "operators"
-    return "viewers" if dependencies._signed_in in needed or dependencies._may_stop in needed else "anybody"
+    return (
+        "viewers"
+        if dependencies._get_signed_in_user in needed or dependencies._get_stop_requester in needed
+        else "anybody"
+    )
 
 
 def routes() -> Iterator[APIRoute]:
@@ -63,7 +67,7 @@ def test_each_route_says_what_it_may_cost() -> None:
 
 def test_the_page_lists_what_computes_with_its_limits() -> None:
     asks = dict(asking())
-    expected = [documented(name, cost, asks[name]) for name, cost in COSTS.items() if cost.computes]
+    expected = [documented(name, cost, asks[name]) for name, cost in COSTS.items() if cost.is_computation]
     assert cells("### Cost of requests\n", 6) == expected
 
 

@@ -7,7 +7,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from backend.api.dependencies import SILENT_S
+from backend.api.dependencies import PING_TIMEOUT_S
 from backend.server.security import COOKIE
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS
@@ -93,7 +93,7 @@ def test_a_closed_laptop_disappears_and_comes_back(browser: Browser, service: Se
             expect(page.get_by_role("banner")).to_be_visible()
         _expect_connected(vic, "Ana may take control, 1 page", "Vic (viewer), you VIEW, 1 page")
         relay.freeze()
-        _expect_connected(vic, "Vic (viewer), you VIEW, 1 page", within_s=SILENT_S + PATIENCE_S)
+        _expect_connected(vic, "Vic (viewer), you VIEW, 1 page", within_s=PING_TIMEOUT_S + PATIENCE_S)
         relay.thaw()
         _expect_connected(vic, "Ana may take control, 1 page", "Vic (viewer), you VIEW, 1 page")
         ana.context.close()

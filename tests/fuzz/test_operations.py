@@ -13,7 +13,7 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
-from backend.api.export import openapi
+from backend.api.export import build_openapi_schema
 from backend.experiments.library import experiments_by_name
 from tests.fuzz.conftest import EXAMPLES, SEED
 from tests.fuzz.target import TIMEOUT_S, Role, Target
@@ -60,7 +60,7 @@ def aimed(document: dict[str, Any]) -> dict[str, Any]:
 
 
 Case = schemathesis.Case[Any]
-schema = schemathesis.openapi.from_dict(aimed(openapi()))
+schema = schemathesis.openapi.from_dict(aimed(build_openapi_schema()))
 once_each = settings(
     max_examples=EXAMPLES,
     derandomize=False,

@@ -13,7 +13,7 @@ import pytest
 from backend import analysis
 from backend.analysis.evaluation import METRICS_BY_MEASURE, build_metric_documents
 from backend.analysis.step_metrics import WholeMetrics
-from backend.api.export import files
+from backend.api.export import build_files
 from backend.commissioning.status import StepState
 from backend.faults import EXPLANATIONS, Fault, Limit
 from backend.glossary.glossary import (
@@ -133,7 +133,7 @@ def test_what_a_page_does_not_explain_is_refused_by_name() -> None:
 
 def test_the_generated_module_is_the_one_in_the_repository() -> None:
     written = (ROOT / "frontend" / "src" / "wire" / "glossary.gen.ts").read_text(encoding="utf-8")
-    assert files()["glossary.gen.ts"] == written
+    assert build_files()["glossary.gen.ts"] == written
 
 
 def test_every_result_that_declares_figures_is_in_the_glossary() -> None:

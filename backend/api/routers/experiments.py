@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request
 
-from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
+from backend.api.dependencies import ActuatorOperator, CurrentService, Operator, RowId, SignedInUser
 from backend.experiments import build_json_schema
 from backend.schemas import (
     CheckedExperiment,
@@ -41,7 +41,7 @@ experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"], 
 
 
 @experiments_router.get("")
-async def list_experiments(request: Request, service: ServiceInUse, person: SignedIn) -> ExperimentKindList:
+async def list_experiments(request: Request, service: CurrentService, person: SignedInUser) -> ExperimentKindList:
     """List the kinds of experiments with their settings and units."""
     return ExperimentKindList(
         experiments=await service.ordered_runs.list_experiment_kinds(person, request.is_disconnected)
@@ -49,63 +49,63 @@ async def list_experiments(request: Request, service: ServiceInUse, person: Sign
 
 
 @experiments_router.post("", status_code=202)
-async def start_experiment(body: ExperimentRequest, service: ServiceInUse, person: InControl) -> StartedRun:
+async def start_experiment(body: ExperimentRequest, service: CurrentService, person: ActuatorOperator) -> StartedRun:
     """Start an experiment; its progress is in the state, its result under the returned id."""
     return StartedRun(id=await service.ordered_runs.start_experiment(body, person.name))
 
 
 @experiments_router.post("/dry-run")
 async def dry_run_experiment(
-    request: Request, body: ExperimentRequest, service: ServiceInUse, person: SignedIn
+    request: Request, body: ExperimentRequest, service: CurrentService, person: SignedInUser
 ) -> DryRunView:
     """Play an experiment on a simulator of its own, one per person, 10 min at most, while the connection stands."""
     return await service.ordered_runs.dry_run(body, person, request.is_disconnected)
 
 
 @experiments_router.get("/dry-run/progress")
-async def get_dry_run_progress(service: ServiceInUse, person: SignedIn) -> DryRunProgress:
+async def get_dry_run_progress(service: CurrentService, person: SignedInUser) -> DryRunProgress:
     """Return how far one's own dry run is; closing the connection that asked for it ends it."""
     return await service.dry_runs.progress(person)
 
 
 @experiments_router.get("/queue")
-async def get_queue(service: ServiceInUse, _person: SignedIn) -> QueueView:
+async def get_queue(service: CurrentService, _person: SignedInUser) -> QueueView:
     """Return the experiments that wait for their turn."""
     return service.ordered_runs.queue.view()
 
 
 @experiments_router.post("/queue", status_code=201)
-async def add_to_queue(body: ExperimentRequest, service: ServiceInUse, person: Operator) -> QueueView:
+async def add_to_queue(body: ExperimentRequest, service: CurrentService, person: Operator) -> QueueView:
     """Put an experiment at the end of the queue; nothing starts before the queue is run."""
     return await service.ordered_runs.queue.add(body, person.name)
 
 
 @experiments_router.post("/queue/run")
-async def run_queue(service: ServiceInUse, _person: InControl) -> QueueView:
+async def run_queue(service: CurrentService, _person: ActuatorOperator) -> QueueView:
     """Start the first experiment and go on until the queue is empty or one does not complete."""
     return await service.ordered_runs.queue.run()
 
 
 @experiments_router.post("/queue/hold")
-async def hold_queue(service: ServiceInUse, _person: Operator) -> QueueView:
+async def hold_queue(service: CurrentService, _person: Operator) -> QueueView:
     """Start no further experiment; the one under way goes on."""
     return service.ordered_runs.queue.hold()
 
 
 @experiments_router.put("/queue/{id}/place")
-async def move_in_queue(id: RowId, body: QueuePlace, service: ServiceInUse, _person: Operator) -> QueueView:
+async def move_in_queue(id: RowId, body: QueuePlace, service: CurrentService, _person: Operator) -> QueueView:
     """Let a waiting experiment wait at another place."""
     return await service.ordered_runs.queue.move(id, body.place)
 
 
 @experiments_router.delete("/queue/{id}")
-async def remove_from_queue(id: RowId, service: ServiceInUse, _person: Operator) -> QueueView:
+async def remove_from_queue(id: RowId, service: CurrentService, _person: Operator) -> QueueView:
     """Take a waiting experiment out of the queue."""
     return await service.ordered_runs.queue.remove(id)
 
 
 @experiments_router.get("/{id}")
-def get_experiment(id: RowId, service: ServiceInUse, _person: SignedIn) -> ExperimentView:
+def get_experiment(id: RowId, service: CurrentService, _person: SignedInUser) -> ExperimentView:
     """Return one experiment run with its metrics and criteria."""
     return service.runs.load_experiment(id)
 
@@ -120,13 +120,13 @@ ExperimentName = Annotated[str, Path(max_length=60, description="ready-made, own
 
 
 @own_experiments_router.get("/schema")
-async def get_experiment_schema(_person: SignedIn) -> dict[str, Any]:
+async def get_experiment_schema(_person: SignedInUser) -> dict[str, Any]:
     """Return the JSON schema of an experiment."""
     return build_json_schema()
 
 
 @own_experiments_router.get("/own")
-async def list_own_experiments(request: Request, service: ServiceInUse, person: SignedIn) -> OwnExperimentList:
+async def list_own_experiments(request: Request, service: CurrentService, person: SignedInUser) -> OwnExperimentList:
     """List own experiments, the newest version of each."""
     if not await in_thread(service.experiments.has_own):
         return OwnExperimentList(experiments=[])
@@ -136,7 +136,7 @@ async def list_own_experiments(request: Request, service: ServiceInUse, person: 
 
 @own_experiments_router.post("/own", status_code=201)
 async def keep_experiment(
-    request: Request, body: ExperimentText, service: ServiceInUse, person: Operator
+    request: Request, body: ExperimentText, service: CurrentService, person: Operator
 ) -> OwnExperiment:
     """Keep an experiment as the next version of its name; one that could not be played here is refused."""
     return await service.ordered_runs.store_experiment(body.text, person, request.is_disconnected)
@@ -144,7 +144,7 @@ async def keep_experiment(
 
 @own_experiments_router.post("/check")
 async def check_experiment(
-    request: Request, body: ExperimentCheckRequest, service: ServiceInUse, person: SignedIn
+    request: Request, body: ExperimentCheckRequest, service: CurrentService, person: SignedInUser
 ) -> CheckedExperiment:
     """Look an experiment over as a start would, played dry for its peaks where asked; nothing is kept."""
     return await service.ordered_runs.check_experiment(body, person, request.is_disconnected)
@@ -152,7 +152,7 @@ async def check_experiment(
 
 @own_experiments_router.get("/texts/{name}")
 async def get_experiment_text(
-    request: Request, name: ExperimentName, service: ServiceInUse, person: SignedIn
+    request: Request, name: ExperimentName, service: CurrentService, person: SignedInUser
 ) -> WrittenExperiment:
     """Return an experiment as the text that it is, to keep it elsewhere or to begin an own one with."""
     return await service.texts.run(person, request.is_disconnected, service.experiments.load_text, name)
@@ -160,7 +160,7 @@ async def get_experiment_text(
 
 @own_experiments_router.get("/own/{name}/versions")
 async def list_versions(
-    request: Request, name: ExperimentName, service: ServiceInUse, person: SignedIn
+    request: Request, name: ExperimentName, service: CurrentService, person: SignedInUser
 ) -> OwnExperimentList:
     """List the versions of an own experiment, the newest first: who kept each, and when."""
     found = await service.texts.run(person, request.is_disconnected, service.experiments.list_versions, name)
@@ -169,7 +169,7 @@ async def list_versions(
 
 @own_experiments_router.get("/as-run/{run_id}")
 async def get_experiment_as_run(
-    request: Request, run_id: RowId, service: ServiceInUse, person: SignedIn
+    request: Request, run_id: RowId, service: CurrentService, person: SignedInUser
 ) -> RecordedExperiment:
     """Return a run as an experiment to begin an own one with, and what of the run it does not repeat."""
     return await service.texts.run(person, request.is_disconnected, service.experiments.build_from_run, run_id)
@@ -184,42 +184,42 @@ studies_router = APIRouter(prefix="/api/studies", tags=["studies"], route_class=
 
 
 @studies_router.get("")
-async def list_studies(service: ServiceInUse, _person: SignedIn) -> StudyList:
+async def list_studies(service: CurrentService, _person: SignedInUser) -> StudyList:
     """List the newest studies, and how far each is."""
     return await service.studies.list_newest()
 
 
 @studies_router.post("", status_code=201)
-async def begin_study(body: StudyText, service: ServiceInUse, person: Operator) -> StudyView:
+async def begin_study(body: StudyText, service: CurrentService, person: Operator) -> StudyView:
     """Keep a study and have it computed beside the loop, on the simulator; it moves nothing."""
     return await service.studies.start(body.text, person.name)
 
 
 @studies_router.post("/check")
-async def check_study(request: Request, body: StudyText, service: ServiceInUse, person: SignedIn) -> CheckedStudy:
+async def check_study(request: Request, body: StudyText, service: CurrentService, person: SignedInUser) -> CheckedStudy:
     """Return what a text says as plain data, how many runs it has and whether it would be refused; nothing is kept."""
     return await service.studies.check(body.text, person, request.is_disconnected)
 
 
 @studies_router.get("/numbers")
-async def list_plant_numbers(service: ServiceInUse, _person: SignedIn) -> PlantNumbers:
+async def list_plant_numbers(service: CurrentService, _person: SignedInUser) -> PlantNumbers:
     """List the numbers of the plant that a study can vary."""
     return service.studies.list_plant_numbers()
 
 
 @studies_router.get("/{id}")
-async def get_study(id: RowId, service: ServiceInUse, _person: SignedIn, pick: MapPick = "worst") -> StudyDetail:
+async def get_study(id: RowId, service: CurrentService, _person: SignedInUser, pick: MapPick = "worst") -> StudyDetail:
     """Return a study with its maps and the first rows of its table."""
     return await service.studies.build_detail(id, pick)
 
 
 @studies_router.post("/{id}/stop")
-async def stop_study(id: RowId, service: ServiceInUse, _person: Operator) -> StudyView:
+async def stop_study(id: RowId, service: CurrentService, _person: Operator) -> StudyView:
     """Have a study stop, whoever computes it; what is computed stays."""
     return await service.studies.stop(id)
 
 
 @studies_router.post("/{id}/resume")
-async def resume_study(id: RowId, service: ServiceInUse, _person: Operator) -> StudyView:
+async def resume_study(id: RowId, service: CurrentService, _person: Operator) -> StudyView:
     """Have computed what a study lacks."""
     return await service.studies.resume(id)

@@ -4,7 +4,7 @@ from fastapi import APIRouter, Request
 
 from backend import __version__
 from backend.analysis import fit_spring_table
-from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
+from backend.api.dependencies import ActuatorOperator, CurrentService, Operator, RowId, SignedInUser
 from backend.schemas import (
     ApplyRequest,
     IdentificationCurves,
@@ -23,7 +23,7 @@ router = APIRouter(prefix="/api", tags=["identification"], route_class=ThreadRou
 
 @router.post("/identifications", status_code=202)
 async def identify(
-    body: identification.IdentificationRequest, service: ServiceInUse, person: InControl
+    body: identification.IdentificationRequest, service: CurrentService, person: ActuatorOperator
 ) -> identification.StartedRun:
     """Start an identification run; its progress is in the state, its result under the returned id."""
     return identification.StartedRun(id=await service.ordered_runs.start_identification(body, person.name))
@@ -31,7 +31,7 @@ async def identify(
 
 @router.put("/identifications/pause")
 async def pause(
-    body: identification.PauseRequest, service: ServiceInUse, _person: InControl
+    body: identification.PauseRequest, service: CurrentService, _person: ActuatorOperator
 ) -> identification.PauseRequest:
     """Let the next of several identifications wait, or begin; refused where none follows the one under way."""
     service.ordered_runs.pause.request(body.paused)
@@ -40,7 +40,7 @@ async def pause(
 
 @router.post("/identifications/prediction")
 async def predict(
-    request: Request, body: identification.IdentificationRequest, service: ServiceInUse, person: SignedIn
+    request: Request, body: identification.IdentificationRequest, service: CurrentService, person: SignedInUser
 ) -> identification.Prediction:
     """Tell what joint motion a run would cause, before it starts."""
     return await service.ordered_runs.predict_identification(
@@ -49,44 +49,46 @@ async def predict(
 
 
 @router.get("/identifications")
-def list_identifications(service: ServiceInUse, _person: SignedIn) -> identification.IdentificationList:
+def list_identifications(service: CurrentService, _person: SignedInUser) -> identification.IdentificationList:
     """List identification runs, newest first."""
     return identification.IdentificationList(identifications=service.identifications.list_identifications())
 
 
 @router.get("/identification-kinds")
-async def list_identification_kinds(service: ServiceInUse, _person: SignedIn) -> identification.IdentificationKindList:
+async def list_identification_kinds(
+    service: CurrentService, _person: SignedInUser
+) -> identification.IdentificationKindList:
     """List what can be identified, with the settings of each."""
     return identification.IdentificationKindList(kinds=describe_identification_kinds())
 
 
 @router.get("/identifications/{id}")
-def get_identification(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.IdentificationView:
+def get_identification(id: RowId, service: CurrentService, _person: SignedInUser) -> identification.IdentificationView:
     """Return one identification run with its models."""
     return service.identifications.load_identification(id)
 
 
 @router.get("/identifications/{id}/curves")
-def get_identification_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
+def get_identification_curves(id: RowId, service: CurrentService, _person: SignedInUser) -> IdentificationCurves:
     """Return what can be drawn of an identification run: responses, residual tests, errors."""
     return service.identifications.build_curves(id)
 
 
 @router.get("/identifications/{id}/unseen")
-async def get_unseen(id: RowId, of: RowNumber, service: ServiceInUse, _person: SignedIn) -> ValidationView:
+async def get_unseen(id: RowId, of: RowNumber, service: CurrentService, _person: SignedInUser) -> ValidationView:
     """Set a model beside the record of the run `of`, or the part of its own that it was not fitted to."""
     return await service.identifications.validate(id, of)
 
 
 @router.get("/identification-trend")
-async def get_identification_trend(service: ServiceInUse, _person: SignedIn) -> Trend:
+async def get_identification_trend(service: CurrentService, _person: SignedInUser) -> Trend:
     """Return gains and lags over S beside what geometry predicts."""
     return await service.identifications.compute_trend()
 
 
 @router.post("/spring-tables", status_code=201)
 async def add_table(
-    request: Request, body: identification.SpringTableRequest, service: ServiceInUse, person: Operator
+    request: Request, body: identification.SpringTableRequest, service: CurrentService, person: Operator
 ) -> identification.SpringTableView:
     """Identify a spring from a table measured elsewhere."""
     asked = body.name, body.table, person.name, __version__, body.header, body.decimal
@@ -95,36 +97,36 @@ async def add_table(
 
 
 @router.get("/spring-tables")
-def list_spring_tables(service: ServiceInUse, _person: SignedIn) -> identification.SpringTableList:
+def list_spring_tables(service: CurrentService, _person: SignedInUser) -> identification.SpringTableList:
     """List springs identified from tables, newest first."""
     return identification.SpringTableList(tables=service.identifications.list_spring_tables())
 
 
 @router.get("/spring-tables/{id}")
-def get_spring_table(id: RowId, service: ServiceInUse, _person: SignedIn) -> identification.SpringTableView:
+def get_spring_table(id: RowId, service: CurrentService, _person: SignedInUser) -> identification.SpringTableView:
     """Return one spring identified from a table."""
     return service.identifications.load_spring_table(id)
 
 
 @router.get("/spring-tables/{id}/curves")
-def get_spring_table_curves(id: RowId, service: ServiceInUse, _person: SignedIn) -> IdentificationCurves:
+def get_spring_table_curves(id: RowId, service: CurrentService, _person: SignedInUser) -> IdentificationCurves:
     """Return what can be drawn of a spring identified from a table."""
     return service.identifications.build_spring_table_curves(id)
 
 
 @router.get("/parameters")
-def get_parameters(service: ServiceInUse, _person: SignedIn, estimate: RowNumber | None = None) -> ParametersView:
+def get_parameters(service: CurrentService, _person: SignedInUser, estimate: RowNumber | None = None) -> ParametersView:
     """Return the parameters in force by versions, and what applying an estimate would change."""
-    return service.applied.build_view(estimate)
+    return service.parameter_service.build_view(estimate)
 
 
 @router.post("/parameters")
-async def apply_parameters(body: ApplyRequest, service: ServiceInUse, person: InControl) -> ParametersView:
+async def apply_parameters(body: ApplyRequest, service: CurrentService, person: ActuatorOperator) -> ParametersView:
     """Put identified motors or springs in force; in off only."""
-    return await service.applied.apply(body.estimate, person.name)
+    return await service.parameter_service.apply(body.estimate, person.name)
 
 
 @router.post("/parameters/undo")
-async def undo_parameters(body: UndoRequest, service: ServiceInUse, person: InControl) -> ParametersView:
+async def undo_parameters(body: UndoRequest, service: CurrentService, person: ActuatorOperator) -> ParametersView:
     """Put the former parameters in force again, as a new version; in off only."""
-    return await service.applied.undo(body.version, person.name)
+    return await service.parameter_service.undo(body.version, person.name)

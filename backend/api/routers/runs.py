@@ -8,7 +8,7 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import Field, StringConstraints
 
-from backend.api.dependencies import AnglesRead, Operator, RowId, ServiceInUse, SignedIn
+from backend.api.dependencies import CurrentService, Operator, RequestedAngleUnit, RowId, SignedInUser
 from backend.exports import MEDIA_TYPES, DataFormat, foxglove_layout
 from backend.plain_text import make_file_name
 from backend.reports import MOST_RUNS
@@ -73,8 +73,8 @@ TagInPath = Annotated[str, Path(max_length=10 * TAG_MAX, description="a tag")]
 
 @runs_router.get("")
 def list_runs(
-    service: ServiceInUse,
-    _person: SignedIn,
+    service: CurrentService,
+    _person: SignedInUser,
     kind: Annotated[
         str | None, Query(max_length=200, description="only runs of these kinds, separated by commas")
     ] = None,
@@ -94,69 +94,69 @@ def list_runs(
 
 
 @runs_router.get("/foxglove-layout.json", response_class=Response, responses={200: {"content": {JSON: {}}}})
-async def get_layout(_person: SignedIn) -> Response:
+async def get_layout(_person: SignedInUser) -> Response:
     """Return the layout that shows an MCAP file in Foxglove and Lichtblick."""
-    return download(foxglove_layout().encode(), JSON, "sinew-foxglove-layout.json")
+    return build_download_response(foxglove_layout().encode(), JSON, "sinew-foxglove-layout.json")
 
 
 @runs_router.get("/{id}")
-def get_run(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunView:
+def get_run(id: RowId, service: CurrentService, _person: SignedInUser) -> RunView:
     """Return one run."""
     return service.runs.load_run(id)
 
 
 @runs_router.patch("/{id}")
-def set_note(id: RowId, body: NoteRequest, service: ServiceInUse, _person: Operator) -> RunView:
+def set_note(id: RowId, body: NoteRequest, service: CurrentService, _person: Operator) -> RunView:
     """Write the note of a run."""
     return service.runs.set_note(id, body.note)
 
 
 @runs_router.post("/{id}/tags")
-def put_tag(id: RowId, body: TagRequest, service: ServiceInUse, _person: Operator) -> RunView:
+def put_tag(id: RowId, body: TagRequest, service: CurrentService, _person: Operator) -> RunView:
     """Put a tag on a run."""
     service.run_library.change_tags([id], [body.tag], [])
     return service.runs.load_run(id)
 
 
 @runs_router.delete("/{id}/tags/{tag}")
-def take_tag(id: RowId, tag: TagInPath, service: ServiceInUse, _person: Operator) -> RunView:
+def take_tag(id: RowId, tag: TagInPath, service: CurrentService, _person: Operator) -> RunView:
     """Take a tag off a run."""
     service.run_library.change_tags([id], [], [tag])
     return service.runs.load_run(id)
 
 
 @runs_router.post("/{id}/evaluation")
-async def evaluate_run(request: Request, id: RowId, service: ServiceInUse, _person: Operator) -> RunView:
+async def evaluate_run(request: Request, id: RowId, service: CurrentService, _person: Operator) -> RunView:
     """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
     await run_while_connected(service.evaluations.evaluate_again(id), request.is_disconnected)
     return await in_thread(service.runs.load_run, id)
 
 
 @runs_router.get("/{id}/lineage")
-def get_lineage(id: RowId, service: ServiceInUse, _person: SignedIn) -> Lineage:
+def get_lineage(id: RowId, service: CurrentService, _person: SignedInUser) -> Lineage:
     """Return where a run came from, back to raw data and parameters, and what came of it."""
     return service.history.build_lineage(id)
 
 
 @runs_router.get("/{id}/marks")
-def get_marks(id: RowId, service: ServiceInUse, _person: SignedIn) -> RunMarks:
+def get_marks(id: RowId, service: CurrentService, _person: SignedInUser) -> RunMarks:
     """Return what happened during a run, on its own time axis."""
     return service.history.load_marks(id)
 
 
 @runs_router.get("/{id}/planned")
-async def get_planned(request: Request, id: RowId, service: ServiceInUse, person: SignedIn) -> PlannedSignals:
+async def get_planned(request: Request, id: RowId, service: CurrentService, person: SignedInUser) -> PlannedSignals:
     """Return the references that a run was to follow, from begin to end."""
     return await service.texts.run(person, request.is_disconnected, read_planned_run, service.database, id)
 
 
 @runs_router.post("/{id}/replay", status_code=204)
-def show_moment(id: RowId, body: ReplayRequest, service: ServiceInUse, _person: SignedIn) -> None:
+def show_moment(id: RowId, body: ReplayRequest, service: CurrentService, _person: SignedInUser) -> None:
     """Let the replay's 3D view at /replay/ show a moment of the run; nothing real moves."""
     service.replay.show(id, body.t)
 
 
-async def _excerpt(
+async def _parse_slice(
     id: RowId,
     from_s: Annotated[
         Finite, Query(alias="from", ge=0.0, le=LONGEST_S, description="begin, from the run's first sample [s]")
@@ -170,17 +170,17 @@ async def _excerpt(
     return SampleSlice(id, from_s, math.inf if to_s is None else to_s, points, signals.split(","))
 
 
-AskedFor = Annotated[SampleSlice, Depends(_excerpt)]
+SliceQuery = Annotated[SampleSlice, Depends(_parse_slice)]
 
 
 @runs_router.get("/{id}/samples")
-async def get_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn) -> SamplesView:
+async def get_samples(asked: SliceQuery, service: CurrentService, _person: SignedInUser) -> SamplesView:
     """Return samples of a run: raw where they are few enough, else their min/max envelope."""
     return await service.runs.load_samples(asked)
 
 
 @runs_router.get("/{id}/samples.bin", response_class=Response, responses={200: {"content": {BINARY: {}}}})
-async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: SignedIn) -> Response:
+async def get_packed_samples(asked: SliceQuery, service: CurrentService, _person: SignedInUser) -> Response:
     """Return what ``samples`` returns in binary, little endian.
 
     float64 bucket width [s], uint64 first bucket, uint32 buckets, uint32 values per bucket (1: samples, 2: smallest and
@@ -191,29 +191,29 @@ async def get_packed_samples(asked: AskedFor, service: ServiceInUse, _person: Si
 
 @runs_router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
 async def get_report_html(
-    request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
+    request: Request, id: RowId, service: CurrentService, _person: SignedInUser, angles: RequestedAngleUnit
 ) -> Response:
     """Return the report of a run as one self-contained page."""
-    return report(
+    return build_report_response(
         await run_while_connected(service.downloads.render_html_report(id, angles), request.is_disconnected), "html"
     )
 
 
 @runs_router.get("/{id}/report.pdf", response_class=Response, responses={200: {"content": {PDF: {}}}})
 async def get_report_pdf(
-    request: Request, id: RowId, service: ServiceInUse, _person: SignedIn, angles: AnglesRead
+    request: Request, id: RowId, service: CurrentService, _person: SignedInUser, angles: RequestedAngleUnit
 ) -> Response:
     """Return the report of a run as PDF."""
     content = await run_while_connected(service.downloads.render_pdf_report(id, angles), request.is_disconnected)
-    return report(content, "pdf", f"sinew-run-{id}.pdf")
+    return build_report_response(content, "pdf", f"sinew-run-{id}.pdf")
 
 
 @runs_router.get("/{id}/data.{format}", response_class=Response, responses=DATA)
 async def get_data(
     id: RowId,
     format: DataFormat,
-    service: ServiceInUse,
-    _person: SignedIn,
+    service: CurrentService,
+    _person: SignedInUser,
     formulas: Annotated[
         str, Query(max_length=1100, description="derived signals as further columns, names separated by commas")
     ] = "",
@@ -221,23 +221,23 @@ async def get_data(
     """Return all samples of a run, with their notation and the facts of the run; SI units."""
     derived = list(dict.fromkeys(filter(None, formulas.split(","))))
     content = await service.downloads.stream_run(id, format, derived)
-    return download(content, MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
+    return build_download_response(content, MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
 
 
 @runs_router.get("/{id}/bundle.zip", response_class=Response, responses={200: {"content": {ZIP: {}}}})
-async def get_bundle(id: RowId, service: ServiceInUse, _person: SignedIn) -> Response:
+async def get_bundle(id: RowId, service: CurrentService, _person: SignedInUser) -> Response:
     """Return a run with all that it came from, for another installation to take in."""
-    return download(await service.downloads.stream_bundle(id), ZIP, f"sinew-run-{id}.zip")
+    return build_download_response(await service.downloads.stream_bundle(id), ZIP, f"sinew-run-{id}.zip")
 
 
-def report(content: bytes, format: str, name: str = "") -> Response:
+def build_report_response(content: bytes, format: str, name: str = "") -> Response:
     """Return a report: a page to look at, or a PDF to be saved under a name."""
     if format == "pdf":
-        return download(content, PDF, name)
+        return build_download_response(content, PDF, name)
     return Response(content, media_type="text/html", headers={"Content-Security-Policy": DOCUMENT_POLICY})
 
 
-def download(content: bytes | AsyncIterator[bytes], media_type: str, name: str) -> Response:
+def build_download_response(content: bytes | AsyncIterator[bytes], media_type: str, name: str) -> Response:
     """Return content, whole or piece by piece, to be saved under a name."""
     headers = {"Content-Disposition": f'attachment; filename="{make_file_name(name)}"'}
     if isinstance(content, bytes):
@@ -255,9 +255,9 @@ log_router = APIRouter(prefix="/api", tags=["log"], route_class=ThreadRoute)
 
 @log_router.get("/log")
 def get_log(
-    service: ServiceInUse,
-    _person: SignedIn,
-    angles: AnglesRead,
+    service: CurrentService,
+    _person: SignedInUser,
+    angles: RequestedAngleUnit,
     kind: Annotated[list[EventKind] | None, Query(max_length=50, description="of these kinds only")] = None,
     words: Annotated[
         str, Query(max_length=400, description="each of these words, in text as it is read, person, note or tag")
@@ -271,27 +271,27 @@ def get_log(
 
 
 @log_router.put("/log/{id}/remark", status_code=204)
-def set_remark(id: RowId, body: EventNote, service: ServiceInUse, person: Operator) -> None:
+def set_remark(id: RowId, body: EventNote, service: CurrentService, person: Operator) -> None:
     """Say something of an event: a note and tags, in the place of those before."""
     service.timeline.set_remark(id, body, person.name)
 
 
 @log_router.get("/flights", tags=["faults"])
-def list_flights(service: ServiceInUse, _person: SignedIn) -> FlightList:
+def list_flights(service: CurrentService, _person: SignedInUser) -> FlightList:
     """List the newest flight records: of trips 10 s before to 5 s after, of triggers as asked for, at 1 kHz."""
     return service.runs.list_flights()
 
 
 @log_router.get("/flights/{id}/data.{format}", tags=["faults"], response_class=Response, responses=DATA)
-async def get_flight_data(id: RowId, format: DataFormat, service: ServiceInUse, _person: SignedIn) -> Response:
+async def get_flight_data(id: RowId, format: DataFormat, service: CurrentService, _person: SignedInUser) -> Response:
     """Return a flight record in a format; t counts from the trip or trigger."""
-    return download(
+    return build_download_response(
         await service.downloads.stream_flight_record(id, format), MEDIA_TYPES[format], f"sinew-flight-{id}.{format}"
     )
 
 
 @log_router.post("/flights/{id}/replay", tags=["faults"], status_code=204)
-def show_flight_moment(id: RowId, body: FlightMoment, service: ServiceInUse, _person: SignedIn) -> None:
+def show_flight_moment(id: RowId, body: FlightMoment, service: CurrentService, _person: SignedInUser) -> None:
     """Let the replay's 3D view at /replay/ show a moment of a flight record; nothing real moves."""
     service.replay.show_flight(id, body.t)
 
@@ -308,25 +308,25 @@ RunNumber = Annotated[int, Query(ge=1, le=2**53)]
 
 
 @run_library_router.get("/run-words")
-def get_search_words(service: ServiceInUse, _person: SignedIn) -> SearchWords:
+def get_search_words(service: CurrentService, _person: SignedInUser) -> SearchWords:
     """Return what runs can be searched by at present: fields, names of values, tags, stations."""
     return service.run_library.list_search_words()
 
 
 @run_library_router.get("/saved-searches")
-def list_saved_searches(service: ServiceInUse, _person: SignedIn) -> SavedSearchList:
+def list_saved_searches(service: CurrentService, _person: SignedInUser) -> SavedSearchList:
     """List the saved searches."""
     return service.run_library.list_saved_searches()
 
 
 @run_library_router.put("/saved-searches/{name}")
-def save_search(name: SearchName, body: SearchText, service: ServiceInUse, person: Operator) -> SavedSearchList:
+def save_search(name: SearchName, body: SearchText, service: CurrentService, person: Operator) -> SavedSearchList:
     """Save a search under a name, in the place of one that has it."""
     return service.run_library.save_search(name, body.where, person.name)
 
 
 @run_library_router.delete("/saved-searches/{name}")
-def forget_search(name: SearchName, service: ServiceInUse, person: Operator) -> SavedSearchList:
+def forget_search(name: SearchName, service: CurrentService, person: Operator) -> SavedSearchList:
     """Take a saved search off the list."""
     return service.run_library.remove_search(name, person.name)
 
@@ -335,7 +335,7 @@ def forget_search(name: SearchName, service: ServiceInUse, person: Operator) -> 
 def rename_tag(
     tag: Annotated[str, Path(max_length=10 * TAG_MAX, description="a tag")],
     body: TagRequest,
-    service: ServiceInUse,
+    service: CurrentService,
     _person: Operator,
 ) -> TagList:
     """Call a tag otherwise on all runs of this station."""
@@ -345,7 +345,7 @@ def rename_tag(
 
 @run_library_router.get("/run-comparison")
 def compare_runs(
-    asked: Annotated[ComparisonRequest, Query()], service: ServiceInUse, _person: SignedIn
+    asked: Annotated[ComparisonRequest, Query()], service: CurrentService, _person: SignedInUser
 ) -> RunComparison:
     """Return metrics and settings of runs beside those of one of them, and how they come onto its time axis."""
     return service.run_library.compare_runs(asked)
@@ -353,7 +353,7 @@ def compare_runs(
 
 @run_library_router.get("/run-comparison/differences")
 async def get_differences(
-    request: Request, asked: Annotated[DifferencesRequest, Query()], service: ServiceInUse, _person: SignedIn
+    request: Request, asked: Annotated[DifferencesRequest, Query()], service: CurrentService, _person: SignedInUser
 ) -> Differences:
     """Return a signal of runs minus that of one of them, and where it leaves a tolerance band."""
     return await run_while_connected(service.downloads.compute_differences(asked), request.is_disconnected)
@@ -363,32 +363,32 @@ async def get_differences(
 async def get_comparison_file(
     content: Literal["curves", "table"],
     asked: Annotated[DifferencesRequest, Query()],
-    service: ServiceInUse,
-    _person: SignedIn,
+    service: CurrentService,
+    _person: SignedInUser,
 ) -> Response:
     """Return aligned curves with their differences, or the table of what differs; SI units."""
     content_pieces = await service.downloads.stream_comparison(content, asked)
-    return download(content_pieces, "text/csv", f"sinew-comparison-{content}.csv")
+    return build_download_response(content_pieces, "text/csv", f"sinew-comparison-{content}.csv")
 
 
 @run_library_router.get("/run-comparison/report.{format}", response_class=Response)
 async def get_series_report(
     request: Request,
     format: Literal["html", "pdf"],
-    service: ServiceInUse,
-    _person: SignedIn,
-    angles: AnglesRead,
+    service: CurrentService,
+    _person: SignedInUser,
+    angles: RequestedAngleUnit,
     run: Annotated[list[RunNumber], Query(min_length=1, max_length=MOST_RUNS, description="runs, in order")],
 ) -> Response:
     """Return one report of many runs, as a self-contained page or as PDF."""
     content = await run_while_connected(service.downloads.render_series(run, format, angles), request.is_disconnected)
-    return report(content, format, "sinew-series.pdf")
+    return build_report_response(content, format, "sinew-series.pdf")
 
 
 @run_library_router.get("/metric-history")
 def get_metric_history(
-    service: ServiceInUse,
-    _person: SignedIn,
+    service: CurrentService,
+    _person: SignedInUser,
     kind: Annotated[str, Query(min_length=1, max_length=200, description="kind of runs, or name of an experiment")],
     metric: Annotated[str, Query(max_length=200, description="name of the metric; else the first there is")] = "",
     where: Annotated[str, Query(max_length=2 * LONGEST, description="of the runs that fit this search only")] = "",
@@ -407,9 +407,11 @@ sheets_router = APIRouter(tags=["runs"], route_class=ThreadRoute)
 
 
 @sheets_router.post(SHEETS, response_class=Response, responses={200: {"content": {PDF: {}}}})
-async def print_sheet(request: Request, body: ChartSheet, service: ServiceInUse, person: SignedIn) -> Response:
+async def print_sheet(request: Request, body: ChartSheet, service: CurrentService, person: SignedInUser) -> Response:
     """Return a sheet of charts as PDF at its size. Open to viewers: it moves and keeps nothing."""
-    return download(await service.sheets.render(body.svg, person, request.is_disconnected), PDF, "sinew-charts.pdf")
+    return build_download_response(
+        await service.sheets.render(body.svg, person, request.is_disconnected), PDF, "sinew-charts.pdf"
+    )
 
 
 # Formulas ------------------------------------------------------------------------------------------
@@ -423,19 +425,19 @@ Named = Annotated[FormulaName, Path(description="name of the derived signal")]
 
 
 @formulas_router.get("/formulas")
-def list_formulas(service: ServiceInUse, _person: SignedIn) -> FormulaList:
+def list_formulas(service: CurrentService, _person: SignedInUser) -> FormulaList:
     """List the derived signals of the station, by name, with the steps that compute them."""
     return service.formulas.list_formulas()
 
 
 @formulas_router.put("/formulas/{name}")
-def put_formula(name: Named, body: FormulaText, service: ServiceInUse, person: Operator) -> FormulaView:
+def put_formula(name: Named, body: FormulaText, service: CurrentService, person: Operator) -> FormulaView:
     """Write a derived signal, or change the one of this name."""
     return service.formulas.save(name, body, person.name)
 
 
 @formulas_router.delete("/formulas/{name}", status_code=204)
-def remove_formula(name: Named, service: ServiceInUse, person: Operator) -> None:
+def remove_formula(name: Named, service: CurrentService, person: Operator) -> None:
     """Remove a derived signal; recordings stay as they are."""
     service.formulas.remove(name, person.name)
 
@@ -451,17 +453,17 @@ CSV = "text/csv; charset=utf-8"
 LINES = "application/x-ndjson"
 """Sent while the range is read: whoever waits sees how far it is, and who leaves ends the work."""
 
-MOST_MOMENTS = 100
+MAX_MOMENTS = 100
 
 
-def _lines_of(model: type[Schema]) -> dict[str, Any]:
+def _describe_lines(model: type[Schema]) -> dict[str, Any]:
     """Return how a route is described whose answer is lines of JSON, each of this model; refusals are one body."""
     schema = {"$ref": f"#/components/schemas/{model.__name__}"}
     described: dict[int | str, dict[str, Any]] = {200: {"content": {LINES: {"schema": schema}}}}
     return {"response_class": Response, "response_model": model, "responses": described}
 
 
-async def _range(
+async def _parse_range(
     id: RowId,
     from_s: Annotated[Finite, Query(alias="from", description="begin, from the run's first sample [s]")] = 0.0,
     to_s: Annotated[
@@ -472,35 +474,35 @@ async def _range(
     return RangeQuery(id, from_s, to_s, tuple(dict.fromkeys(signals.split(","))))
 
 
-Range = Annotated[RangeQuery, Depends(_range)]
-Times = Annotated[list[Finite], Field(min_length=1, max_length=MOST_MOMENTS)]
+RangeParameters = Annotated[RangeQuery, Depends(_parse_range)]
+Times = Annotated[list[Finite], Field(min_length=1, max_length=MAX_MOMENTS)]
 
 
-@run_figures_router.get("/{id}/statistics", **_lines_of(StatisticsLine))
-async def get_statistics(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
+@run_figures_router.get("/{id}/statistics", **_describe_lines(StatisticsLine))
+async def get_statistics(asked: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
     """Return statistics of every sample of a range: lines that tell how far it is, the result in the last one."""
     return StreamingResponse(await service.figures.stream_statistics(asked), media_type=LINES)
 
 
-@run_figures_router.get("/{id}/spectra", **_lines_of(SpectraLine))
-async def get_spectra(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
+@run_figures_router.get("/{id}/spectra", **_describe_lines(SpectraLine))
+async def get_spectra(asked: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
     """Return spectra of every sample of a range (Welch's method): lines as ``statistics``."""
     return StreamingResponse(await service.figures.stream_spectra(asked), media_type=LINES)
 
 
 @run_figures_router.get("/{id}/range.csv", response_class=Response, responses={200: {"content": {"text/csv": {}}}})
-async def get_range_file(asked: Range, service: ServiceInUse, _person: SignedIn) -> Response:
+async def get_range_file(asked: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
     """Return every sample of a range as comma-separated text; values as ``data.csv`` has them."""
     end = "end" if asked.to_s is None else f"{asked.to_s:.3f}-s"
     name = f"sinew-run-{asked.run}-{asked.from_s:.3f}-to-{end}.csv"
-    return download(await service.figures.stream_csv(asked), CSV, name)
+    return build_download_response(await service.figures.stream_csv(asked), CSV, name)
 
 
 @run_figures_router.get("/{id}/values")
 def get_values(
     id: RowId,
-    service: ServiceInUse,
-    _person: SignedIn,
+    service: CurrentService,
+    _person: SignedInUser,
     at: Annotated[Times, Query(description="times since the run's first sample [s]")],
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> RecordedValues:

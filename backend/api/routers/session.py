@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from backend.api.dependencies import Operator, ServiceInUse, SignedIn
+from backend.api.dependencies import CurrentService, Operator, SignedInUser
 from backend.auth import User
 from backend.schemas import (
     Checklist,
@@ -37,13 +37,13 @@ preferences_router = APIRouter(prefix="/api/preferences", tags=["session"], rout
 
 
 @preferences_router.get("")
-def get_preferences(service: ServiceInUse, person: SignedIn) -> Preferences:
+def get_preferences(service: CurrentService, person: SignedInUser) -> Preferences:
     """Return how the signed-in person likes the page; defaults for somebody new."""
     return service.preferences.load(person)
 
 
 @preferences_router.put("")
-def set_preferences(body: Preferences, service: ServiceInUse, person: SignedIn) -> Preferences:
+def set_preferences(body: Preferences, service: CurrentService, person: SignedInUser) -> Preferences:
     """Remember how the signed-in person likes the page. Open to viewers: it moves nothing."""
     return service.preferences.save(person, body)
 
@@ -57,7 +57,7 @@ session_router = APIRouter(prefix="/api", tags=["session"], route_class=ThreadRo
 
 
 @session_router.get("/health")
-async def get_health(service: ServiceInUse) -> Health:
+async def get_health(service: CurrentService) -> Health:
     """Tell whether the loop is alive; open to all, without secrets."""
     return service.actuator.live_state.health()
 
@@ -70,7 +70,7 @@ async def check_page_address(body: PageAddress, request: Request) -> PageAddress
 
 
 @session_router.get("/session")
-async def get_session(request: Request, response: Response, person: SignedIn) -> SessionView:
+async def get_session(request: Request, response: Response, person: SignedInUser) -> SessionView:
     """Tell who is signed in; the browser keeps its cookie for longer by that."""
     set_session_cookie(find_authentication(request), request, response, person)
     return _view(person)
@@ -78,7 +78,7 @@ async def get_session(request: Request, response: Response, person: SignedIn) ->
 
 @session_router.put("/session/name")
 async def set_name(
-    body: NameRequest, request: Request, response: Response, service: ServiceInUse, person: SignedIn
+    body: NameRequest, request: Request, response: Response, service: CurrentService, person: SignedInUser
 ) -> SessionView:
     """Say by what name this browser's person goes; the session, and control with it, stay as they are."""
     authentication = find_authentication(request)
@@ -117,7 +117,7 @@ async def rotate_tokens(body: Rotation, request: Request, response: Response, pe
 
 
 @session_router.get("/checklist")
-def get_checklist(service: ServiceInUse, _person: SignedIn) -> Checklist:
+def get_checklist(service: CurrentService, _person: SignedInUser) -> Checklist:
     """Return how far the set-up is, from pretension to report, and what is out of date."""
     return service.history.build_checklist()
 

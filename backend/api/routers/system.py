@@ -10,8 +10,16 @@ from fastapi.staticfiles import StaticFiles
 from starlette.routing import Match, Route
 from starlette.types import Receive, Scope, Send
 
-from backend.api.dependencies import InControl, Operator, ServiceInUse, SignedIn, require_signed_in, serve, service_of
-from backend.api.errors import STATUS
+from backend.api.dependencies import (
+    ActuatorOperator,
+    CurrentService,
+    Operator,
+    SignedInUser,
+    get_service,
+    require_signed_in,
+    serve_live_stream,
+)
+from backend.api.errors import STATUS_BY_CODE
 from backend.commissioning import StepId
 from backend.errors import RequestRejectedError
 from backend.public_url import PublicUrl
@@ -47,31 +55,33 @@ bring_up_router = APIRouter(prefix="/api/bring-up", tags=["bring-up"], route_cla
 
 
 @bring_up_router.get("")
-async def get_bring_up(service: ServiceInUse, _person: SignedIn) -> BringUpView:
+async def get_bring_up(service: CurrentService, _person: SignedInUser) -> BringUpView:
     """Return all steps in order, how each stands, and the one that is under way."""
     return await service.bring_up.view()
 
 
 @bring_up_router.post("/confirm")
-async def confirm_bring_up(service: ServiceInUse, _person: InControl) -> BringUpView:
+async def confirm_bring_up(service: CurrentService, _person: ActuatorOperator) -> BringUpView:
     """Confirm what the step under way asks a person to do."""
     return await service.bring_up.confirm()
 
 
 @bring_up_router.post("/cancel")
-async def cancel_bring_up(service: ServiceInUse, _person: InControl) -> BringUpView:
+async def cancel_bring_up(service: CurrentService, _person: ActuatorOperator) -> BringUpView:
     """Give up the step under way; nothing of it is kept."""
     return await service.bring_up.cancel()
 
 
 @bring_up_router.post("/drives")
-async def switch_drives(body: DrivesRequest, service: ServiceInUse, person: InControl) -> BringUpView:
+async def switch_drives(body: DrivesRequest, service: CurrentService, person: ActuatorOperator) -> BringUpView:
     """Switch the drives off, at any time, or once no hand is at the rig on, in off and between two steps only."""
     return await service.bring_up.switch_drives(body.on, person.name)
 
 
 @bring_up_router.post("/{step}", status_code=202)
-async def start_bring_up(step: StepId, body: StepValues, service: ServiceInUse, person: InControl) -> BringUpView:
+async def start_bring_up(
+    step: StepId, body: StepValues, service: CurrentService, person: ActuatorOperator
+) -> BringUpView:
     """Start a step; refused while another one is under way, and where something has to come before it."""
     return await service.bring_up.start(step, body.values, person.name)
 
@@ -95,7 +105,7 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
     try:
         person = authentication.sign_in(read_credentials(request), token, name)
     except RequestRejectedError as error:
-        return render_message_page(STATUS[error.category], str(error))
+        return render_message_page(STATUS_BY_CODE[error.category], str(error))
     answer = RedirectResponse("./", status_code=303)  # from here: a proxy may have a path before it
     set_session_cookie(authentication, request, answer, person)
     await authentication.sessions.save()
@@ -109,7 +119,7 @@ async def documentation() -> RedirectResponse:
 
 
 @site_router.get("/api/openapi.json")
-async def description(request: Request, _person: SignedIn) -> dict[str, Any]:
+async def description(request: Request, _person: SignedInUser) -> dict[str, Any]:
     """Return the description of this interface."""
     application: FastAPI = request.app
     public: PublicUrl | None = request.scope.get(PUBLIC)
@@ -166,11 +176,11 @@ stream_router = APIRouter()
 @stream_router.websocket(LIVE)
 async def live(websocket: WebSocket) -> None:
     """Stream to a signed-in person until either side ends it."""
-    person, service = require_signed_in(websocket), service_of(websocket)
+    person, service = require_signed_in(websocket), get_service(websocket)
     await websocket.accept()
     _log.info("A live stream to %s opened.", person.name)
     try:
-        await serve(service.live, websocket, lambda ping: service.control.record_ping(person, ping.control))
+        await serve_live_stream(service.live, websocket, lambda ping: service.control.record_ping(person, ping.control))
     finally:
         _log.info("A live stream to %s closed.", person.name)
 
@@ -184,30 +194,30 @@ system_router = APIRouter(prefix="/api/system", tags=["system"], route_class=Thr
 
 
 @system_router.get("")
-def get_system(service: ServiceInUse, _person: SignedIn) -> SystemView:
+def get_system(service: CurrentService, _person: SignedInUser) -> SystemView:
     """Return what was granted to the loop, how late its ticks are, versions, disk, database and its backups."""
     return service.maintenance.describe_system()
 
 
 @system_router.post("/check")
-def check_database(service: ServiceInUse, _person: Operator) -> DatabaseCheck:
+def check_database(service: CurrentService, _person: Operator) -> DatabaseCheck:
     """Check the whole database while it is in use."""
     return service.maintenance.check_database()
 
 
 @system_router.post("/backups", status_code=201)
-def make_backup(service: ServiceInUse, person: Operator) -> BackupView:
+def make_backup(service: CurrentService, person: Operator) -> BackupView:
     """Copy the database to the data folder while it is in use; `sinew db restore` brings a copy back."""
     return service.maintenance.back_up_database(person.name)
 
 
 @system_router.get("/recordings")
-def get_recordings(service: ServiceInUse, _person: SignedIn) -> RecordingsView:
+def get_recordings(service: CurrentService, _person: SignedInUser) -> RecordingsView:
     """Return how much recordings take, and the runs whose samples may go."""
     return service.retention.summarize_recordings()
 
 
 @system_router.post("/recordings/removal")
-def remove_recordings(request: RemovalRequest, service: ServiceInUse, person: Operator) -> RecordingsView:
+def remove_recordings(request: RemovalRequest, service: CurrentService, person: Operator) -> RecordingsView:
     """Delete the samples of exactly these runs; refused as a whole unless each of them may go now."""
     return service.retention.delete_samples(request.runs, person.name)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
 
-from backend.api.dependencies import InControl, Operator, RowId, ServiceInUse, SignedIn
+from backend.api.dependencies import ActuatorOperator, CurrentService, Operator, RowId, SignedInUser
 from backend.errors import RequestRejectedError
 from backend.schemas import (
     BankDetail,
@@ -36,34 +36,34 @@ from plant import ErrorCode
 banks_router = APIRouter(prefix="/api/banks", tags=["banks"], route_class=ThreadRoute)
 
 OtherBank = Annotated[int | None, Query(ge=1, le=2**53, description="bank to compare with")]
-Again = Annotated[
+NewRuns = Annotated[
     list[RowNumber] | None,
     Query(max_length=20, description="in place of another bank: runs that identified points again"),
 ]
 
 
 @banks_router.post("", status_code=201)
-def build_bank(body: BankRequest, service: ServiceInUse, person: Operator) -> BankView:
+def build_bank(body: BankRequest, service: CurrentService, person: Operator) -> BankView:
     """Build a bank, or a new version of it, from identification runs; entries that do not fit are refused."""
     return service.banks.build_bank(body.name, body.identifications, person.name)
 
 
 @banks_router.get("")
-async def list_banks(service: ServiceInUse, _person: SignedIn) -> BankList:
+async def list_banks(service: CurrentService, _person: SignedInUser) -> BankList:
     """List all versions of all banks, newest first."""
     service.banks.preload()
     return BankList(banks=await in_thread(service.banks.list_banks))
 
 
 @banks_router.post("/file", status_code=201)
-def import_bank(body: BankFile, service: ServiceInUse, person: Operator) -> BankView:
+def import_bank(body: BankFile, service: CurrentService, person: Operator) -> BankView:
     """Store an exported bank as the next version of its name, after checking it."""
     return service.banks.import_bank(body, person.name)
 
 
 @banks_router.get("/in-use/difference")
 async def compare_with_bank_in_use(
-    service: ServiceInUse, _person: SignedIn, other: OtherBank = None, run: Again = None
+    service: CurrentService, _person: SignedInUser, other: OtherBank = None, run: NewRuns = None
 ) -> BankDifference:
     """Tell what another bank, or points identified again, would change about the models and gains in use."""
     bank = service.actuator.live_state.tuning.bank
@@ -72,20 +72,20 @@ async def compare_with_bank_in_use(
 
 
 @banks_router.get("/{id}")
-def get_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankView:
+def get_bank(id: RowId, service: CurrentService, _person: SignedInUser) -> BankView:
     """Return one version of a bank with its entries."""
     return service.banks.load_bank(id)
 
 
 @banks_router.get("/{id}/detail")
-async def get_bank_detail(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankDetail:
+async def get_bank_detail(id: RowId, service: CurrentService, _person: SignedInUser) -> BankDetail:
     """Return gains and M_s of every entry at the λ in force, and the identification each came from."""
     return await service.banks.compute_detail(id)
 
 
 @banks_router.get("/{id}/difference")
 async def compare_banks(
-    id: RowId, service: ServiceInUse, _person: SignedIn, other: OtherBank = None, run: Again = None
+    id: RowId, service: CurrentService, _person: SignedInUser, other: OtherBank = None, run: NewRuns = None
 ) -> BankDifference:
     """Tell what another bank, or points identified again, would change: models, gains and M_s at the λ in force."""
     _require_one(other, run)
@@ -93,19 +93,19 @@ async def compare_banks(
 
 
 @banks_router.get("/{id}/file")
-def export_bank(id: RowId, service: ServiceInUse, _person: SignedIn) -> BankFile:
+def export_bank(id: RowId, service: CurrentService, _person: SignedInUser) -> BankFile:
     """Return a bank as a file, to take it to another data folder."""
     return service.banks.export_bank(id)
 
 
 @banks_router.post("/geometry/activate")
-async def use_geometry(service: ServiceInUse, person: InControl) -> TuningView:
+async def use_geometry(service: CurrentService, person: ActuatorOperator) -> TuningView:
     """Use gains from the plant's geometry from now on, no bank; bumpless while the loop runs."""
     return await service.actuator.tuning_service.use_bank(None, person.name)
 
 
 @banks_router.post("/{id}/activate")
-async def activate_bank(id: RowId, service: ServiceInUse, person: InControl) -> BankView:
+async def activate_bank(id: RowId, service: CurrentService, person: ActuatorOperator) -> BankView:
     """Use a bank from now on; bumpless while the loop runs."""
     bank = await in_thread(service.banks.load_stored_bank, id)
     await service.actuator.tuning_service.use_bank(bank, person.name)
@@ -132,59 +132,59 @@ tuning_router = APIRouter(prefix="/api/tuning", tags=["tuning"], route_class=Thr
 
 
 @tuning_router.get("")
-async def get_tuning(service: ServiceInUse, _person: SignedIn) -> TuningView:
+async def get_tuning(service: CurrentService, _person: SignedInUser) -> TuningView:
     """Return the tuning in force and its ranges."""
     live_state = service.actuator.live_state
     return live_state.tuning.view(live_state.entry)
 
 
 @tuning_router.put("")
-async def set_tuning(body: TuningRequest, service: ServiceInUse, person: InControl) -> TuningView:
+async def set_tuning(body: TuningRequest, service: CurrentService, person: ActuatorOperator) -> TuningView:
     """Change λ while the loop runs, bumpless; returns what is in force then."""
     return await service.actuator.tuning_service.apply(body, person.name)
 
 
 @tuning_router.post("/undo")
-async def undo_change(service: ServiceInUse, person: InControl) -> TuningView:
+async def undo_change(service: CurrentService, person: ActuatorOperator) -> TuningView:
     """Undo the last change of what is in force, λ, b, bank and all; once more undoes the change before that."""
     return await service.actuator.tuning_service.undo(person.name)
 
 
 @tuning_router.post("/redo")
-async def redo_change(service: ServiceInUse, person: InControl) -> TuningView:
+async def redo_change(service: CurrentService, person: ActuatorOperator) -> TuningView:
     """Put in force again what the last undo took back."""
     return await service.actuator.tuning_service.redo(person.name)
 
 
 @tuning_router.post("/trial")
-async def try_tuning(body: TrialRequest, service: ServiceInUse, person: InControl) -> State:
+async def try_tuning(body: TrialRequest, service: CurrentService, person: ActuatorOperator) -> State:
     """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""
     await service.actuator.tuning_service.start_trial(body, person.name)
     return service.state.view()
 
 
 @tuning_router.delete("/trial")
-async def revert_trial(service: ServiceInUse, person: InControl) -> State:
+async def revert_trial(service: CurrentService, person: ActuatorOperator) -> State:
     """Put the tuning before the trial back at once."""
     await service.actuator.tuning_service.end_trial(False, person.name)
     return service.state.view()
 
 
 @tuning_router.post("/trial/keep")
-async def keep_trial(service: ServiceInUse, person: InControl) -> State:
+async def keep_trial(service: CurrentService, person: ActuatorOperator) -> State:
     """Keep what is on trial."""
     await service.actuator.tuning_service.end_trial(True, person.name)
     return service.state.view()
 
 
 @tuning_router.get("/saved")
-def get_saved_tuning(service: ServiceInUse, _person: SignedIn) -> SavedTuning:
+def get_saved_tuning(service: CurrentService, _person: SignedInUser) -> SavedTuning:
     """Return the tuning saved for the bank in use, to compare with what is in force."""
     return service.saved_tunings.load(service.actuator.live_state.tuning)
 
 
 @tuning_router.put("/saved")
-async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
+async def save_tuning(service: CurrentService, person: Operator) -> SavedTuning:
     """Save what is in force for the bank in use. Refused while a tuning is on trial or lent to a run."""
     live_state = service.actuator.live_state
     if live_state.overridden_tuning is not None:
@@ -197,8 +197,8 @@ async def save_tuning(service: ServiceInUse, person: Operator) -> SavedTuning:
 @tuning_router.get("/preview")
 async def preview_tuning(
     request: Request,
-    service: ServiceInUse,
-    person: SignedIn,
+    service: CurrentService,
+    person: SignedInUser,
     lam_q: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the position loop [s]")],
     lam_S: Annotated[Finite, Query(ge=LAM_PREVIEW_MIN, le=10.0, description="λ of the stiffness loop [s]")],
     S: Annotated[Finite | None, Query(description="stiffness [N·m/rad]; default: of the present reference")] = None,
@@ -225,8 +225,8 @@ async def preview_tuning(
 @tuning_router.get("/motor")
 async def motor_margins(
     request: Request,
-    service: ServiceInUse,
-    person: SignedIn,
+    service: CurrentService,
+    person: SignedInUser,
     lam_motor: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the motor loops [s]")],
 ) -> MotorPreview:
     """Tell M_s and margins of the motor loop as it runs, sampled and with L/R; a λ that is not offered is refused."""
@@ -238,8 +238,8 @@ async def motor_margins(
 @tuning_router.get("/robust")
 async def robust_tuning(
     request: Request,
-    service: ServiceInUse,
-    person: SignedIn,
+    service: CurrentService,
+    person: SignedInUser,
     M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
 ) -> RobustTuning:
     """Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is."""
