@@ -280,8 +280,8 @@ def compute_hold_metrics(columns: Columns, program: Program, parameters: PlantPa
         "held_moving_percent": max(item.moving_percent for item in found),
     }
     lost = dict.fromkeys((name for name, value in worst.items() if not math.isfinite(value)), NO_NUMBER)
-    kept: dict[str, Any] = {name: None if name in lost else value for name, value in worst.items()}
-    return HoldMetrics(**compute_whole_metrics(columns), **kept, reasons=lost)
+    values: dict[str, Any] = {name: None if name in lost else value for name, value in worst.items()}
+    return HoldMetrics(**compute_whole_metrics(columns), **values, reasons=lost)
 
 
 def find_hold_windows(program: Program) -> tuple[slice, ...]:
@@ -455,13 +455,13 @@ def _measure_reaction(columns: Columns, force: np.ndarray, window: slice, contac
     if felt is None:
         return contact_N, math.nan, math.nan, math.nan
     began = window.start + felt
-    gave = _find_first(columns["limits"][began:end].astype(np.int64) & int(Limit.CONTACT) != 0)
+    reaction = _find_first(columns["limits"][began:end].astype(np.int64) & int(Limit.CONTACT) != 0)
     largest = int(np.argmax(force[window])) - felt
     return (
         contact_N,
         felt * T_s,
-        math.nan if gave is None else gave * T_s,
-        math.nan if gave is None else max(largest, 0) * T_s,
+        math.nan if reaction is None else reaction * T_s,
+        math.nan if reaction is None else max(largest, 0) * T_s,
     )
 
 
@@ -659,19 +659,19 @@ def compute_push_metrics(columns: Columns, program: Program, context: Evaluation
 def find_push_windows(program: Program) -> tuple[PushWindow, ...]:
     """Return the pushes of a program, each from the begin of the force until it is 0 again."""
     found: list[PushWindow] = []
-    begun, shapes, before = -1, set[Shape](), 0.0
-    stretches = [*iterate_segments(program)]
-    for start, end, segment in stretches:
+    push_start, shapes, before = -1, set[Shape](), 0.0
+    segments = [*iterate_segments(program)]
+    for start, end, segment in segments:
         acts = segment.F_push != 0.0 or (segment.shape is Shape.RAMP and before != 0.0)
-        if begun >= 0 and not acts:
-            found.append(_build_window(program, slice(begun, start), shapes))
-            begun, shapes = -1, set[Shape]()
+        if push_start >= 0 and not acts:
+            found.append(_build_window(program, slice(push_start, start), shapes))
+            push_start, shapes = -1, set[Shape]()
         if acts:
-            begun = start if begun < 0 else begun
+            push_start = start if push_start < 0 else push_start
             shapes.add(segment.shape)
         before = segment.F_push
-        if begun >= 0 and end == stretches[-1][1]:
-            found.append(_build_window(program, slice(begun, end), shapes))
+        if push_start >= 0 and end == segments[-1][1]:
+            found.append(_build_window(program, slice(push_start, end), shapes))
     return tuple(found)
 
 

@@ -244,10 +244,10 @@ def _compare_step(
         found = identify_motor([other for other in steps if other is not step])
         known = found.K_m, found.T_m, found.u_c
     else:
-        kept = estimate.motors.side(side).model.parameters
-        if kept.K_m is None or kept.T_m is None or kept.u_c is None:
+        parameters_found = estimate.motors.side(side).model.parameters
+        if parameters_found.K_m is None or parameters_found.T_m is None or parameters_found.u_c is None:
             raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not found: evaluate that run again")
-        known = kept.K_m, kept.T_m, kept.u_c
+        known = parameters_found.K_m, parameters_found.T_m, parameters_found.u_c
     comparison = validate_motor_step(step, *known)
     return _ComparedInterval(f"{step.voltage:.3g} V", np.asarray(np.arange(comparison.measured.size) * T_s), comparison)
 

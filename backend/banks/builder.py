@@ -310,8 +310,8 @@ def compare_entries(
 
 def merge_entries(bank: Sequence[BankEntry], new: Sequence[BankEntry]) -> tuple[BankEntry, ...]:
     """Return the entries of a bank in which new entries replace those within SAME_POINT."""
-    kept = [entry for entry in bank if all(abs(entry.S_nominal - item.S_nominal) >= SAME_POINT for item in new)]
-    return tuple(sorted([*kept, *new], key=lambda entry: entry.S_nominal))
+    unchanged = [entry for entry in bank if all(abs(entry.S_nominal - item.S_nominal) >= SAME_POINT for item in new)]
+    return tuple(sorted([*unchanged, *new], key=lambda entry: entry.S_nominal))
 
 
 def _compute_loop_figures(K: float, T: float, gains: pid.IPGains, process: OuterProcess) -> OuterLoopFigures:

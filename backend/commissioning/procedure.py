@@ -116,14 +116,14 @@ class ProcedureContext:
         """Switch the drives on, at zero volts; only after the person has confirmed to be clear of the rig."""
         _require_accepted(await self._set_drives(True))
 
-    async def request_action(self, words: str, hand: ManualInput = NO_HAND) -> None:
+    async def request_action(self, words: str, manual_input: ManualInput = NO_HAND) -> None:
         """Ask the person to do something and wait for the confirmation.
 
         On a virtual card, ``manual_input`` is simulated afterwards.
         """
         await self._request_confirmation(words)
-        if self.is_simulated and hand != NO_HAND:
-            await self.send(SimulateManualInput(hand))
+        if self.is_simulated and manual_input != NO_HAND:
+            await self.send(SimulateManualInput(manual_input))
             await self.loop.advance(MANUAL_MOTION_S)
 
     async def release_rig(self) -> None:

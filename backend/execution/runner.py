@@ -26,7 +26,7 @@ from backend.experiments import (
     find_line,
     forecast_identifications,
     list_stored_values,
-    read_start,
+    read_initial_state,
     require_reach,
 )
 from backend.faults import Fault
@@ -369,7 +369,7 @@ def create_run(rig: ExperimentRig, request: RunRequest) -> Run:
     """
     require_ready(rig.loop)
     if isinstance(request.plan, IdentificationPlan):
-        start = read_start(rig.loop.ring.newest())
+        start = read_initial_state(rig.loop.ring.newest())
         forecast = forecast_identifications([request.plan], rig.parameters, start, request.loop_settings.lam_motor)
         forecast.require_within_range(rig.parameters)
     compile_program(make_bank_loader(rig.database), rig.parameters, request.plan, request.loop_settings.tuning)

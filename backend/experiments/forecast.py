@@ -79,7 +79,7 @@ _WINDING_MAX_S = 120.0
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialState:
     """State of an actuator: mode, positions of joint and motors [rad], motor references [rad]."""
 
     mode: Mode
@@ -88,17 +88,17 @@ class Start:
     references: JointAngles
 
 
-def read_start(row: NDArray[np.float64] | None) -> Start:
+def read_initial_state(row: NDArray[np.float64] | None) -> InitialState:
     """Return the state in a sample; without a sample, mode off with all angles 0.
 
     A motor without a reference has its position as reference.
     """
     if row is None:
-        return Start(Mode.OFF, 0.0, (0.0, 0.0), (0.0, 0.0))
+        return InitialState(Mode.OFF, 0.0, (0.0, 0.0), (0.0, 0.0))
     theta = float(row[INDEX["theta_A"]]), float(row[INDEX["theta_B"]])
     commanded = float(row[INDEX["theta_A_ref"]]), float(row[INDEX["theta_B_ref"]])
     references = commanded if math.isfinite(sum(commanded)) else theta
-    return Start(MODES[int(row[INDEX["mode"]])], float(row[INDEX["q"]]), theta, references)
+    return InitialState(MODES[int(row[INDEX["mode"]])], float(row[INDEX["q"]]), theta, references)
 
 
 class ReferenceTrajectory:
@@ -107,15 +107,15 @@ class ReferenceTrajectory:
     ``at`` is the current pair. ``intervals`` are those of the last program that was followed.
     """
 
-    def __init__(self, parameters: PlantParameters, start: Start) -> None:
+    def __init__(self, parameters: PlantParameters, start: InitialState) -> None:
         self.at = start.references
         self._mode = start.mode
         self._parameters = parameters
         self._springs = {side: parameters.make_identified_spring(side) for side in SIDES}
-        self._pieces: list[Array] = []
+        self._reference_arrays: list[Array] = []
         self._trimmed: list[tuple[int, bool]] = []
         self.intervals: list[ProgramInterval] = []
-        self._began = 0
+        self._program_start = 0
 
     @property
     def ticks(self) -> int:
@@ -129,7 +129,7 @@ class ReferenceTrajectory:
 
     def references(self) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Return θ_A,ref and θ_B,ref [rad] of every tick, and a mask of ticks with trim of motor A."""
-        both = np.concatenate(self._pieces)
+        both = np.concatenate(self._reference_arrays)
         return (
             both[:, 0],
             both[:, 1],
@@ -153,13 +153,13 @@ class ReferenceTrajectory:
 
     def follow_program(self, program: Program) -> None:
         """Follow an identification program, from the motion to its start to its end."""
-        self.intervals, self._began = [], self.ticks
+        self.intervals, self._program_start = [], self.ticks
         if program.law is Law.FORCE_HOLD:
-            self._force_hold(program)
+            self._follow_force_hold(program)
         elif program.law is Law.MOTOR_STEPS:
-            self._motor_steps(program)
+            self._follow_motor_steps(program)
         elif program.law is Law.TENSION_SWEEP:
-            self._tension_sweep(program)
+            self._follow_tension_sweep(program)
         else:
             raise ValueError(f"{program.law} follows references of the joint, not of the motors")
 
@@ -168,7 +168,7 @@ class ReferenceTrajectory:
         r_m = self._parameters.geometry.r_m
         return spring_elongation(self._springs["A"], F) / r_m, spring_elongation(self._springs["B"], F) / r_m
 
-    def _force_hold(self, program: Program) -> None:
+    def _follow_force_hold(self, program: Program) -> None:
         if program.excitation is None:
             raise ValueError("a force-hold program needs an excitation")
         at = 1, 1, program.tension_N
@@ -184,7 +184,7 @@ class ReferenceTrajectory:
         self._end_interval(*at, Stage.EXCITING)
         self.at = theta_A, theta_B
 
-    def _motor_steps(self, program: Program) -> None:
+    def _follow_motor_steps(self, program: Program) -> None:
         settled_s = program.settle_s - T_s  # the tick of arrival counts
         self._travel(self.compute_angles(PRETENSION_N))
         self._hold(settled_s)
@@ -200,7 +200,7 @@ class ReferenceTrajectory:
             self._add(*braked)
             self._end_interval(*at, Stage.BRAKING)
 
-    def _tension_sweep(self, program: Program) -> None:
+    def _follow_tension_sweep(self, program: Program) -> None:
         of = 1 + len(program.legs)
         self._travel(self.compute_angles(program.tension_N))
         self._end_interval(1, of, program.tension_N, Stage.TRAVELLING)
@@ -217,7 +217,12 @@ class ReferenceTrajectory:
         begin = self.intervals[-1].end if self.intervals else 0
         self.intervals.append(
             ProgramInterval(
-                number=number, of=of, set_point=set_point, stage=stage, begin=begin, end=self.ticks - self._began
+                number=number,
+                of=of,
+                set_point=set_point,
+                stage=stage,
+                begin=begin,
+                end=self.ticks - self._program_start,
             )
         )
 
@@ -275,7 +280,7 @@ class ReferenceTrajectory:
 
     def _add(self, theta_A: Array, theta_B: Array, *, trimmed: bool = False) -> None:
         if theta_A.size > 0:
-            self._pieces.append(np.column_stack([theta_A, theta_B]))
+            self._reference_arrays.append(np.column_stack([theta_A, theta_B]))
             self._trimmed.append((theta_A.size, trimmed))
             self.at = float(theta_A[-1]), float(theta_B[-1])
 
@@ -342,7 +347,7 @@ def forecast_identification(
     plan: IdentificationPlan, parameters: PlantParameters, references: JointAngles | None = None
 ) -> Timetable:
     """Return the timetable of an identification that starts at motor references [rad], by default in pretension."""
-    trajectory = ReferenceTrajectory(parameters, Start(Mode.PRETENSION, 0.0, (0.0, 0.0), (0.0, 0.0)))
+    trajectory = ReferenceTrajectory(parameters, InitialState(Mode.PRETENSION, 0.0, (0.0, 0.0), (0.0, 0.0)))
     trajectory.at = trajectory.compute_angles(PRETENSION_N) if references is None else references
     program = plan.program()
     trajectory.follow_program(program)
@@ -483,7 +488,7 @@ class Forecast:
 
 
 def forecast_identifications(
-    plans: Sequence[IdentificationPlan], parameters: PlantParameters, start: Start, lam_motor: float
+    plans: Sequence[IdentificationPlan], parameters: PlantParameters, start: InitialState, lam_motor: float
 ) -> Forecast:
     """Return the forecast of consecutive ``plans`` from ``start``, with motor loops of ``lam_motor`` [s]."""
     trajectory = ReferenceTrajectory(parameters, start)
@@ -530,7 +535,7 @@ def forecast_identifications(
 
 
 @dataclass(frozen=True)
-class Expected:
+class ExpectedDuration:
     """Expected durations of a run [s]: before its program starts, and of its program.
 
     ``timetable`` is that of an identification.
@@ -546,17 +551,17 @@ class Expected:
         return self.before_s + self.program_s
 
 
-def forecast_duration(plan: Plan, parameters: PlantParameters, start: Start) -> Expected:
+def forecast_duration(plan: Plan, parameters: PlantParameters, start: InitialState) -> ExpectedDuration:
     """Return the expected durations of a run, including the motion to where it can start."""
     program = plan.program()
     trajectory = ReferenceTrajectory(parameters, start)
     trajectory.move_to_start(program.law)
     before_s = trajectory.duration_s
     if program.law not in IDENTIFYING:
-        return Expected(before_s, program.duration_s)
+        return ExpectedDuration(before_s, program.duration_s)
     trajectory.follow_program(program)
     timetable = build_timetable(trajectory, program, parameters)
-    return Expected(before_s, timetable.duration_s, timetable)
+    return ExpectedDuration(before_s, timetable.duration_s, timetable)
 
 
 def _filter_four_lags(commanded: Array, at: float, lam: float) -> Array:

@@ -103,15 +103,15 @@ class ReferenceChange(NamedTuple):
 class RecordedParts(NamedTuple):
     """Parts that approximate recorded columns, and their largest deviations.
 
-    ``late_ticks`` is the largest delay of a push or change. ``unpushed`` are the intervals (first tick, end) in which a
-    push is left out, because a push part would hold references that move.
+    ``delay_ticks`` is the largest delay of a push or change. ``unpushed`` are the intervals (first tick, end) in which
+    a push is left out, because a push part would hold references that move.
     """
 
     parts: list[dict[str, Any]]
-    off_q_rad: float
-    off_S: float
-    off_F_N: float
-    late_ticks: int
+    deviation_q_rad: float
+    deviation_S: float
+    deviation_F_N: float
+    delay_ticks: int
     unpushed: list[tuple[int, int]]
 
 
@@ -129,7 +129,7 @@ def find_commanded_range(q_ref: Column, S_ref: Column) -> tuple[int, int]:
     return first, end
 
 
-def follow_columns(
+def approximate_columns(
     q: Column, S: Column, F_push: Column | None = None, changes: Sequence[ReferenceChange] = ()
 ) -> RecordedParts:
     """Return parts whose references and pushes approximate these columns, one value per tick.
@@ -226,11 +226,11 @@ class _RecordedPartBuilder:
 
     def _add_motion(self, bound: int) -> None:
         """Add a hold, a step or a ramp of the references, without a push."""
-        at, pushed = self._tick, bool(self._F[self._tick] != 0.0)
+        at, is_pushed = self._tick, bool(self._F[self._tick] != 0.0)
         q, S = self._q[:bound], self._S[:bound]
         columns = [(q, TOLERANCE_Q_RAD), (S, TOLERANCE_S)]
         # during a push, a step has the minimum length, so that the push continues soon
-        hold_end = end = min(_find_hold_end(columns, at), at + PART_MIN_TICKS if pushed else bound)
+        hold_end = end = min(_find_hold_end(columns, at), at + PART_MIN_TICKS if is_pushed else bound)
         ramp = False
         for within in (_SAME_FRACTION, 1.0):  # an original ramp is found exactly; other curves become several ramps
             if end - at < PART_MIN_TICKS and at > 0:
@@ -241,21 +241,21 @@ class _RecordedPartBuilder:
                 ramp = end - at >= PART_MIN_TICKS
         end = max(end if ramp else hold_end, at + PART_MIN_TICKS)
         last = min(end, len(self._q)) - 1
-        arrived = round(float(self._q[last]), _DECIMALS), round(float(self._S[last]), _DECIMALS)
-        self._parts.append(_build_part("ramp" if ramp else "step", end - at, self._references, arrived))
+        final = round(float(self._q[last]), _DECIMALS), round(float(self._S[last]), _DECIMALS)
+        self._parts.append(_build_part("ramp" if ramp else "step", end - at, self._references, final))
         share = np.arange(1, end - at + 1) / (end - at) if ramp else np.ones(end - at)
         off_q = _compute_deviation(
-            column=self._q, at=at, share=share, before=self._references[0], after=arrived[0], most=self._deviations[0]
+            column=self._q, at=at, share=share, before=self._references[0], after=final[0], most=self._deviations[0]
         )
-        off_S = _compute_deviation(
-            column=self._S, at=at, share=share, before=self._references[1], after=arrived[1], most=self._deviations[1]
+        deviation_S = _compute_deviation(
+            column=self._S, at=at, share=share, before=self._references[1], after=final[1], most=self._deviations[1]
         )
-        self._deviations = off_q, off_S, self._deviations[2]
-        if pushed:
+        self._deviations = off_q, deviation_S, self._deviations[2]
+        if is_pushed:
             self._unpushed = _append_interval(self._unpushed, at, min(end, int(self._find_next_edge(at))))
         elif (edge := self._find_next_edge(at)) < end:
             self._delay_ticks = max(self._delay_ticks, end - edge)
-        self._tick, self._references, self._force = end, arrived, 0.0
+        self._tick, self._references, self._force = end, final, 0.0
 
     def _find_next_edge(self, at: int) -> int:
         """Return the next tick at which a push begins or ends."""
@@ -263,10 +263,10 @@ class _RecordedPartBuilder:
         return int(edges[0]) if len(edges) else len(self._F)
 
 
-def _append_interval(stretches: list[tuple[int, int]], begin: int, end: int) -> list[tuple[int, int]]:
-    if stretches and stretches[-1][1] == begin:
-        return [*stretches[:-1], (stretches[-1][0], end)]
-    return [*stretches, (begin, end)]
+def _append_interval(intervals: list[tuple[int, int]], begin: int, end: int) -> list[tuple[int, int]]:
+    if intervals and intervals[-1][1] == begin:
+        return [*intervals[:-1], (intervals[-1][0], end)]
+    return [*intervals, (begin, end)]
 
 
 def _build_part(do: str, ticks: int, before: Sequence[float], after: Sequence[float]) -> dict[str, Any]:
@@ -361,21 +361,21 @@ def describe_plan_values(plan: Plan) -> tuple[DeclaredValue, ...]:
     )
 
 
-def parse_stored_plan(kind: str, kept: Mapping[str, Value]) -> Plan:
+def parse_stored_plan(kind: str, stored_values: Mapping[str, Value]) -> Plan:
     """Return the plan of a stored run; an old run without its experiment has settings only.
 
     Raises SettingError, OutOfRangeError, ExperimentError for settings that this version does not support.
     """
     if kind in KINDS:
-        plan: Plan = build_plan(KINDS[kind], kept)
+        plan: Plan = build_plan(KINDS[kind], stored_values)
         return plan
-    if "experiment" not in kept:
+    if "experiment" not in stored_values:
         if kind not in PAPER_EXPERIMENTS:
             raise ExperimentError("what it played is kept in no form that is known")
-        return build_ready_plan(kind, **kept)
-    experiment = parser.parse_canonical(str(kept["experiment"]))
+        return build_ready_plan(kind, **stored_values)
+    experiment = parser.parse_canonical(str(stored_values["experiment"]))
     return build_experiment_plan(
-        experiment, {name: value for name, value in kept.items() if name != "experiment"}, kind
+        experiment, {name: value for name, value in stored_values.items() if name != "experiment"}, kind
     )
 
 

@@ -355,8 +355,10 @@ def require_rules(
             continue
         if names & set(given):
             _raise_for_setting(rule, settings, values)
-        told = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names)
-        raise ExperimentError(f"{rule.that} does not hold ({told}): {rule.remedy}", path, find_line(path, lines))
+        settings_text = ", ".join(f"{name} is {value}" for name, value in values.items() if name in names)
+        raise ExperimentError(
+            f"{rule.that} does not hold ({settings_text}): {rule.remedy}", path, find_line(path, lines)
+        )
 
 
 def _raise_for_setting(rule: Rule, settings: tuple[Setting, ...], values: Mapping[str, Value]) -> None:
@@ -599,8 +601,8 @@ def _format_problem(first: Any) -> str:
         return "a part says by `do` what it does"
     if first["type"] == "missing_argument" or first["type"] == "missing_keyword_only_argument":
         return "it is missing"
-    said = str(first["msg"]).removeprefix("Value error, ").replace("Input should be", "it should be")
-    return _MESSAGES.get(first["type"]) or said
+    message = str(first["msg"]).removeprefix("Value error, ").replace("Input should be", "it should be")
+    return _MESSAGES.get(first["type"]) or message
 
 
 # Formulas ------------------------------------------------------------------------------------------
@@ -666,8 +668,8 @@ def _append_steps(node: ast.AST, steps: list[FormulaStep]) -> None:
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             least, most = _ARGUMENTS[name]
             if not least <= len(arguments) <= most:
-                told = f"{least}" if least == most else f"{least} to {most}"
-                raise ExpressionError(f"{name} takes {told} values, here are {len(arguments)}")
+                expected = f"{least}" if least == most else f"{least} to {most}"
+                raise ExpressionError(f"{name} takes {expected} values, here are {len(arguments)}")
             _append_operation(name, arguments, steps)
         case _:
             known = ", ".join(FUNCTIONS)

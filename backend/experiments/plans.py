@@ -229,12 +229,12 @@ class SpringIdentificationPlan:
 
     def phases(self) -> tuple[Phase, ...]:
         """Return the phases: settling, then each rising and falling sweep."""
-        ways = [Phase("settle", "Lowest tension held", 0.0, self.settle_s)]
-        for way in range(2 * self.cycles):
-            start = self.settle_s + way * self.sweep_s
-            name = "up" if way % 2 == 0 else "down"
-            ways.append(Phase(f"{name}_{way // 2 + 1}", f"Tension {name}", start, start + self.sweep_s))
-        return tuple(ways)
+        phases = [Phase("settle", "Lowest tension held", 0.0, self.settle_s)]
+        for sweep in range(2 * self.cycles):
+            start = self.settle_s + sweep * self.sweep_s
+            name = "up" if sweep % 2 == 0 else "down"
+            phases.append(Phase(f"{name}_{sweep // 2 + 1}", f"Tension {name}", start, start + self.sweep_s))
+        return tuple(phases)
 
 
 # Actuator identification plan ----------------------------------------------------------------------
@@ -389,7 +389,7 @@ def build_profile(program: Program, q_ref: float, S_ref: float) -> Profile:
     """Return the profile of a program that starts at these references, including the first tick of each segment."""
     whole = sum(round(segment.duration_s / T_s) for segment in program.segments)
     every = max(1, round(whole / PROFILE_POINTS))
-    start, begun = Setpoint(q_ref, S_ref, 0.0), 0
+    start, start_tick = Setpoint(q_ref, S_ref, 0.0), 0
     points = []
     for segment, row in zip(program.segments, make_segment_player(program.segments, start).segments, strict=True):
         ticks = round(segment.duration_s / T_s)
@@ -399,6 +399,6 @@ def build_profile(program: Program, q_ref: float, S_ref: float) -> Profile:
             while advanced < (tick - 1) // chip:
                 register, advanced = setpoint_player.next_register(register, segment.count), advanced + 1
             target = setpoint_player.compute_setpoint(row, start, tick * T_s, register)
-            points.append(((begun + tick) * T_s, target.q_ref, target.S_ref, target.F_push))
-        start, begun = setpoint_player.compute_final_setpoint(row, start), begun + ticks
+            points.append(((start_tick + tick) * T_s, target.q_ref, target.S_ref, target.F_push))
+        start, start_tick = setpoint_player.compute_final_setpoint(row, start), start_tick + ticks
     return Profile(*np.array(points, dtype=np.float64).reshape(-1, 4).T)

@@ -33,16 +33,16 @@ from backend.experiments import (
     KIND,
     ActuatorIdentificationPlan,
     Expectation,
-    Expected,
+    ExpectedDuration,
     ExperimentDefinition,
     ExperimentPlan,
     IdentificationPlan,
+    InitialState,
     LoopSettings,
     MotorIdentificationPlan,
     Plan,
     SpringIdentificationPlan,
     Stage,
-    Start,
     experiments_by_name,
     forecast_duration,
     forecast_identifications,
@@ -50,7 +50,7 @@ from backend.experiments import (
     predict_excitation,
     predict_motor,
     predict_spring,
-    read_start,
+    read_initial_state,
 )
 from backend.faults import Fault
 from backend.models import Setting, SettingError, build_plan, describe_settings
@@ -102,7 +102,7 @@ def build_plans(request: IdentificationRequest) -> tuple[IdentificationPlan, ...
 
 
 def predict_runs(
-    request: IdentificationRequest, parameters: PlantParameters, lam_motor: float, start: Start
+    request: IdentificationRequest, parameters: PlantParameters, lam_motor: float, start: InitialState
 ) -> Prediction:
     """Predict the runs of a request from ``start``; for several runs, the whole path and the worst values.
 
@@ -439,7 +439,7 @@ class ScheduledRun:
 
     plan: Plan
     run: int
-    expected: Expected
+    expected: ExpectedDuration
     number: int = 1
     total: int = 1
     """Number of runs of the request."""
@@ -670,7 +670,7 @@ class JobManager:
             self._require_idle()
             parameters = self._rig.parameters
             settings, bank = self._get_loop_settings(), self._actuator.live_state.tuning.bank
-            start = read_start(self._rig.loop.ring.newest())
+            start = read_initial_state(self._rig.loop.ring.newest())
             forecast = await self._text_work.run_for_operator(
                 forecast_identifications, plans, parameters, start, settings.lam_motor
             )
@@ -679,7 +679,7 @@ class JobManager:
 
     async def predict_identification(self, request: IdentificationRequest, compute: Compute) -> Prediction:
         """Predict the effect of an identification on the rig. Raises SettingError, OutOfRangeError."""
-        tuning, start = self._actuator.live_state.tuning, read_start(self._rig.loop.ring.newest())
+        tuning, start = self._actuator.live_state.tuning, read_initial_state(self._rig.loop.ring.newest())
         lam_motor = tuning.lambdas.lam_motor
         prediction: Prediction = await compute(predict_runs, request, tuning.parameters, lam_motor, start)
         return prediction
@@ -782,7 +782,7 @@ class JobManager:
         self, requests: Sequence[RunRequest], position: int, run: Run
     ) -> ProgressCallback:
         """Return the callback for the run at ``position``, with its forecast duration from the current position."""
-        plan, start = requests[position].plan, read_start(self._rig.loop.ring.newest())
+        plan, start = requests[position].plan, read_initial_state(self._rig.loop.ring.newest())
         expected = await asyncio.to_thread(forecast_duration, plan, self._rig.parameters, start)
         scheduled = ScheduledRun(plan, run.id, expected, position + 1, len(requests))
         return make_progress_callback(self._actuator.live_state, scheduled, self.pause)

@@ -26,9 +26,9 @@ from backend.experiments import (
     IdentificationPlan,
     RecordedParts,
     ReferenceChange,
+    approximate_columns,
     build_profile,
     find_commanded_range,
-    follow_columns,
     forecast_identification,
     parse_stored_plan,
 )
@@ -265,7 +265,7 @@ def build_recorded_experiment(database: Database, run_id: int) -> RecordedExperi
     cut = {name: column[first:end] for name, column in columns.items()}
     t = samples.t[first:end]
     made = _RunConversion(t, cut, run, marks, bank)
-    found = follow_columns(cut["q_ref"], cut["S_ref"], np.nan_to_num(cut["F_push"]), made.collect_changes())
+    found = approximate_columns(cut["q_ref"], cut["S_ref"], np.nan_to_num(cut["F_push"]), made.collect_changes())
     made.report_missing_pushes(found, cut["F_push"])
     document = {
         "format": FORMAT,
@@ -280,9 +280,9 @@ def build_recorded_experiment(database: Database, run_id: int) -> RecordedExperi
 
 
 def _describe_recorded(run_id: int, found: RecordedParts) -> str:
-    off = f"{found.off_q_rad:.2g} rad and {found.off_S:.2g} N·m/rad"
-    pushed = f", pushes within {found.off_F_N:.2g} N" if any(part["do"] == "push" for part in found.parts) else ""
-    late = f" Pushes, walls and the tuning come up to {found.late_ticks} ms late." if found.late_ticks else ""
+    off = f"{found.deviation_q_rad:.2g} rad and {found.deviation_S:.2g} N·m/rad"
+    pushed = f", pushes within {found.deviation_F_N:.2g} N" if any(part["do"] == "push" for part in found.parts) else ""
+    late = f" Pushes, walls and the tuning come up to {found.delay_ticks} ms late." if found.delay_ticks else ""
     return (
         f"The references of run {run_id} as they were commanded, followed within {off} at every sample{pushed}. "
         f"It begins with the tuning of the run.{late}"
@@ -428,12 +428,12 @@ class _RunConversion:
             return
         if not isinstance(plan, ExperimentPlan):
             return
-        laid = plan.compiled
-        if any(segment.load_A or segment.load_B for segment in laid.segments):
+        compiled = plan.compiled
+        if any(segment.load_A or segment.load_B for segment in compiled.segments):
             self.left_out.append("loads of the motors' shafts: they are not recorded")
-        if laid.contact_detections:
+        if compiled.contact_detections:
             self.left_out.append("what the run learned of the outside force, and giving way to a contact")
-        others = {name for change in laid.changes for name in change if name not in _LAM}
+        others = {name for change in compiled.changes for name in change if name not in _LAM}
         if others:
             self.left_out.append(f"changes of {', '.join(sorted(others))} by the program: only λ is recorded")
 

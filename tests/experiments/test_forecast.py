@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backend.errors import OutOfRangeError
-from backend.experiments.forecast import Forecast, forecast_identifications, read_start
+from backend.experiments.forecast import Forecast, forecast_identifications, read_initial_state
 from backend.experiments.plans import (
     ActuatorIdentificationPlan,
     IdentificationPlan,
@@ -53,7 +53,7 @@ def stay(_bench: BenchTop) -> None:
 
 
 def announced(bench: BenchTop, plans: list[IdentificationPlan], parameters: PlantParameters) -> Forecast:
-    return forecast_identifications(plans, parameters, read_start(bench.samples.rows[-1]), LAM_MOTOR)
+    return forecast_identifications(plans, parameters, read_initial_state(bench.samples.rows[-1]), LAM_MOTOR)
 
 
 def play(bench: BenchTop, plans: list[IdentificationPlan]) -> slice:
@@ -119,7 +119,7 @@ def test_several_runs_and_both_other_kinds_take_as_long_as_announced() -> None:
 
 def test_what_would_leave_the_range_of_springs_or_joint_is_refused_with_its_figure() -> None:
     ideal = load_parameters("ideal")
-    at_rest = read_start(None)
+    at_rest = read_initial_state(None)
 
     def refused(plan: IdentificationPlan, parameters: PlantParameters = ideal) -> OutOfRangeError:
         with pytest.raises(OutOfRangeError) as caught:

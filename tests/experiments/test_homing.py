@@ -10,7 +10,7 @@ import pytest
 
 from backend.execution.runner import ExperimentRig, RunRequest, RunResult, run_experiment
 from backend.execution.simulation import open_headless_rig
-from backend.experiments.forecast import forecast_duration, read_start
+from backend.experiments.forecast import forecast_duration, read_initial_state
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import Accepted, SetMode, SetReferences
@@ -46,7 +46,7 @@ def test_compliance_started_off_centre_brings_the_joint_to_0_first_and_takes_as_
 ) -> None:
     async def work() -> tuple[RunResult, float, float]:
         await brought_off_centre(station)
-        start = read_start(station.loop.ring.newest())
+        start = read_initial_state(station.loop.ring.newest())
         assert start.q == pytest.approx(math.radians(15.0), abs=0.02)
         told_s, began = forecast_duration(PLAN, station.parameters, start).duration_s, station.loop.ring.count
         outcome = await run_experiment(station, RunRequest(PLAN, LoopSettings(), "A. Operator"))

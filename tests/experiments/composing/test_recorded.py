@@ -10,8 +10,8 @@ from backend.experiments.library import (
     TOLERANCE_Q_RAD,
     TOLERANCE_S,
     ReferenceChange,
+    approximate_columns,
     find_commanded_range,
-    follow_columns,
 )
 from backend.experiments.parser import ExperimentError, build_experiment
 from backend.experiments.plans import ExperimentPlan
@@ -43,29 +43,29 @@ def again(parts: list[dict[str, Any]]) -> np.ndarray:
 @pytest.mark.parametrize("segments", [STEPS_AND_RAMPS, SINE], ids=["steps and ramps", "sine"])
 def test_what_is_played_again_is_what_was_recorded(segments: tuple[Segment, ...]) -> None:
     recorded = played(Program(Law.CASCADE, segments), 0.0, 10.0)
-    found = follow_columns(recorded[:, 0], recorded[:, 1])
+    found = approximate_columns(recorded[:, 0], recorded[:, 1])
     replayed = again(found.parts)
     assert len(replayed) == len(recorded)
-    off_q, off_S = np.abs(replayed - recorded).max(axis=0)
-    assert off_q == pytest.approx(found.off_q_rad, abs=1e-9)
-    assert off_S == pytest.approx(found.off_S, abs=1e-9)
+    off_q, deviation_S = np.abs(replayed - recorded).max(axis=0)
+    assert off_q == pytest.approx(found.deviation_q_rad, abs=1e-9)
+    assert deviation_S == pytest.approx(found.deviation_S, abs=1e-9)
     assert off_q <= TOLERANCE_Q_RAD
-    assert off_S <= TOLERANCE_S
+    assert deviation_S <= TOLERANCE_S
 
 
 def test_steps_holds_and_ramps_come_back_as_they_were_written() -> None:
     recorded = played(Program(Law.CASCADE, STEPS_AND_RAMPS), 0.0, 10.0)
-    parts = follow_columns(recorded[:, 0], recorded[:, 1]).parts
+    parts = approximate_columns(recorded[:, 0], recorded[:, 1]).parts
     assert [part["do"] for part in parts] == ["step", "ramp", "hold", "ramp", "step"]
     assert [part["duration_s"] for part in parts] == [segment.duration_s for segment in STEPS_AND_RAMPS]
 
 
 def test_a_way_that_begins_with_a_jump_is_off_by_what_is_told() -> None:
     way = np.linspace(0.3, 0.6, 1000)
-    found = follow_columns(way, np.full(1000, 10.0))
+    found = approximate_columns(way, np.full(1000, 10.0))
     replayed = again(found.parts)
-    assert found.off_q_rad == pytest.approx(np.abs(replayed[:1000, 0] - way).max(), abs=1e-9)
-    assert found.off_q_rad == pytest.approx(9 * 0.3 / 999, abs=1e-6)  # of the shortest part there is, ten ticks
+    assert found.deviation_q_rad == pytest.approx(np.abs(replayed[:1000, 0] - way).max(), abs=1e-9)
+    assert found.deviation_q_rad == pytest.approx(9 * 0.3 / 999, abs=1e-6)  # of the shortest part there is, ten ticks
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_what_was_not_commanded_cannot_be_followed(q_ref: np.ndarray, told: str)
 def test_too_many_parts_are_refused() -> None:
     q_ref = np.where(np.arange(40_000) // 20 % 2, 0.1, 0.0)
     with pytest.raises(ExperimentError, match="more than 1000"):
-        follow_columns(q_ref, np.full(len(q_ref), 10.0))
+        approximate_columns(q_ref, np.full(len(q_ref), 10.0))
 
 
 def pushed(parts: list[dict[str, Any]]) -> np.ndarray:
@@ -106,7 +106,7 @@ def test_pushes_come_back_at_their_ticks_with_their_force() -> None:
     F[2000:2500] = -4.5
     q_ref = np.full(4000, 0.1)
     q_ref[1700:] = 0.3
-    found = follow_columns(q_ref, np.full(4000, 10.0), F)
+    found = approximate_columns(q_ref, np.full(4000, 10.0), F)
     assert [(part["do"], part["duration_s"]) for part in found.parts] == [
         ("step", 0.5),
         ("push", 1.0),
@@ -116,16 +116,16 @@ def test_pushes_come_back_at_their_ticks_with_their_force() -> None:
         ("hold", 1.5),
     ]
     assert np.array_equal(pushed(found.parts), F)
-    assert (found.late_ticks, found.unpushed, found.off_F_N) == (0, [], 0.0)
+    assert (found.delay_ticks, found.unpushed, found.deviation_F_N) == (0, [], 0.0)
 
 
 def test_a_smooth_push_is_followed_within_its_bound() -> None:
     F = np.zeros(3000)
     F[1000:2000] = 8.0 * np.sin(np.pi * np.arange(1000) / 1000.0) ** 2
-    found = follow_columns(np.full(3000, 0.1), np.full(3000, 10.0), F)
+    found = approximate_columns(np.full(3000, 0.1), np.full(3000, 10.0), F)
     off = np.abs(pushed(found.parts)[:3000] - F).max()
     assert off <= TOLERANCE_F_N
-    assert off == pytest.approx(found.off_F_N, abs=1e-9)
+    assert off == pytest.approx(found.deviation_F_N, abs=1e-9)
 
 
 def test_a_push_is_left_out_while_the_references_move_and_that_is_told() -> None:
@@ -135,7 +135,7 @@ def test_a_push_is_left_out_while_the_references_move_and_that_is_told() -> None
     q_ref[1000:2000] += 0.4 * np.arange(1, 1001) / 1000.0
     q_ref[2000:3000] = 0.5
     q_ref[3000:] = 0.2
-    found = follow_columns(q_ref, np.full(4000, 10.0), F)
+    found = approximate_columns(q_ref, np.full(4000, 10.0), F)
     assert found.unpushed == [(1000, 2000), (3000, 3010)]
     missing = np.flatnonzero(pushed(found.parts)[:4000] != F)
     assert missing.tolist() == [*range(1000, 2000), *range(3000, 3010)]
@@ -152,7 +152,7 @@ def test_changes_come_before_the_part_that_begins_at_their_tick() -> None:
         ReferenceChange(703, {"do": "tuning", "lam_S": 0.6}),
         ReferenceChange(1200, wall),
     ]
-    found = follow_columns(np.full(2000, 0.1), np.full(2000, 10.0), None, changes)
+    found = approximate_columns(np.full(2000, 0.1), np.full(2000, 10.0), None, changes)
     assert [part["do"] for part in found.parts] == [
         "tuning",
         "step",
@@ -164,4 +164,4 @@ def test_changes_come_before_the_part_that_begins_at_their_tick() -> None:
         "hold",
     ]
     assert [part["duration_s"] for part in found.parts if "duration_s" in part] == [0.7, 0.01, 0.49, 0.8]
-    assert found.late_ticks == 7  # the second of two changes within a shortest part
+    assert found.delay_ticks == 7  # the second of two changes within a shortest part
