@@ -1,4 +1,4 @@
-"""The parts of the service, put together over what the loop process starts with."""
+"""Builds the parts of the service, in two steps around the start of the loop."""
 
 import asyncio
 import logging
@@ -94,70 +94,72 @@ from backend.supervision import Part, SupervisedThread, Supervision
 from backend.workers import NUMERIC_LIBRARIES, WorkerProcesses
 from plant import ParameterError, PlantKind, PlantParameters, load_parameters
 
-# Foundation ----------------------------------------------------------------------------------------
+# Boot ----------------------------------------------------------------------------------------------
 #
-# What the loop starts from: parameters, database, the tuning in force, what was brought up, whether
-# hands are in.
+# Loads what the control loop needs to start: parameters, tuning, commissioning, drive lockout.
 
 
 SEED = 0
-_CLAIM = Part("The sign of life on the database", "Another service may take the database over.")
+_CLAIM_PART = Part("The sign of life on the database", "Another service may take the database over.")
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class BootContext:
-    """What has to be known before the loop is told what to drive; ``said`` is a sentence on the tuning, or empty.
+    """Parts that exist before the control loop starts."""
 
-    ``base`` are the parameters of the file, ``parameters`` those in force.
-    """
+    file_parameters: PlantParameters
+    """Parameters of the file."""
 
-    base: PlantParameters
     parameters: PlantParameters
+    """Active parameters: those of the file with the applied identifications."""
+
     database: Database
     claim: HeldClaim
-    soundness: DatabaseMonitor
-    figures: RobustnessCache
+    database_monitor: DatabaseMonitor
+    robustness_cache: RobustnessCache
     tuning_store: TuningStore
     tuning: ActiveTuning
-    said: str
-    hands: DriveLockout
+    tuning_message: str
+    """Message for the event log on restored parameters and tuning, or ""."""
+
+    drive_lockout: DriveLockout
     supervisor: Supervisor
 
 
 def bootstrap(
     settings: Settings, launched: LoopProcess, supervision: Supervision, stack: AsyncExitStack
 ) -> BootContext:
-    """Open the database and read from it what the ``launched`` loop process is to be told; ``stack`` closes it again.
+    """Open the database and load what the loop process ``launched`` needs.
 
-    Raises StorageError, StationTakenError, SchemaError, ParameterError and TuningError.
+    ``stack`` closes what was opened. Raises StorageError, StationTakenError, SchemaError, ParameterError and
+    TuningError.
     """
     base = load_parameters(settings.params)
     file = find_database_file(settings.data, settings.database_url)
-    for sentence in [] if file is None else recover_database(file):
-        _log.warning("%s", sentence)
+    for message in [] if file is None else recover_database(file):
+        _log.warning("%s", message)
     database = open_database(settings.data, settings.database_url, settings.database_password(), settings.station)
     stack.callback(database.close)
     stack.callback(HeldStation(database.engine, settings.station).let_go)
     claim = HeldClaim(database.engine, settings.station)
     stack.callback(claim.let_go)
-    supervision.start_thread(_CLAIM, claim.run, claim.end)
-    soundness = DatabaseMonitor(database, settings.data)
-    soundness.check_small_database()
+    supervision.start_thread(_CLAIM_PART, claim.run, claim.end)
+    database_monitor = DatabaseMonitor(database, settings.data)
+    database_monitor.check_small_database()
     _close_interrupted(database)
-    figures = RobustnessCache()
-    figures.load()
-    stack.callback(figures.save)
+    robustness_cache = RobustnessCache()
+    robustness_cache.load()
+    stack.callback(robustness_cache.save)
     tuning_store = TuningStore(database)
-    version, version_said = in_force(database, base)
+    version, version_message = load_parameter_version(database, base)
     parameters, applied = version.parameters, version.applied
-    tuning, said = tuning_store.restore(parameters)
-    said = "; ".join(part for part in (version_said, said) if part)
+    tuning, tuning_message = tuning_store.restore(parameters)
     brought_up = find_completed_commissioning(database, settings.plant_choice)
-    hands = DriveLockout(database, settings.plant_choice)
+    drive_lockout = DriveLockout(database, settings.plant_choice)
     identified = {} if applied is None else build_identified_sections(applied)
-    drives_off = hands.previous_lock is not None
+    drives_off = drive_lockout.previous_lock is not None
     setup = Setup(
         plant=settings.plant_choice,
         parameters=settings.params,
@@ -169,24 +171,25 @@ def bootstrap(
     )
     supervisor = Supervisor(setup, supervision, launched)
     return BootContext(
-        base=base,
+        file_parameters=base,
         parameters=parameters,
         database=database,
         claim=claim,
-        soundness=soundness,
-        figures=figures,
+        database_monitor=database_monitor,
+        robustness_cache=robustness_cache,
         tuning_store=tuning_store,
         tuning=tuning,
-        said=said,
-        hands=hands,
+        tuning_message="; ".join(message for message in (version_message, tuning_message) if message),
+        drive_lockout=drive_lockout,
         supervisor=supervisor,
     )
 
 
-def in_force(database: Database, base: PlantParameters) -> tuple[AppliedVersion, str]:
-    """Return the version of the parameters in force, and a sentence on it for the journal; empty for an untouched file.
+def load_parameter_version(database: Database, base: PlantParameters) -> tuple[AppliedVersion, str]:
+    """Return the active version of the parameters and a message for the event log.
 
-    It is the file where what was applied is for another one, or cannot be had.
+    Falls back to the file if the applied version cannot be read or belongs to another file. The message is empty for
+    an unchanged file.
     """
     try:
         version = list_parameter_versions(database, base)[0]
@@ -210,45 +213,46 @@ def _close_interrupted(database: Database) -> None:
         _log.warning("The service closed runs that the last service left open: %s", interrupted)
 
 
-# Assembly ------------------------------------------------------------------------------------------
-#
-# All parts of the service, put together over what the loop starts from.
+# Services ------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Services:
-    """What serves, records and logs, the routes of the 3D views, and ``draw``, which shows these once that can wait."""
+    """The service for the routes, and the parts that ``backend.main`` uses."""
 
     service: Service
     recorder: Recorder
     event_log: EventLog
-    scenes: list[APIRouter]
-    draw: Callable[[], None]
+    scene_routers: list[APIRouter]
+    """Routes of the 3D views."""
+
+    start_views: Callable[[], None]
+    """Starts the 3D views, after the service has started."""
 
 
 def build_services(  # noqa: PLR0915  # a list of constructions, each in need of those above it
     settings: Settings,
-    foundation: BootContext,
+    boot: BootContext,
     folder: LockedFolder,
     authentication: Authentication,
     supervision: Supervision,
     events: EventBus,
     stack: AsyncExitStack,
 ) -> Services:
-    """Put all parts together, each taken down again by ``stack``, in reverse."""
+    """Build all parts of the service; ``stack`` ends them in reverse order."""
 
-    def keep(
+    def start_part(
         part: Part, work: Callable[[], Coroutine[Any, Any, None]], on_death: Callable[[], None] | None = None
     ) -> None:
         stack.push_async_callback(supervision.start_task(part, work, on_death).end)
 
     parameters, database, tuning_store, tuning = (
-        foundation.parameters,
-        foundation.database,
-        foundation.tuning_store,
-        foundation.tuning,
+        boot.parameters,
+        boot.database,
+        boot.tuning_store,
+        boot.tuning,
     )
-    soundness, hands, supervisor = foundation.soundness, foundation.hands, foundation.supervisor
+    database_monitor, drive_lockout, supervisor = boot.database_monitor, boot.drive_lockout, boot.supervisor
     live_state = LiveState(supervisor, parameters, tuning)
     recorder = Recorder(database, supervisor.ring)
     supervisor.listen(recorder.on_event)
@@ -257,24 +261,24 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     flights = FlightRecorder(database, lambda: supervisor.ring, quota, live_state.is_expected)
     supervisor.listen(flights.on_event)
     stack.callback(flights.close)
-    keep(FLIGHTS, flights.run)
+    start_part(FLIGHTS, flights.run)
 
-    trigger = Trigger(database, lambda: supervisor.ring, quota, lambda: _lengths(live_state), events)
+    trigger = Trigger(database, lambda: supervisor.ring, quota, lambda: _select_lengths(live_state), events)
     stack.callback(trigger.close)
-    keep(TRIGGER, trigger.run)
+    start_part(TRIGGER, trigger.run)
 
     retention = Retention(database, RetentionRule(round(settings.recordings_GB * 1e9), settings.recordings_keep_days))
-    keep(RETENTION, retention.run)
+    start_part(RETENTION, retention.run)
 
     event_log = EventLog(database, events)
     stack.callback(event_log.close)
-    keep(JOURNAL, event_log.run)
+    start_part(JOURNAL, event_log.run)
     refusals = RejectionLog(event_log, asyncio.get_running_loop().call_later)
     stack.callback(refusals.close)
     events.subscribe(AccessChanged, lambda access: event_log.add_entry(EventKind.ACCESS, access.text, access.who))
-    if foundation.said:
-        event_log.add_mark(MarkKind.TUNING, foundation.said, tick=0)
-    supervision.add_listener(lambda death: event_log.add_mark(MarkKind.FAULT, death, live_state.tick))
+    if boot.tuning_message:
+        event_log.add_mark(MarkKind.TUNING, boot.tuning_message, tick=0)
+    supervision.add_listener(lambda message: event_log.add_mark(MarkKind.FAULT, message, live_state.tick))
     safe_stop = SafeStop(supervisor, live_state, supervision)
     sessions = SessionRuns(database, settings.plant_choice.name)
     choice = settings.plant_choice
@@ -288,7 +292,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         tuning_store=tuning_store,
         on_ring_changed=recorder.follow,
         supervision=supervision,
-        drive_lockout=hands,
+        drive_lockout=drive_lockout,
         events=events,
         recording=recording,
     )
@@ -298,24 +302,27 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         HolderChanged, lambda _: actuator.tuning_service.cancel_trial("as the holder of control has changed")
     )
 
-    def say_of_control(text: str, who: str) -> None:
-        """Put on record what is asked and answered: nothing on the time axis, where control itself is a mark."""
+    def log_handover(text: str, who: str) -> None:
+        """Log a request or reply of a handover.
+
+        It is no mark on the time axis, unlike a change of control.
+        """
         event_log.add_entry(EventKind.NOTE, text, who)
         actuator.publish_change()
 
-    hand_over = ControlHandover(control, authentication.active_users, say_of_control)
-    keep(TOKENS, authentication.run)
+    hand_over = ControlHandover(control, authentication.active_users, log_handover)
+    start_part(TOKENS, authentication.run)
     stack.push_async_callback(authentication.sessions.save)
-    keep(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
-    keep(HAND_OVER, hand_over.run)
+    start_part(CONTROL, control.run, lambda: safe_stop.begin(Fault.OPERATOR_LOST))
+    start_part(HAND_OVER, hand_over.run)
     triggers = Triggers(trigger, actuator, event_log, database)
     watch = DataFolderMonitor(
-        (folder.problem, soundness.describe_displacement, foundation.claim.problem), actuator.publish_change
+        (folder.problem, database_monitor.describe_displacement, boot.claim.problem), actuator.publish_change
     )
-    keep(FOLDER, watch.run)
-    soundness.start_check()
+    start_part(FOLDER, watch.run)
+    database_monitor.start_check()
 
-    history = RunHistory(database, parameters, lambda: _id_of_bank(live_state.operator_tuning))
+    history = RunHistory(database, parameters, lambda: _get_bank_id(live_state.operator_tuning))
     processes = WorkerProcesses(supervision)
     stack.callback(processes.close)
     evaluations = Evaluations(database, processes.evaluations, lambda: live_state.task, events)
@@ -323,8 +330,8 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     banks = StoredBanks(database, processes.computing, lambda: live_state.tuning)
     station = ExperimentRig(supervisor, database, settings.plant_choice.name, parameters, processes.computing.run)
 
-    def prepare() -> None:
-        """Load what evaluation and report need while the program still plays."""
+    def preload_reports() -> None:
+        """Import what evaluation and report need while the program still runs."""
         processes.computing.preload(evaluate_finished_run, *NUMERIC_LIBRARIES)
         downloads.preload()
 
@@ -336,7 +343,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         actuator=actuator,
         banks=banks,
         experiments=experiments,
-        prepare_report=prepare,
+        prepare_report=preload_reports,
         seed=SEED,
         dry_runs=dry_runs,
         text_work=texts,
@@ -356,21 +363,21 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         "/scene": SceneMirror(parameters, lambda: supervisor.ring.newest(), lambda: live_state.wall),
         "/replay": SceneMirror(parameters, replay.get_row, replay.get_wall),
     }
-    drawing: list[SupervisedThread] = []
+    views: list[SupervisedThread] = []
     for mirror in mirrors.values():
         stack.callback(mirror.close)
 
-    def clear_away() -> None:
-        for kept in drawing:
-            kept.end(2.0)
+    def stop_views() -> None:
+        for view in views:
+            view.end(2.0)
 
-    stack.callback(clear_away)
+    stack.callback(stop_views)
 
-    def draw() -> None:
-        drawing.extend(supervision.start_thread(SCENE, mirror.run, mirror.end) for mirror in mirrors.values())
+    def start_views() -> None:
+        views.extend(supervision.start_thread(SCENE, mirror.run, mirror.end) for mirror in mirrors.values())
 
-    scenes = [scene_router(require_signed_in, mirror, path) for path, mirror in mirrors.items()]
-    bring_up = CommissioningService(actuator, supervisor, database, parameters, hands)
+    scene_routers = [scene_router(require_signed_in, mirror, path) for path, mirror in mirrors.items()]
+    bring_up = CommissioningService(actuator, supervisor, database, parameters, drive_lockout)
     stack.push_async_callback(bring_up.close)
     studies = StudyScheduler(
         database=database,
@@ -382,22 +389,22 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
     )
     stack.push_async_callback(studies.close)
 
-    def use(applied: ParametersApplied) -> None:
+    def set_parameters(applied: ParametersApplied) -> None:
         station.parameters = applied.parameters
-        for take_up in (
+        for set_part_parameters in (
             history.set_parameters,
             bring_up.set_parameters,
             studies.set_parameters,
             *(mirror.use for mirror in mirrors.values()),
         ):
-            take_up(applied.parameters)
+            set_part_parameters(applied.parameters)
 
-    events.subscribe(ParametersApplied, use)
+    events.subscribe(ParametersApplied, set_parameters)
 
-    def problems() -> list[str]:
-        first = watch, soundness, recorder, flights, trigger, event_log
+    def list_problems() -> list[str]:
+        first = watch, database_monitor, recorder, flights, trigger, event_log
         sweep = actuator.contact.sweep
-        parts = *first, supervisor.watchdog_monitor, retention, authentication.sessions, bring_up, hands, sweep
+        parts = *first, supervisor.watchdog_monitor, retention, authentication.sessions, bring_up, drive_lockout, sweep
         return [*(part.problem for part in parts if part.problem), *supervision.problems, *ordered_runs.problems]
 
     state = ServiceState(
@@ -409,17 +416,17 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         holder=control.view,
         users=authentication.active_users.view,
         handovers=hand_over.view,
-        problems=problems,
+        problems=list_problems,
     )
     live = LiveStream(lambda: supervisor.ring, lambda: StateMessage(**dict(state.view())))
     events.subscribe(MarkAdded, lambda added: live.publish_mark(added.mark))
     events.subscribe(StateChanged, lambda _: live.request_state())
-    keep(LIVE, live.run)
+    start_part(LIVE, live.run)
 
-    def announce_trigger(triggered: Triggered) -> None:
+    def send_trigger(triggered: Triggered) -> None:
         live.publish_mark(EventMessage(tick=triggered.tick, kind=MarkKind.TRIGGER, text=triggered.text))
 
-    events.subscribe(Triggered, announce_trigger)
+    events.subscribe(Triggered, send_trigger)
 
     service = Service(
         parameter_service=ParameterService(
@@ -427,7 +434,7 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
             supervisor=supervisor,
             database=database,
             tuning_store=tuning_store,
-            base=foundation.base,
+            base=boot.file_parameters,
             events=events,
         ),
         actuator=actuator,
@@ -463,13 +470,13 @@ def build_services(  # noqa: PLR0915  # a list of constructions, each in need of
         triggers=triggers,
         formulas=Formulas(database),
     )
-    return Services(service, recorder, event_log, scenes, draw)
+    return Services(service, recorder, event_log, scene_routers, start_views)
 
 
-def _lengths(live_state: LiveState) -> dict[str, float]:
+def _select_lengths(live_state: LiveState) -> dict[str, float]:
     geometry = live_state.parameters.geometry
     return {"r_m": geometry.r_m, "r_j": geometry.r_j}
 
 
-def _id_of_bank(tuning: ActiveTuning) -> int | None:
+def _get_bank_id(tuning: ActiveTuning) -> int | None:
     return None if tuning.bank is None else tuning.bank.id

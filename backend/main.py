@@ -1,6 +1,6 @@
-"""The service: starts the loop process, puts its parts together, runs them and ends them.
+"""The service process: starts the control loop, builds the service and runs it.
 
-Modules that take long to import are imported where they are used: the loop process loads in parallel.
+Modules that take long to import are imported where they are used, while the loop process starts in parallel.
 """
 
 import asyncio
@@ -32,16 +32,17 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 NICENESS = -10
-SWITCH_S = 0.5e-3
-"""Each thread that answers somebody may keep Python's lock from the event loop, and so from STOP, for so long [s]."""
+SWITCH_INTERVAL_S = 0.5e-3
+"""Longest time [s] a thread holds the interpreter lock, and so delays STOP."""
 
-LIBRARIES = Part("The loading of libraries", "The first preview or forecast takes some seconds longer.")
+LIBRARIES_PART = Part("The loading of libraries", "The first preview or forecast takes some seconds longer.")
 
 
-def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> None:
-    """Run the service until it is told to end. ``ready`` gets the address and the tokens once it answers.
+def serve(settings: Settings, on_ready: Callable[[str, Tokens | None], None]) -> None:
+    """Run the service until a signal ends it.
 
-    Raises AlreadyRunningError, DataFolderError, CannotListenError, and what keeps a part from starting.
+    ``on_ready`` is called with address and tokens once the service answers. Raises AlreadyRunningError,
+    DataFolderError, CannotListenError, and the errors of parts that cannot start.
     """
     os.umask(UMASK)
     logs.configure_logging(settings.log_level)
@@ -49,35 +50,35 @@ def serve(settings: Settings, ready: Callable[[str, Tokens | None], None]) -> No
     forbid_forks()
     with lock_for_service(settings.data) as folder, listening_socket(settings.host, settings.port) as listening:
         make_private(settings.data)
-        _ask_for_priority()
-        sys.setswitchinterval(SWITCH_S)
-        with _garbage_kept():
-            asyncio.run(_serve(settings, folder, listening, ready))
+        _raise_priority()
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        with _defer_garbage_collection():
+            asyncio.run(_serve(settings, folder, listening, on_ready))
 
 
 async def _serve(
-    settings: Settings, folder: LockedFolder, listening: socket.socket, ready: Callable[[str, Tokens | None], None]
+    settings: Settings, folder: LockedFolder, listening: socket.socket, on_ready: Callable[[str, Tokens | None], None]
 ) -> None:
-    parts, ending = AsyncExitStack(), Ending()
+    stack, ending = AsyncExitStack(), Ending()
 
     @asynccontextmanager
     async def lifespan(_app: "FastAPI") -> AsyncIterator[None]:
-        async with parts:
+        async with stack:
             yield
 
     try:
         files = TokenFiles(settings.data) if settings.require_token else None
         launched = await launch_loop(settings.params)
-        parts.push_async_callback(launched.discard)
+        stack.push_async_callback(launched.discard)
         supervision = Supervision()
-        parts.push_async_callback(supervision.close)
+        stack.push_async_callback(supervision.close)
 
         from backend.app import bootstrap
 
-        foundation = bootstrap(settings, launched, supervision, parts)
-        starting = asyncio.create_task(foundation.supervisor.start(), name="start of the loop")
-        parts.push_async_callback(_abandon, starting, foundation.supervisor)
-        await asyncio.sleep(0)  # the loop process is told what to drive, and rehearses while the rest is put together
+        boot = bootstrap(settings, launched, supervision, stack)
+        starting = asyncio.create_task(boot.supervisor.start(), name="start of the loop")
+        stack.push_async_callback(_stop_unused_loop, starting, boot.supervisor)
+        await asyncio.sleep(0)  # sends the setup to the loop process, which rehearses while the service is built
         from backend.api import create_app
         from backend.app import build_services
         from backend.auth import Authentication, Sessions
@@ -87,46 +88,46 @@ async def _serve(
 
         events = EventBus()
         authentication = Authentication(files, Sessions(settings.data), events=events)
-        # All who listen to the loop are there before the event loop gets to hear from it.
-        assembled = build_services(
+        # All listeners are registered before the event loop receives anything from the control loop.
+        services = build_services(
             settings=settings,
-            foundation=foundation,
+            boot=boot,
             folder=folder,
             authentication=authentication,
             supervision=supervision,
             events=events,
-            stack=parts,
+            stack=stack,
         )
-        # The service's own commands ask at the address that it listens on.
-        app = create_app(lifespan, assembled.scenes, (*settings.allowed_hosts, settings.host), settings.public)
-        app.state.service, app.state.authentication = assembled.service, authentication
+        # The service's own commands send requests to the address that it listens on.
+        app = create_app(lifespan, services.scene_routers, (*settings.allowed_hosts, settings.host), settings.public)
+        app.state.service, app.state.authentication = services.service, authentication
         await prepare_routes(app)
-        _leave_what_was_made()
-        parts.callback(lambda: assembled.event_log.add_entry(EventKind.NOTE, ending.cause))
-        await _join_loop(
+        _freeze_startup_objects()
+        stack.callback(lambda: services.event_log.add_entry(EventKind.NOTE, ending.cause))
+        await _wait_for_loop(
             starting=starting,
-            supervisor=foundation.supervisor,
-            recorder=assembled.recorder,
+            supervisor=boot.supervisor,
+            recorder=services.recorder,
             ending=ending,
             supervision=supervision,
-            stack=parts,
+            stack=stack,
         )
-        parts.push_async_callback(lambda: assembled.service.ordered_runs.close(ending.cause))
+        stack.push_async_callback(lambda: services.service.ordered_runs.close(ending.cause))
     except BaseException:
-        await parts.aclose()
+        await stack.aclose()
         raise
     address = browser_address(settings.host, listening.getsockname()[1])
 
-    def load_the_rest() -> None:
+    def load_libraries() -> None:
         workers.import_modules(*workers.NUMERIC_LIBRARIES)
-        foundation.figures.save()
+        boot.robustness_cache.save()
 
     def announce() -> None:
         _log.info("The service started: plant %s, data folder %s, address %s", settings.plant, settings.data, address)
         folder.write_address(address, settings.public_url)
-        assembled.draw()
-        ready(address, files.tokens if files else None)
-        supervision.start_thread(LIBRARIES, load_the_rest, lambda: None)
+        services.start_views()
+        on_ready(address, files.tokens if files else None)
+        supervision.start_thread(LIBRARIES_PART, load_libraries, lambda: None)
 
     try:
         await Server(app, announce, ending).serve([listening])
@@ -135,8 +136,11 @@ async def _serve(
 
 
 @contextmanager
-def _garbage_kept() -> Iterator[None]:
-    """Look for no garbage while nearly all that is made stays; whoever has started says so by ``gc.enable``."""
+def _defer_garbage_collection() -> Iterator[None]:
+    """Disable garbage collection during the start, which creates little garbage.
+
+    ``_freeze_startup_objects`` enables it again.
+    """
     gc.disable()
     try:
         yield
@@ -144,13 +148,16 @@ def _garbage_kept() -> Iterator[None]:
         gc.enable()
 
 
-def _leave_what_was_made() -> None:
-    """Leave what the start has made to the end of the process: to look through it takes a third of a second."""
+def _freeze_startup_objects() -> None:
+    """Exclude the objects of the start from garbage collection, and enable it.
+
+    Scanning them would take a third of a second.
+    """
     gc.freeze()
     gc.enable()
 
 
-async def _join_loop(
+async def _wait_for_loop(
     starting: "asyncio.Task[RealTimeStatus]",
     supervisor: "Supervisor",
     recorder: "Recorder",
@@ -158,7 +165,10 @@ async def _join_loop(
     supervision: Supervision,
     stack: AsyncExitStack,
 ) -> None:
-    """Wait until the loop ticks and record it; both end before the other parts do."""
+    """Wait for the control loop's start and record it.
+
+    Recorder and control loop end before the other parts.
+    """
     from backend.recording import RECORDER_PART as RECORDER
 
     await starting
@@ -168,8 +178,8 @@ async def _join_loop(
     stack.push_async_callback(lambda: supervisor.stop(ending.cause))
 
 
-async def _abandon(starting: "asyncio.Task[RealTimeStatus]", supervisor: "Supervisor") -> None:
-    """End a loop process that nobody got to use."""
+async def _stop_unused_loop(starting: "asyncio.Task[RealTimeStatus]", supervisor: "Supervisor") -> None:
+    """End a loop process whose service could not start."""
     if not starting.done():
         starting.cancel()
         await asyncio.wait((starting,))
@@ -177,7 +187,10 @@ async def _abandon(starting: "asyncio.Task[RealTimeStatus]", supervisor: "Superv
         await supervisor.stop("the service could not start")
 
 
-def _ask_for_priority() -> None:
-    """Come before ordinary programs where the machine grants it: the loop stops where it hears nothing."""
+def _raise_priority() -> None:
+    """Raise the priority of this process, if permitted.
+
+    The control loop stops when the service sends no heartbeat in time.
+    """
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
