@@ -1,4 +1,7 @@
-"""Who may do what: sign-in, tokens, sessions, and the control lease. Knows no HTTP."""
+"""Who may do what: sign-in, tokens, sessions, and the control lease.
+
+Knows no HTTP.
+"""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Authentication of requests: tokens, cookies, limits of attempts, and names of users."""
+"""Authentication: tokens, cookies, limits of attempts, and names of users."""
 
 import asyncio
 import secrets
@@ -95,7 +95,10 @@ class User:
 
     @property
     def has_no_name(self) -> bool:
-        """Whether the person at this browser has not given a name; scripts use the name of their role."""
+        """Whether the person at this browser has not given a name.
+
+        Scripts use the name of their role.
+        """
         return self.session not in (BEARER, OPEN) and self.given_name in ("", self.role)
 
 
@@ -114,7 +117,10 @@ class ActiveUsers:
 
     @contextmanager
     def connect(self, user: User, *, is_page: bool) -> Iterator[asyncio.Event]:
-        """Register a websocket for the block; yields an event that is set when its session ends."""
+        """Register a websocket for the block.
+
+        Yields an event that is set when its session ends.
+        """
         session_ended = asyncio.Event()
         self._connections[session_ended] = _Connection(user, is_page)
         try:
@@ -123,11 +129,11 @@ class ActiveUsers:
             del self._connections[session_ended]
 
     def list_connections(self) -> Iterator[tuple[asyncio.Event, User]]:
-        """Yield, for each open websocket, the event of the end of its session and its user."""
+        """Yield the end event and the user of each open websocket."""
         yield from [(ended, connection.user) for ended, connection in self._connections.items()]
 
     def view(self) -> list[PersonView]:
-        """Return users with their number of open pages and the time of the first, sorted by name."""
+        """Return users by name, with the number of pages and the time of the first."""
         opened: dict[tuple[str, Role], list[datetime]] = {}
         for connection in self._connections.values():
             if connection.is_page:
@@ -147,7 +153,7 @@ class ActiveUsers:
         return next((user for user in users if user.name == name), None)
 
     def resolve_returning(self, user: User) -> User:
-        """Return a user that reconnects, with a display name that no other connected user has.
+        """Return a user that reconnects, with a unique display name.
 
         The name may differ from the earlier one, which another user may have taken meanwhile.
         """
@@ -162,7 +168,7 @@ class ActiveUsers:
         return replace(user, name=self.make_display_name(user.given_name, user.role, user.session))
 
     def make_display_name(self, given_name: str, role: Role, session: str) -> str:
-        """Return a display name that no other connected user has, with a number if necessary."""
+        """Return a unique display name, with a number if another user has the name."""
         name = given_name or str(role)
         if role is Role.VIEWER and given_name not in ("", role):
             name = f"{given_name} ({role})"
@@ -196,7 +202,10 @@ class ActiveUsers:
 
 
 def clean_name(name: str) -> str:
-    """Return a name on one line, without parentheses, which mark role and number in display names."""
+    """Return a name on one line and without parentheses.
+
+    Display names have role and number in parentheses.
+    """
     normalized = " ".join(unicodedata.normalize("NFKC", name).split())
     return "".join(char for char in normalized if char.isprintable() and char not in "()").strip()[:MAX_NAME_LENGTH]
 
@@ -240,7 +249,10 @@ class Credentials:
 
 @dataclass(frozen=True)
 class _PreviousTokens:
-    """Tokens before the last rotation, accepted for STOP of one ``session`` until ``until`` [s]."""
+    """Tokens before the last rotation.
+
+    Accepted for STOP of one ``session`` until ``until`` [s].
+    """
 
     tokens: Tokens
     session: str
@@ -249,7 +261,10 @@ class _PreviousTokens:
 
 @dataclass(frozen=True)
 class AccessChanged:
-    """Event: user ``who`` signed in, signed out or rotated the tokens; ``text`` is for the event log."""
+    """Event: user ``who`` signed in, signed out or rotated the tokens.
+
+    ``text`` is for the event log.
+    """
 
     text: str
     who: str
@@ -309,7 +324,10 @@ class Authentication:
         return user
 
     def make_cookie(self, user: User) -> str | None:
-        """Return the signed cookie that identifies ``user``; None for a client that needs no cookie."""
+        """Return the signed cookie that identifies ``user``.
+
+        None for a client that needs no cookie.
+        """
         if self._files is None or user.session in (BEARER, OPEN):
             return None
         content = {"name": user.name, "called": user.given_name, "role": user.role, "session": user.session}
@@ -325,7 +343,9 @@ class Authentication:
             self._close_ended_connections()
 
     def authenticate(self, credentials: Credentials) -> User | None:
-        """Return the user that sends a request or opens a websocket; None if not signed in.
+        """Return the user that sends a request or opens a websocket.
+
+        None if not signed in.
 
         May be called several times for one request: a wrong token counts once. Raises RequestRejectedError for a wrong
         token.
@@ -337,14 +357,17 @@ class Authentication:
         return self._find_cookie_user(credentials)
 
     def authenticate_for_stop(self, credentials: Credentials) -> User | None:
-        """Return the user that sends STOP; also for a session that has expired, not for one that was signed out."""
+        """Return the user that sends STOP.
+
+        Also for a session that has expired, not for one that was signed out.
+        """
         user = self.authenticate(credentials)
         if user is None:
             user = self._read_cookie_user(credentials)
         return user
 
     async def rotate(self, roles: list[Role], user: User) -> Tokens:
-        """Replace the tokens of ``roles`` and end all their sessions except that of ``user``.
+        """Replace the tokens of ``roles`` and end all other sessions of these roles.
 
         Returns the new tokens. Raises RequestRejectedError if the service uses no tokens, or if they cannot be written:
         the old tokens remain valid.
@@ -378,7 +401,10 @@ class Authentication:
                 await self.sessions.save()
 
     async def _reload_tokens(self, except_session: str | None = None) -> bool:
-        """Reload the token files and end the sessions of changed tokens; return whether a token has changed."""
+        """Reload the token files and end the sessions of changed tokens.
+
+        Return whether a token has changed.
+        """
         if self._files is None:
             return False
         changed = await asyncio.to_thread(self._files.reload)
@@ -388,7 +414,10 @@ class Authentication:
         return bool(changed)
 
     def _close_ended_connections(self, bearers: Collection[Role] = ()) -> None:
-        """Close the websockets of ended sessions, and of scripts with a replaced token of the roles ``bearers``."""
+        """Close the websockets of ended sessions.
+
+        Also closes those of scripts whose role is in ``bearers``, because its token was replaced.
+        """
         for session_ended, user in self.active_users.list_connections():
             if user.session == BEARER:
                 has_ended = user.role in bearers
@@ -412,7 +441,10 @@ class Authentication:
         return self.active_users.resolve_returning(user)
 
     def _read_cookie_user(self, credentials: Credentials, include_previous: bool = True) -> User | None:
-        """Return the user of an authentic cookie of any age; None if the session was signed out."""
+        """Return the user of an authentic cookie of any age.
+
+        None if the session was signed out.
+        """
         if self._files is None:
             return None
         for value in credentials.cookies:
@@ -425,7 +457,7 @@ class Authentication:
         return None
 
     def _list_accepted_tokens(self, include_previous: bool) -> Iterator[tuple[Tokens, str | None]]:
-        """Yield accepted tokens, each with the only session that may use them, None for all sessions."""
+        """Yield accepted tokens with the only session that may use them, None for all."""
         if self._files is not None:
             yield self._files.tokens, None
         if include_previous and self._previous is not None and self._clock() < self._previous.until:

@@ -1,4 +1,4 @@
-"""The control lease: the right of one session to send commands, executed once each and in order."""
+"""The control lease, and the order in which commands are executed."""
 
 import asyncio
 import re
@@ -48,7 +48,7 @@ class CommandSequencer:
 
     @asynccontextmanager
     async def turn(self, number: int) -> AsyncIterator[None]:
-        """Wait until a command may be executed, and hold back its successors for the block.
+        """Wait for the turn of a command, and hold back its successors for the block.
 
         Raises RequestRejectedError for an outdated command and if too many wait.
         """
@@ -174,7 +174,10 @@ class LeaseHolder:
 
 
 def parse_command_token(text: str | None) -> CommandToken | None:
-    """Parse the value of CONTROL_HEADER, None without header. Raises RequestRejectedError."""
+    """Parse the value of CONTROL_HEADER, None without header.
+
+    Raises RequestRejectedError.
+    """
     if text is None:
         return None
     match = _COMMAND_TOKEN.fullmatch(text)
@@ -189,12 +192,15 @@ def parse_command_token(text: str | None) -> CommandToken | None:
 
 @dataclass(frozen=True)
 class ControlReleased:
-    """Event: the holder no longer has control or is lost, so that manual inputs must end."""
+    """Event: the holder has lost control or is lost; manual inputs must end."""
 
 
 @dataclass(frozen=True)
 class HolderChanged:
-    """Event: control was given up, lost, or taken by another user; not the reload of a page."""
+    """Event: control was given up, lost, or taken by another user.
+
+    Not the reload of a page.
+    """
 
 
 class ControlLease:
@@ -248,7 +254,10 @@ class ControlLease:
         return self.holder
 
     def resume(self, user: User, page_key: str) -> LeaseHolder:
-        """Return control to a reloaded page, with a new key. Raises RequestRejectedError if it has lost control."""
+        """Return control to a reloaded page, with a new key.
+
+        Raises RequestRejectedError if it has lost control.
+        """
         self._require_holder(user, page_key)
         self._epoch += 1
         self._events.publish(ControlReleased())
@@ -266,7 +275,10 @@ class ControlLease:
 
     @asynccontextmanager
     async def turn(self, user: User, command_token: CommandToken | None) -> AsyncIterator[None]:
-        """Execute a command of the holder in its turn. Raises RequestRejectedError for other users and pages."""
+        """Execute a command of the holder in its turn.
+
+        Raises RequestRejectedError for other users and pages.
+        """
         if command_token is None:
             self._require_script(user)
             yield
@@ -278,7 +290,10 @@ class ControlLease:
             yield
 
     def record_ping(self, user: User, page_key: str | None) -> None:
-        """Record a ping; ``page_key`` is the key of the lease that the page believes to have."""
+        """Record a ping.
+
+        ``page_key`` is the key of the lease that the page believes to have.
+        """
         holder = self.holder
         if holder is not None and not self._is_ignoring_pings and holder.is_at(user, page_key):
             holder.silent_s = 0.0
@@ -312,7 +327,7 @@ class ControlLease:
             await self.check()
 
     async def check(self) -> None:
-        """Add the elapsed time to the holder's silence, and end control that was silent for too long.
+        """Update the silence of the holder, and end control after too long a silence.
 
         Ends control and raises InvariantError if the lease is inconsistent: the supervision of this task then stops the
         motion softly and restarts the task.
@@ -344,7 +359,10 @@ class ControlLease:
                 await self._on_lost(holder.user.name)
 
     def require_consistent(self) -> None:
-        """Raise InvariantError if holder and lease do not match, or the silence is out of range or NaN."""
+        """Raise InvariantError if holder and lease do not match.
+
+        Also if the silence is out of range or NaN.
+        """
         holder = self.holder
         if holder is None:
             return
@@ -372,7 +390,10 @@ class ControlLease:
         return holder
 
     def _require_script(self, user: User) -> None:
-        """Accept a command of a script, which takes control if it is free. Raises RequestRejectedError."""
+        """Accept a command of a script, which takes control if it is free.
+
+        Raises RequestRejectedError.
+        """
         holder = self.holder
         if user.session not in (BEARER, OPEN):
             raise RequestRejectedError(

@@ -1,4 +1,4 @@
-"""Handover of control between operators: requests and offers, and the answers to them.
+"""Handover of control between operators: requests, offers and answers.
 
 The holder keeps control until a page of the recipient takes it, so that control is never without a holder. A recipient
 who asked takes it without a further question, and one to whom it is offered accepts first. No method yields to the
@@ -74,7 +74,10 @@ class ControlHandover:
         on_change: Callable[[str, str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``on_change`` gets a text for the event log and the name of the user who caused the change."""
+        """Report changes to ``on_change``.
+
+        It gets a text for the event log and the name of the user who has caused the change.
+        """
         self._control = control
         self._active_users = active_users
         self._on_change = on_change
@@ -84,14 +87,20 @@ class ControlHandover:
         self._numbers = itertools.count(int(time.time()))
 
     def ask(self, user: User, reason: str) -> HandoverView:
-        """Request control from its holder. Raises RequestRejectedError without a holder or after an open request."""
+        """Request control from its holder.
+
+        Raises RequestRejectedError without a holder or after an open request.
+        """
         self.update()
         holder = self._find_holder_to_ask(user)
         self._require_no_handover(user)
         return self._open(user, holder.user, HandoverStatus.ASKED, reason, f"asked {holder.user.name} for control")
 
     async def offer(self, user: User, command_token: CommandToken | None, to: str, reason: str) -> HandoverView:
-        """Offer control to another operator with an open page. Raises RequestRejectedError for other users."""
+        """Offer control to another operator with an open page.
+
+        Raises RequestRejectedError for other users.
+        """
         self._require_command_token(command_token)
         async with self._control.turn(user, command_token):
             self.update()
@@ -107,7 +116,10 @@ class ControlHandover:
     async def answer(
         self, user: User, command_token: CommandToken | None, number: int, answer: HandoverAnswer, reason: str
     ) -> None:
-        """Answer or withdraw a request or an offer, as its recipient or as the holder. Raises RequestRejectedError."""
+        """Answer or withdraw a request or an offer, as its recipient or as the holder.
+
+        Raises RequestRejectedError.
+        """
         self.update()
         handover = self._find_open(number)
         if handover.recipient.session == user.session:
@@ -119,7 +131,10 @@ class ControlHandover:
             self._answer_as_holder(self._find_open(number), answer, reason)
 
     def take(self, user: User, number: int) -> LeaseHolder:
-        """Take control that was handed over or offered. Raises RequestRejectedError if it is not, or no longer."""
+        """Take control that was handed over or offered.
+
+        Raises RequestRejectedError if it is not, or no longer.
+        """
         self.update()
         handover = self._find_open(number)
         if handover.recipient.session != user.session or handover.status is HandoverStatus.ASKED:
@@ -144,7 +159,10 @@ class ControlHandover:
             self.update()
 
     def update(self) -> None:
-        """Close handovers that no user can answer any more, and drop results that were shown for TOLD_S."""
+        """Close handovers that cannot be answered any more.
+
+        Drops results that were shown for TOLD_S.
+        """
         now = self._clock()
         for handover in list(self._handovers.values()):
             if handover.status in _OPEN:

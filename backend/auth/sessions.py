@@ -57,7 +57,10 @@ class Sessions:
         self._started = clock()
 
     def add(self, session: str, role: Role, in_use: Container[str] = ()) -> None:
-        """Add a session; at the limit it replaces the longest unused one that is not ``in_use`` at an open page."""
+        """Add a session.
+
+        At the limit it replaces the longest unused one that is not ``in_use`` at an open page.
+        """
         of_role = [known for known, live in self._live.items() if live.role is role]
         replaceable = [known for known in of_role if known not in in_use]
         if len(of_role) >= LIVE_OF_A_ROLE and replaceable:
@@ -80,7 +83,10 @@ class Sessions:
         return session in self._live
 
     def was_ended(self, session: str) -> bool:
-        """Return whether a session was ended by signing out or by a new token; it may not even send STOP."""
+        """Return whether a session was ended by signing out or by a new token.
+
+        It may not even send STOP.
+        """
         return session in self._ended
 
     def end(self, session: str) -> None:
@@ -209,7 +215,9 @@ class TokenFiles:
 
 
 def load_tokens(data: Path) -> Tokens:
-    """Read the tokens of the folder ``data``, creating folder and files (mode 0600) at the first start.
+    """Read the tokens of the folder ``data``.
+
+    Creates folder and files (mode 0600) at the first start.
 
     Raises TokenError.
     """
@@ -218,7 +226,10 @@ def load_tokens(data: Path) -> Tokens:
 
 
 def replace_tokens(data: Path, roles: Iterable[Role]) -> None:
-    """Write new tokens for ``roles``; a service on this folder uses them within a second. Raises OSError."""
+    """Write new tokens for ``roles``.
+
+    A service on this folder uses them within a second. Raises OSError.
+    """
     for role in roles:
         write_private(data / TOKEN_FILES[role], secrets.token_urlsafe(32) + "\n")
 

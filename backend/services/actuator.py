@@ -1,4 +1,4 @@
-"""Commands to the actuator: modes, references, pushes, obstacle, drives, stop and reset."""
+"""Commands to the actuator: modes, references, inputs, drives, stop and reset."""
 
 import asyncio
 import logging
@@ -54,7 +54,10 @@ from plant import Broken, ErrorCode, Obstacle, PlantKind, PlantParameters
 
 
 def raise_if_rejected(answer: Accepted | Refused) -> Accepted:
-    """Return the answer to an accepted command. Raises RequestRejectedError with the reason for a rejected one."""
+    """Return the answer to an accepted command.
+
+    Raises RequestRejectedError with the reason for a rejected one.
+    """
     if isinstance(answer, Refused):
         legal = [str(mode) for mode in answer.legal] or None
         raise RequestRejectedError(ErrorCode.NOT_NOW, answer.reason, code="refused", legal=legal)
@@ -114,7 +117,10 @@ class SafeStop:
         self._stopping: SupervisedTask | None = None
 
     def begin(self, fault: Fault) -> None:
-        """Start a soft stop with ``fault``, unless the actuator is stopped; does not wait for it."""
+        """Start a soft stop with ``fault``, unless the actuator is stopped.
+
+        Does not wait for it.
+        """
         self._stopping = self._supervision.start_task(_PART, lambda: self._stop(fault))
 
     async def _stop(self, fault: Fault) -> None:
@@ -141,7 +147,9 @@ RECORDED_MODES = (Mode.RUN, Mode.COMPLIANCE)
 
 
 class SessionRuns:
-    """Stores session runs before the control loop changes the mode, so that every sample belongs to a stored run.
+    """Stores session runs.
+
+    They are stored before the control loop changes the mode, so that every sample belongs to a stored run.
 
     The methods access the database: the event loop calls them in a thread.
     """
@@ -255,7 +263,10 @@ class ActuatorService:
         self._events.publish(StateChanged())
 
     async def stop(self, who: str) -> StopProof:
-        """Stop with zero volts and return the proof. Raises RequestRejectedError if the loop does not confirm it."""
+        """Stop with zero volts and return the proof.
+
+        Raises RequestRejectedError if the loop does not confirm it.
+        """
         waiter: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
         self._stop_waiters.append(waiter)
         try:
@@ -276,7 +287,10 @@ class ActuatorService:
         return self.live_state.build_stop_proof(stopped)
 
     async def stop_after_operator_loss(self, who: str) -> None:
-        """Stop softly after the page with control was lost and the references were held for HOLD_S."""
+        """Stop softly after the page with control was lost.
+
+        The references were held for HOLD_S before.
+        """
         self.log_control_change("control lost", who)
         if self.live_state.mode in _STOPPED or not self._supervisor.is_alive:
             return
@@ -306,7 +320,7 @@ class ActuatorService:
         await self._wait_for_sample(lambda: self.live_state.fault is Fault.NONE)
 
     async def restart_loop_with(self, apply_change: Callable[[], None], change: str, who: str) -> None:
-        """Call ``apply_change`` and restart the loop process, so that the change takes effect.
+        """Call ``apply_change`` and restart the loop process with the change.
 
         ``change`` describes it in messages. Raises RequestRejectedError unless the mode is off, and LoopExitedError if
         no loop process starts: the change then takes effect at the next start.
@@ -338,7 +352,10 @@ class ActuatorService:
         self._event_log.add_mark(MarkKind.NOTE, text, 0, who)
 
     async def set_mode(self, mode: Mode, who: str) -> None:
-        """Change the mode; RECORDED_MODES are recorded as session runs. Raises RequestRejectedError."""
+        """Change the mode; RECORDED_MODES are recorded as session runs.
+
+        Raises RequestRejectedError.
+        """
         if mode in _STOPPED:
             await self._change_mode(mode, who)
             return
@@ -370,7 +387,9 @@ class ActuatorService:
             )
 
     async def switch_drives(self, on: bool, who: str) -> None:
-        """Disable the drives at any time, or enable them in mode off while no commissioning step runs.
+        """Disable the drives, or enable them in mode off.
+
+        They cannot be enabled during a commissioning step.
 
         Raises RequestRejectedError, and LoopExitedError if the drives were to be enabled.
         """
@@ -386,7 +405,10 @@ class ActuatorService:
         self.publish_change()
 
     async def set_references(self, q_ref: float, S_ref: float, who: str) -> References:
-        """Set the references: position [rad] and stiffness [N·m/rad]. Raises OutOfRangeError."""
+        """Set the references: position [rad] and stiffness [N·m/rad].
+
+        Raises OutOfRangeError.
+        """
         bounds = self.live_state.bounds
         check_range("q_ref", q_ref, bounds.q_min, bounds.q_max, "rad")
         check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad")
@@ -398,7 +420,10 @@ class ActuatorService:
         return References(q_ref=q_ref, S_ref=S_ref)
 
     async def push(self, push: PushRequest, who: str) -> PushRequest:
-        """Push the joint of a simulated plant. Raises RequestRejectedError on another plant, and OutOfRangeError."""
+        """Push the joint of a simulated plant.
+
+        Raises RequestRejectedError on another plant, and OutOfRangeError.
+        """
         plant = self.live_state.plant
         if not plant.simulated:
             by_hand = ": push it by hand" if plant.kind is PlantKind.RIG else ""
@@ -423,7 +448,7 @@ class ActuatorService:
         return push
 
     def release_push(self) -> None:
-        """Release a push and abort the calibration of the bias, because their operator has lost control."""
+        """Release a push and abort a sweep, because their operator has lost control."""
         self.contact.sweep.abort("whoever began it does not hold control any more")
         if self._pushed:
             self._releasing = self._supervision.start_task(_RELEASE, self._release_push)
@@ -437,7 +462,10 @@ class ActuatorService:
         self._event_log.add_mark(MarkKind.NOTE, "push let go: control is lost", self.live_state.tick)
 
     async def inject_fault(self, broken: Broken | None, who: str) -> None:
-        """Inject a fault into a simulated plant; None clears all. Raises RequestRejectedError on another plant."""
+        """Inject a fault into a simulated plant; None clears all.
+
+        Raises RequestRejectedError on another plant.
+        """
         text = "mended" if broken is None else f"broken on purpose: {broken.words}"
         await self.send_and_log(commands.Inject(broken), text, who)
 

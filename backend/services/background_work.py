@@ -1,4 +1,4 @@
-"""Work of users in worker processes, within limits: texts, tuning previews, chart sheets."""
+"""Work of users in worker processes: texts, tuning previews, chart sheets."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
@@ -72,7 +72,7 @@ class WorkLimiter:
     """
 
     def __init__(self, work: str, works: str, total: int, viewers: int, per_user: int) -> None:
-        """Limit work to ``total``, to ``viewers`` of all viewers, and to ``per_user`` of each user.
+        """Limit work in total, of all viewers, and of each user.
 
         ``work`` and ``works`` name one and several pieces of work in messages.
         """
@@ -82,7 +82,7 @@ class WorkLimiter:
 
     @contextmanager
     def reserve(self, user: User) -> Iterator[None]:
-        """Reserve one piece of work for the block, unless the request has reserved it already.
+        """Reserve work for the block, unless the request has reserved it already.
 
         Raises RequestRejectedError at a limit.
         """
@@ -218,7 +218,10 @@ class ChartSheets:
         )
 
     async def render(self, svg: str, user: User, is_disconnected: IsDisconnected) -> bytes:
-        """Return a sheet as PDF. Raises RequestRejectedError for an invalid sheet or at a limit, WorkLimitError."""
+        """Return a sheet as PDF.
+
+        Raises RequestRejectedError for an invalid sheet or at a limit, WorkLimitError.
+        """
         with self.limiter.reserve(user):
             return await run_while_connected(self._worker.run(render_sheet_pdf, svg), is_disconnected)
 
@@ -246,7 +249,10 @@ Compute = Callable[..., Awaitable[Any]]
 
 
 class TextWork:
-    """Runs work of users in the worker processes of operators and viewers. Runs in the event loop of the service."""
+    """Runs work of users in the worker processes of operators and viewers.
+
+    Runs in the event loop of the service.
+    """
 
     def __init__(self, operators: WorkerProcess, viewers: WorkerProcess) -> None:
         self._operators, self._viewers = operators, viewers
@@ -293,7 +299,10 @@ class TextWork:
         return compute
 
     async def run_for_operator(self, work: Callable[P, T], *arguments: P.args, **keywords: P.kwargs) -> T:
-        """Return ``work(*arguments)`` for a command of an operator, also after a disconnection. Raises as ``run``."""
+        """Return ``work(*arguments)`` for a command of an operator.
+
+        A disconnection does not cancel it. Raises the errors of ``run``.
+        """
         return await self._operators.run(work, *arguments, **keywords)
 
     def _select_process(self, user: User) -> WorkerProcess:

@@ -1,4 +1,4 @@
-"""Commissioning of the rig from the page: steps, their results, and their effect on the control loop."""
+"""Commissioning of the rig from the page: steps and their results."""
 
 import asyncio
 import logging
@@ -46,7 +46,10 @@ from plant import (
 
 
 def build_inapplicable_view(why_not: str) -> BringUpView:
-    """Return the steps for a plant that needs no commissioning, with the reason ``why_not``."""
+    """Return the steps for a plant that needs no commissioning.
+
+    ``why_not`` is the reason.
+    """
     never = StepStatus(StepState.NEVER, why_not)
     return BringUpView(
         applies=False,
@@ -65,7 +68,10 @@ def build_step_view(
     blocked: str,
     running: RunningStep | None,
 ) -> BringUpStep:
-    """Return one step with its newest result; ``blocked`` is the reason why it cannot start, or empty."""
+    """Return one step with its newest result.
+
+    ``blocked`` is the reason why it cannot start, or empty.
+    """
     return BringUpStep(
         id=step.id,
         title=step.title,
@@ -136,7 +142,10 @@ class CommissioningResults:
             self.problem = f"What {STEP[step].title} of the bring-up has measured {NOT_YET} ({error})."
 
     def _handle_event(self, event: Event | LoopExited) -> None:
-        """Revoke the directions, also for later loop processes, if a motor has turned the wrong way."""
+        """Revoke the directions if a motor has turned the wrong way.
+
+        The result holds for later loop processes, too.
+        """
         if isinstance(event, Stopped) and event.fault is Fault.MOTOR_REVERSED and not self.explain_not_applicable():
             task = asyncio.create_task(self._store_wrong_directions(event.detail))
             self._storing.add(task)
@@ -158,7 +167,7 @@ class CommissioningResults:
         return load_wiring_choice(self._actuator.live_state.plant)
 
     def explain_changed_wiring(self, wiring: Wiring) -> str:
-        """Return why no step can run with a wiring file that differs from that of the loop; empty if it is the same.
+        """Return why no step can run with a changed wiring file; empty if unchanged.
 
         The result would be stored for the new file, although it was measured with the old one.
         """
@@ -265,7 +274,10 @@ class CommissioningService:
         return RunningStep(phase=running.phase, elapsed_s=elapsed_s, confirm=running.prompt)
 
     async def start(self, step: StepId, values: dict[str, float], who: str) -> BringUpView:
-        """Start a step with the entered ``values``. Raises RequestRejectedError, OutOfRangeError."""
+        """Start a step with the entered ``values``.
+
+        Raises RequestRejectedError, OutOfRangeError.
+        """
         why_not = self._results.explain_not_applicable()
         if why_not:
             raise RequestRejectedError(ErrorCode.NOT_NOW, why_not)
@@ -293,7 +305,10 @@ class CommissioningService:
         return await self.view()
 
     async def confirm(self) -> BringUpView:
-        """Give the confirmation that the running step waits for. Raises RequestRejectedError if it waits for none."""
+        """Give the confirmation that the running step waits for.
+
+        Raises RequestRejectedError if it waits for none.
+        """
         running = self._running
         if running is None or running.confirmed is None or running.confirmed.done():
             raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up waits for a confirmation")
@@ -301,7 +316,10 @@ class CommissioningService:
         return await self.view()
 
     async def cancel(self) -> BringUpView:
-        """Cancel the running step. Raises RequestRejectedError without one, or while its result is being stored."""
+        """Cancel the running step.
+
+        Raises RequestRejectedError without one, or while its result is being stored.
+        """
         running = self._running
         if running is None or running.task is None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "no step of the bring-up is under way")
@@ -315,7 +333,10 @@ class CommissioningService:
         return await self.view()
 
     async def switch_drives(self, on: bool, who: str) -> BringUpView:
-        """Enable the drives between two steps, or disable them. Raises RequestRejectedError, LoopExitedError."""
+        """Enable the drives between two steps, or disable them.
+
+        Raises RequestRejectedError, LoopExitedError.
+        """
         why_not = self._results.explain_not_applicable()
         if why_not:
             raise RequestRejectedError(ErrorCode.NOT_NOW, why_not)
@@ -326,7 +347,10 @@ class CommissioningService:
         return await self.view()
 
     async def close(self) -> None:
-        """Cancel the running step at the end of the service; waits for a result that is being stored."""
+        """Cancel the running step at the end of the service.
+
+        Waits for a result that is being stored.
+        """
         await self._results.close()
         running = self._running
         if running is not None and running.task is not None:

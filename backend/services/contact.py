@@ -1,4 +1,4 @@
-"""Contact detection: calibration of the bias of the external force, and the reaction to a contact."""
+"""Contact detection: bias of the external force and contact reaction."""
 
 import asyncio
 import logging
@@ -88,7 +88,7 @@ def find_acting_input(rows: NDArray[np.float64]) -> str:
 
 
 def compute_drift(rows: NDArray[np.float64]) -> float:
-    """Return the difference of the mean estimate [N] between both halves of the samples."""
+    """Return the difference of the estimate [N] between both halves of the samples."""
     F = rows[:, INDEX["F_ext_hat"]]
     half = len(F) // 2
     return abs(float(F[:half].mean() - F[half:].mean()))
@@ -117,7 +117,10 @@ _log = logging.getLogger(__name__)
 
 
 class BiasSweep:
-    """Calibrates the bias over the range of stiffness. Runs in the event loop of the service."""
+    """Calibrates the bias over the range of stiffness.
+
+    Runs in the event loop of the service.
+    """
 
     def __init__(
         self,
@@ -129,7 +132,9 @@ class BiasSweep:
         is_reaction_active: Callable[[], bool],
         on_change: Callable[[], None],
     ) -> None:
-        """Use ``calibrate_point`` at each stiffness, with samples from the tick that it gets as argument.
+        """Calibrate each point with ``calibrate_point``.
+
+        Its argument is the tick from which on samples may be used.
 
         ``is_reaction_active`` returns whether the joint reacts to contacts, which excludes a calibration.
         """
@@ -152,7 +157,10 @@ class BiasSweep:
         return self._view is not None and self._view.under_way
 
     def view(self) -> SweepView | None:
-        """Return the progress of the sweep or the end of the last one; None before the first."""
+        """Return the progress of the sweep or the end of the last one.
+
+        None before the first.
+        """
         return self._view
 
     def clear(self) -> None:
@@ -160,7 +168,10 @@ class BiasSweep:
         self._view, self.problem = None, ""
 
     async def begin(self, who: str) -> None:
-        """Start a sweep. Raises RequestRejectedError unless the mode is run and nothing acts on the joint."""
+        """Start a sweep.
+
+        Raises RequestRejectedError unless the mode is run and nothing acts on the joint.
+        """
         _, rows, _ = self._supervisor.ring.read(max(self._supervisor.ring.count - 1, 0), 1)
         why = self._explain_not_startable(rows)
         if why:
@@ -179,7 +190,10 @@ class BiasSweep:
             self._task = asyncio.create_task(self._run(points, accepted.tick, who), name="learning over S")
 
     async def stop(self, who: str) -> None:
-        """Stop the sweep and restore S_ref. Raises RequestRejectedError if no sweep is in progress."""
+        """Stop the sweep and restore S_ref.
+
+        Raises RequestRejectedError if no sweep is in progress.
+        """
         if not self.is_running:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is being learned over S: there is nothing to stop")
         self.abort("it was stopped", who)
@@ -222,7 +236,10 @@ class BiasSweep:
         return f"it died ({cause})"
 
     async def _wait_at_rest(self, S_ref: float, since: int) -> None:
-        """Wait for rest at ``S_ref``. Raises RequestRejectedError if an input acts on the joint, or after LONGEST_S."""
+        """Wait for rest at ``S_ref``.
+
+        Raises RequestRejectedError if an input acts on the joint, or after LONGEST_S.
+        """
         ring, why = self._supervisor.ring, ""
         end = ring.count + round(LONGEST_S / T_s)
         while ring.count < end:
@@ -285,7 +302,10 @@ class BiasSweep:
 
 
 def _explain_drift(rows: NDArray[np.float64], S_ref: float) -> str:
-    """Return why a joint at rest cannot be calibrated at ``S_ref`` [N·m/rad]: stiffness off, or estimate drifting."""
+    """Return why a joint at rest cannot be calibrated at ``S_ref`` [N·m/rad].
+
+    The stiffness may differ from ``S_ref``, or the estimate may drift. Empty if it can be calibrated.
+    """
     S, drift = float(rows[:, INDEX["S"]].mean()), compute_drift(rows)
     if not abs(S - S_ref) <= _NEAR_S:
         return f"the stiffness stands at {S:.2f} N·m/rad"
@@ -309,7 +329,9 @@ class BiasDiscarded:
 
 
 class ContactService:
-    """Calibrates the bias and configures the contact reaction. Runs in the event loop of the service.
+    """Calibrates the bias and configures the contact reaction.
+
+    Runs in the event loop of the service.
 
     Publishes BiasDiscarded.
     """
@@ -351,12 +373,12 @@ class ContactService:
         return self._points
 
     def view(self) -> TouchView:
-        """Return calibration, threshold, progress of the sweep, and the contact that the joint reacts to."""
+        """Return calibration, threshold, sweep, and the contact that is reacted to."""
         sweep = self.sweep.view()
         return TouchView(contact_N=self._contact_N, learned=self._points, felt=self._detected, sweep=sweep)
 
     async def apply(self, order: TouchOrder, who: str) -> TouchView:
-        """Calibrate one point or start a sweep, discard the calibration, or set the threshold of the reaction.
+        """Calibrate, discard the calibration, or set the threshold of the reaction.
 
         An empty order changes nothing. Raises RequestRejectedError and OutOfRangeError without a change.
         """
@@ -412,14 +434,20 @@ class ContactService:
         self._on_change()
 
     async def _configure(self, points: list[TouchPoint], contact_N: float) -> int:
-        """Send bias and threshold to the control loop; return the tick from which on they are active."""
+        """Send bias and threshold to the control loop.
+
+        Return the tick from which on they are active.
+        """
         bias = tuple((point.S, point.F) for point in points)
         accepted = await self._send(commands.ConfigureContactDetection(bias, contact_N))
         self._points, self._contact_N, self._since = points, contact_N, accepted.tick
         return accepted.tick
 
     def _measure_point(self, since: int) -> TouchPoint:
-        """Return the bias at the current stiffness. Raises RequestRejectedError unless the joint is at rest."""
+        """Return the bias at the current stiffness.
+
+        Raises RequestRejectedError unless the joint is at rest.
+        """
         ring = self._supervisor.ring
         _, rows, _ = ring.read(max(ring.count - REST_TICKS, 0), REST_TICKS)
         why = explain_not_at_rest(rows, since)
@@ -459,7 +487,7 @@ def _insert_point(points: list[TouchPoint], new: TouchPoint) -> list[TouchPoint]
 
 
 def _require_calibrated(points: list[TouchPoint], contact_N: float) -> None:
-    """Raise RequestRejectedError for a threshold without calibration, or one that noise could exceed."""
+    """Raise RequestRejectedError for a threshold that noise or bias could exceed."""
     if not points:
         raise RequestRejectedError(
             ErrorCode.NOT_NOW, "what the estimate reads with nothing outside is not known: learn it at rest first"

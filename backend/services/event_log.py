@@ -1,4 +1,4 @@
-"""The event log: commands, faults and runs with time and author, including refused commands."""
+"""The event log: commands, refusals, faults and runs with time and author."""
 
 import asyncio
 import logging
@@ -58,7 +58,7 @@ class MarkAdded:
 
 
 class EventLog:
-    """Accepts events in the event loop and stores them in a task, so that a slow disk delays no command.
+    """Accepts events at once and stores them in a task.
 
     Events that cannot be stored wait in memory, in order and with their time. Above ``bound`` events the newest are
     lost, and an entry with their number is stored in their place.
@@ -84,7 +84,10 @@ class EventLog:
         return f"events cannot be stored: {self._error}; {waiting} wait in memory{and_lost}"
 
     def add_mark(self, kind: MarkKind, text: str, tick: int, who: str = "", run: int | None = None) -> None:
-        """Add an event with a mark at ``tick``; ``who`` is empty for an event that no user has caused."""
+        """Add an event with a mark at ``tick``.
+
+        ``who`` is empty for an event that no user has caused.
+        """
         mark = EventMessage(tick=tick, kind=kind, text=f"{text} ({who})" if who else text)
         self._events.publish(MarkAdded(mark))
         self._add(_Entry(kind=EventKind(kind), text=text, tick=tick, who=who, run=run, at=datetime.now(UTC)))
@@ -146,7 +149,10 @@ class EventLog:
             self._waiting.popleft()
 
     def _store(self, batch: Sequence[_Entry]) -> int:
-        """Store a batch in one transaction; return how many of its first entries need no further attempt."""
+        """Store a batch in one transaction.
+
+        Return how many of its first entries need no further attempt.
+        """
         try:
             self._insert(batch)
         except (UnfitError, ValueError) as error:
@@ -160,7 +166,10 @@ class EventLog:
         return len(batch)
 
     def _store_singly(self, batch: Sequence[_Entry], error: Exception) -> int:
-        """Store entries one by one; an invalid one goes to the log and is dropped, so that it blocks no other."""
+        """Store entries one by one.
+
+        An invalid one goes to the log and is dropped, so that it blocks no other.
+        """
         if len(batch) == 1:
             _log.error("The event log did not store an event: %s: %r", error, batch[0].text)
             return 1
@@ -211,7 +220,10 @@ class RejectionLog:
         self._others = 0
 
     def add(self, what: str, reason: str, who: str) -> None:
-        """Log that the command ``what`` of ``who`` was refused; angles in ``reason`` are in SI units."""
+        """Log that the command ``what`` of ``who`` was refused.
+
+        Angles in ``reason`` are in SI units.
+        """
         text = escape_line(f"{what} refused: {reason}")
         entry = (text if len(text) <= TEXT_MAX else f"{text[: TEXT_MAX - 1]}…", who)
         if entry in self._logged:
@@ -225,7 +237,7 @@ class RejectionLog:
             self._add_entry(*entry)
 
     def close(self) -> None:
-        """End the window: log how often its refusals were repeated, and the number of others."""
+        """End the window: log the numbers of repeated and of further refusals."""
         for (text, who), count in self._repetitions.items():
             self._add_entry(f"{text} ({_format_times(count)} more in {self._window_s:g} s)", who)
         if self._others:

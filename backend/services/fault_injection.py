@@ -1,4 +1,4 @@
-"""Injection of faults into a simulated plant or the safety chain, to test the reactions of the control loop."""
+"""Injection of faults into a simulated plant or the safety chain, for tests."""
 
 from backend.auth import ControlLease
 from backend.errors import RequestRejectedError
@@ -54,7 +54,7 @@ _CARD_NEEDED = "only with the virtual card: start with --plant rig --virtual-car
 
 
 def describe_faults(plant: PlantChoice) -> FaultList:
-    """Return all faults with their explanation and the injection that leads to them on a plant."""
+    """Return all faults with explanation and the injection that leads to them."""
     has_virtual_card = plant.kind is PlantKind.VIRTUAL_CARD
 
     def find_injection(fault: Fault) -> Injection | None:

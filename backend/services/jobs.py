@@ -91,7 +91,10 @@ from plant import ErrorCode, PlantKind, PlantParameters, T_s
 
 
 def build_plans(request: IdentificationRequest) -> tuple[IdentificationPlan, ...]:
-    """Return the plans of a request: one per tension, if it lists tensions. Raises SettingError, OutOfRangeError."""
+    """Return the plans of a request: one per tension, if it lists tensions.
+
+    Raises SettingError, OutOfRangeError.
+    """
     match request:
         case MotorRequest():
             return (_build_motor_plan(request),)
@@ -104,7 +107,9 @@ def build_plans(request: IdentificationRequest) -> tuple[IdentificationPlan, ...
 def predict_runs(
     request: IdentificationRequest, parameters: PlantParameters, lam_motor: float, start: InitialState
 ) -> Prediction:
-    """Predict the runs of a request from ``start``; for several runs, the whole path and the worst values.
+    """Predict the runs of a request from ``start``.
+
+    For several runs, the whole path and the worst values.
 
     Args:
         request: The request.
@@ -190,7 +195,10 @@ def _build_actuator_plans(request: ActuatorRequest) -> tuple[ActuatorIdentificat
 
 
 def _build_plan_at_tension(values: dict[str, Any], index: int, tension_N: float) -> ActuatorIdentificationPlan:
-    """Return the plan of a listed tension; errors of the tension name its place in the list."""
+    """Return the plan of a listed tension.
+
+    Errors of the tension name its place in the list.
+    """
     try:
         return build_plan(ActuatorIdentificationPlan, {**values, "tension_N": tension_N})
     except OutOfRangeError as error:
@@ -242,7 +250,9 @@ _WITHOUT_SIMULATED_INPUTS = (PlantKind.RIG, PlantKind.REPLAY)
 def list_experiment_kinds(
     definitions: Iterable[ExperimentDefinition], loop_settings: LoopSettings, tuning: TuningView, plant: PlantKind
 ) -> list[ExperimentKind]:
-    """Return experiments with their settings and those of the loop, whose defaults are ``loop_settings``.
+    """Return experiments with their settings and those of the loop.
+
+    ``loop_settings`` are the defaults of the latter.
 
     The ranges of λ are those that are safe with ``tuning``; the seed is fixed to that of the service.
     """
@@ -286,7 +296,10 @@ def describe_identification_kinds() -> list[IdentificationKind]:
 
 
 def _explain_missing_ability(definition: ExperimentDefinition) -> str:
-    """Return why an experiment needs simulated inputs, as obstacle, push or load; empty if it needs none."""
+    """Return why an experiment needs simulated inputs, as obstacle, push or load.
+
+    Empty if it needs none.
+    """
     try:
         program = definition.default_plan.program()
         if program.walls:
@@ -360,7 +373,10 @@ class Pause:
 
 
 def describe_runs_not_started(run: int, why: Exception, count: int) -> str:
-    """Return a message that a request ended after ``run``, and that ``count`` of its runs were not started."""
+    """Return a message on ``count`` runs of a request that were not started.
+
+    ``run`` is its last run, ``why`` the reason.
+    """
     runs, them = ("1 run was", "it") if count == 1 else (f"{count} runs were", "them")
     return f"The order ended after run {run}: {str(why).rstrip('.')}; {runs} not begun. Order {them} anew."
 
@@ -404,7 +420,10 @@ class PendingEvaluations:
         return is_missing
 
     async def end(self, *, cancel: bool) -> None:
-        """Wait for all evaluations after a failure, or cancel them; errors are stored with the runs."""
+        """Wait for all evaluations after a failure, or cancel them.
+
+        Errors are stored with the runs.
+        """
         tasks = [task for _, task in self._in_progress.values()]
         for task in tasks if cancel else ():
             task.cancel()
@@ -446,7 +465,10 @@ class ScheduledRun:
 
     @property
     def parts(self) -> tuple[RunPart, ...]:
-        """The parts of the program in order; operating points are counted over all runs of the request."""
+        """The parts of the program in order.
+
+        Operating points are counted over all runs of the request.
+        """
         timetable = self.expected.timetable
         if timetable is None:
             phases = self.plan.phases()
@@ -505,7 +527,10 @@ def make_progress_callback(live_state: LiveState, scheduled: ScheduledRun, pause
 
 
 def find_part(parts: tuple[RunPart, ...], t: float) -> PartView | None:
-    """Return the part at ``t`` [s] after the start of the program; the last part after its end."""
+    """Return the part at ``t`` [s] after the start of the program.
+
+    The last part after its end.
+    """
     if not parts:
         return None
     part = next((one for one in parts if t < one.end_s), parts[-1])
@@ -522,7 +547,7 @@ _log = logging.getLogger(__name__)
 
 
 class JobManager:
-    """Starts identifications and experiments, and shows their progress in the live state."""
+    """Starts identifications and experiments, and shows their progress."""
 
     def __init__(
         self,
@@ -555,7 +580,7 @@ class JobManager:
 
     @property
     def problems(self) -> list[str]:
-        """Problems of the last run, until the next one starts or the missing result is there."""
+        """Problems of the last run; cleared by the next run or by its evaluation."""
         return [problem for problem in (self._problem, self._evaluations.problem) if problem]
 
     def clear_missing_result(self, run_id: int) -> None:
@@ -587,7 +612,10 @@ class JobManager:
         return await asyncio.to_thread(_list_experiment_kinds, *arguments)
 
     async def start_experiment(self, request: ExperimentRequest, who: str) -> int:
-        """Start an experiment and return its run. Raises RequestRejectedError, SettingError, OutOfRangeError."""
+        """Start an experiment and return its run.
+
+        Raises RequestRejectedError, SettingError, OutOfRangeError.
+        """
         _, plan, settings = await self._build_plan(request)
         self._require_seed(settings)
         async with self._actuator.start_lock:
@@ -596,7 +624,9 @@ class JobManager:
             return await self._start(await self._load_bank(settings), RunRequest(plan, settings, who))
 
     async def complete_request(self, request: ExperimentRequest) -> ExperimentRequest:
-        """Return a request for the queue with all its settings, which are then independent of the active tuning.
+        """Return a request with all its settings, for the queue.
+
+        A waiting experiment then does not depend on the active tuning.
 
         Raises the errors of a start: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
         """
@@ -614,7 +644,9 @@ class JobManager:
     async def check_experiment(
         self, request: ExperimentCheckRequest, user: User, is_disconnected: IsDisconnected
     ) -> CheckedExperiment:
-        """Check the text of an experiment with the active parameters and tuning, and predict its peaks by a dry run.
+        """Check the text of an experiment, and predict its peaks by a dry run.
+
+        Uses the active parameters and the operator's tuning.
 
         Raises ExperimentError.
         """
@@ -641,7 +673,10 @@ class JobManager:
         return await self._text_work.run(user, is_disconnected, self._experiments.check, text, parameters, tuning)
 
     async def dry_run(self, request: ExperimentRequest, user: User, is_disconnected: IsDisconnected) -> DryRunView:
-        """Run an experiment on a simulator. Raises SettingError and the errors of ``DryRuns.play``."""
+        """Run an experiment on a simulator.
+
+        Raises SettingError and the errors of ``DryRuns.play``.
+        """
         arguments = request.name, self._get_loop_settings(), request.settings
         build_plan = self._experiments.build_plan
         if request.name in experiments_by_name():
@@ -678,7 +713,10 @@ class JobManager:
             return await self._start(bank, *(RunRequest(plan, settings, who) for plan in plans))
 
     async def predict_identification(self, request: IdentificationRequest, compute: Compute) -> Prediction:
-        """Predict the effect of an identification on the rig. Raises SettingError, OutOfRangeError."""
+        """Predict the effect of an identification on the rig.
+
+        Raises SettingError, OutOfRangeError.
+        """
         tuning, start = self._actuator.live_state.tuning, read_initial_state(self._rig.loop.ring.newest())
         lam_motor = tuning.lambdas.lam_motor
         prediction: Prediction = await compute(predict_runs, request, tuning.parameters, lam_motor, start)
@@ -694,7 +732,10 @@ class JobManager:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
 
     async def _start(self, bank: Bank | None, *requests: RunRequest) -> int:
-        """Start runs one after the other, all with the tuning of the first and the models of ``bank``."""
+        """Start runs one after the other and return the first.
+
+        All use the tuning of the first and the models of ``bank``.
+        """
         settings = requests[0].loop_settings
         await self._actuator.tuning_service.apply_temporary(settings.tuning, bank, requests[0].who)
         try:
@@ -757,7 +798,7 @@ class JobManager:
             self.queue.handle_run_end(run.id, end_state)
 
     async def _create_next_run(self, requests: Sequence[RunRequest], run: Run, show: ProgressCallback) -> Run | None:
-        """Return the run of the first of the remaining requests, when no pause is requested any more.
+        """Create the next run, as soon as no pause is requested.
 
         Returns None and sets the problem if that fails. No program is executed then, and ``run`` stays complete.
         """
@@ -770,7 +811,7 @@ class JobManager:
             return None
 
     async def _list_program_tunings(self, request: RunRequest) -> list[ResolvedTuning]:
-        """Return the tunings that the program activates, in the order of their numbers from 1."""
+        """Return the tunings that the program activates, ordered by number from 1."""
         choices = list_plan_tunings(request.plan, request.loop_settings.tuning)
         if not choices:
             return []
@@ -781,7 +822,7 @@ class JobManager:
     async def _make_progress_callback(
         self, requests: Sequence[RunRequest], position: int, run: Run
     ) -> ProgressCallback:
-        """Return the callback for the run at ``position``, with its forecast duration from the current position."""
+        """Return the progress callback for the run at ``position``."""
         plan, start = requests[position].plan, read_initial_state(self._rig.loop.ring.newest())
         expected = await asyncio.to_thread(forecast_duration, plan, self._rig.parameters, start)
         scheduled = ScheduledRun(plan, run.id, expected, position + 1, len(requests))
@@ -796,7 +837,10 @@ class JobManager:
         return await asyncio.to_thread(self._banks.load_stored_bank, settings.bank) if settings.bank else None
 
     async def _build_plan(self, request: ExperimentRequest) -> tuple[str, Plan, LoopSettings]:
-        """Return name with version, plan and settings of a request; unspecified settings are the operator's tuning."""
+        """Return name with version, plan and settings of a request.
+
+        Unspecified settings are the operator's tuning.
+        """
         arguments = request.name, self._get_loop_settings(), request.settings
         if request.name in experiments_by_name():  # ready-made, not a text of a user
             return await asyncio.to_thread(self._experiments.build_plan, *arguments)
@@ -817,4 +861,4 @@ def _require_compilable(database: Database, parameters: PlantParameters, plan: P
 
 
 async def _keep_tuning() -> None:
-    """Keep the temporary tuning after a run that is followed by another one of the request."""
+    """Keep the temporary tuning for the next run of the request."""

@@ -52,7 +52,10 @@ class Mark(NamedTuple):
 
 
 def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
-    """Return the mark of an event; None if the command that caused it adds one. ``now`` is the newest tick."""
+    """Return the mark of an event; None if the command that caused it adds one.
+
+    ``now`` is the newest tick.
+    """
     match event:
         case ModeChanged(tick, before, after):
             return Mark(MarkKind.MODE, f"{before} → {after}", tick)
@@ -122,12 +125,12 @@ class SampleSource(Protocol):
         ...
 
     def read(self, since: int, limit: int) -> tuple[int, NDArray[np.float64], int]:
-        """Return (first tick, rows, number of samples that were overwritten before this call)."""
+        """Return first tick, rows, and the number of samples overwritten before."""
         ...
 
 
 class StreamClient:
-    """Messages that wait for one websocket, and the number of samples that it has missed."""
+    """Messages that wait for one websocket, and its number of missed samples."""
 
     def __init__(self) -> None:
         self._frames: deque[bytes] = deque()
@@ -173,7 +176,10 @@ class LiveStream:
     """Sends samples, state and marks to all clients."""
 
     def __init__(self, samples: Callable[[], SampleSource], state: Callable[[], StateMessage]) -> None:
-        """Read from the ring buffer that ``samples`` returns, which changes when the loop process restarts."""
+        """Read from the ring buffer that ``samples`` returns.
+
+        It is another one after a restart of the loop process.
+        """
         self._samples = samples
         self._state = state
         self._clients: set[StreamClient] = set()
@@ -220,7 +226,10 @@ class LiveStream:
 
     @contextmanager
     def connect(self) -> Iterator[tuple["StreamClient", Iterable[str | bytes]]]:
-        """Register a client for the block; yields it with its first messages: layout, state, marks and history."""
+        """Register a client for the block.
+
+        Yields it with its first messages: layout, state, marks and history.
+        """
         client = StreamClient()
         first_messages = [build_layout().model_dump_json(), self._state().model_dump_json(), *self._marks]
         history = _read_frames(self._ring, max(0, self._position - round(HISTORY_S / T_s)), self._position)

@@ -52,7 +52,10 @@ def _read_facts(path: Path) -> Facts | None:
 
 
 def _load_marks(database: Database, number: int, facts: Facts) -> list[RunMark] | None:
-    """Return the marks of the stored run; None if the run of this number in the database is another one."""
+    """Return the marks of the stored run.
+
+    None if the run of this number in the database is another one.
+    """
     try:
         with database.reading() as session:
             if runs.get(session, number).started_at.isoformat() != facts.started_at:
@@ -114,7 +117,10 @@ class RecordingPlayer:
         send: Callable[[Command], Awaitable[Accepted]],
         on_change: Callable[[], None],
     ) -> None:
-        """Send commands to the control loop with ``send``; ``recording`` is None for another plant."""
+        """Send commands to the control loop with ``send``.
+
+        ``recording`` is None for another plant.
+        """
         self._recording, self._send, self._on_change = recording, send, on_change
         self._last_move: PlayerMoved | None = None
 
@@ -137,7 +143,10 @@ class RecordingPlayer:
         self._on_change()
 
     def view(self, tick: int) -> PlayerView | None:
-        """Return the position at ``tick``; None for another plant, or before the first report of the control loop."""
+        """Return the position at ``tick``.
+
+        None for another plant, or before the first report of the control loop.
+        """
         move, recording = self._last_move, self._recording
         if move is None or recording is None:
             return None
@@ -157,7 +166,10 @@ class RecordingPlayer:
         )
 
     async def apply(self, order: PlayerOrder) -> None:
-        """Play or pause, set the speed, or go to a time. Raises RequestRejectedError, OutOfRangeError."""
+        """Play or pause, set the speed, or go to a time.
+
+        Raises RequestRejectedError, OutOfRangeError.
+        """
         duration_s = self.recording.duration_s
         sample = None
         if order.speed is not None:
@@ -168,6 +180,9 @@ class RecordingPlayer:
         await self._send(PlayRecording(order.playing, order.speed, sample))
 
     def require_no_recording(self) -> None:
-        """Raise RequestRejectedError for a replayed recording, which takes no other commands."""
+        """Raise RequestRejectedError for a replayed recording.
+
+        It takes no commands except those of its player.
+        """
         if self.has_recording:
             raise RequestRejectedError(ErrorCode.NOT_NOW, NO_COMMANDS, code="recording_played")

@@ -50,7 +50,7 @@ class DryRuns:
         self._in_progress: dict[User, tuple[Path, float]] = {}
 
     def prepare(self, parameters: PlantParameters, settings: LoopSettings) -> None:
-        """Start to load what a dry run needs into the worker process, so that the first one is not slower."""
+        """Warm up the worker process, so that the first dry run is not slower."""
         self._worker.warm_up(_prepare_process, parameters, settings)
 
     async def progress(self, user: User) -> DryRunProgress:
@@ -125,7 +125,9 @@ Check = Callable[[ExperimentRequest], Awaitable[ExperimentRequest]]
 
 
 class ExperimentQueue:
-    """The queue of experiments, which is also stored in the database. Runs in the event loop of the service.
+    """The queue of experiments, which is also stored in the database.
+
+    Runs in the event loop of the service.
 
     After a restart of the service the queue is paused, so that no experiment starts without an operator.
     """
@@ -168,7 +170,10 @@ class ExperimentQueue:
         return self.view()
 
     async def remove(self, item_id: int) -> QueueView:
-        """Remove an experiment. Raises RequestRejectedError if it is not waiting, StorageError."""
+        """Remove an experiment.
+
+        Raises RequestRejectedError if it is not waiting, StorageError.
+        """
         async with self._change_lock:
             self._find_waiting(item_id)
             await asyncio.to_thread(self._delete, item_id)
@@ -195,7 +200,9 @@ class ExperimentQueue:
         return self.view()
 
     async def run(self) -> QueueView:
-        """Start the first experiment; the others follow until the queue is empty or paused, or one does not complete.
+        """Start the first experiment.
+
+        The others follow until the queue is empty or paused, or one does not complete.
 
         Raises RequestRejectedError for an empty queue, and the errors of the start.
         """
@@ -213,7 +220,10 @@ class ExperimentQueue:
         return self.view()
 
     def handle_run_end(self, run_id: int, end_state: EndState | None) -> None:
-        """Start the next experiment after a completed run, else pause; ``end_state`` is None for a run that failed."""
+        """Start the next experiment after a completed run, else pause.
+
+        ``end_state`` is None for a run that failed.
+        """
         if run_id != self._run:
             return
         self._run = None
@@ -254,14 +264,20 @@ class ExperimentQueue:
             )
 
     def _pause(self, cause: str, rejected_item: int | None = None) -> None:
-        """Pause the queue and show ``cause``; ``rejected_item`` is the experiment that has caused it."""
+        """Pause the queue and show ``cause``.
+
+        ``rejected_item`` is the experiment that has caused it.
+        """
         count = len(self._items)
         remedy = "nothing waits any more" if count == 0 else "start the queue again to go on with the first that waits"
         self._set_problem(f"held because {cause}; {remedy}", rejected_item)
         self._running = False
 
     def _set_problem(self, problem: str, rejected_item: int | None = None) -> None:
-        """Show why the queue is paused, until it runs or is empty, or ``rejected_item`` is removed."""
+        """Show why the queue is paused.
+
+        The problem is cleared when the queue runs or is empty, or ``rejected_item`` is removed.
+        """
         self._problem, self._rejected_item = problem, rejected_item
 
     def _find_waiting(self, item_id: int) -> QueuedView:

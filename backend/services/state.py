@@ -1,4 +1,4 @@
-"""State of the actuator: newest sample, timing, safety chain, obstacle, tuning and faults."""
+"""State of the actuator: samples, timing, safety chain, tuning and faults."""
 
 import math
 import time
@@ -108,7 +108,7 @@ class Observation:
         return None if row is None else dict(zip(NAMES, row.tolist(), strict=True))
 
     def link(self, alive: bool, starts: int, restart: Restart | None = None) -> LinkView:
-        """Return whether the loop process is alive, and the time since its last new sample.
+        """Return whether the loop process is alive, and the age of its last sample.
 
         ``starts`` counts the loop processes; ``restart`` is a planned restart in progress.
         """
@@ -124,7 +124,10 @@ class Observation:
         )
 
     def timing(self) -> TimingView:
-        """Return rate, lateness and overruns of the control steps, at most TIMING_PERIOD_S old."""
+        """Return rate, lateness and overruns of the control steps.
+
+        The values are at most TIMING_PERIOD_S old.
+        """
         if self._timing is None or self._clock() >= self._timing_due:
             self._timing_due = self._clock() + TIMING_PERIOD_S
             t = compute_timing(self._ring())
@@ -149,7 +152,9 @@ def read_fault(sample: Sample | None) -> Fault:
 
 
 def read_references(sample: Sample | None) -> ReferencesView:
-    """Return the active references; without them the measured position and stiffness, from which a mode would start.
+    """Return the active references.
+
+    Without them the measured position and stiffness, from which a mode would start.
 
     S_ref is None while the tendons are slack, because the stiffness is then unknown.
     """
@@ -164,7 +169,7 @@ def read_references(sample: Sample | None) -> ReferencesView:
 
 
 def read_entry(sample: Sample | None) -> float:
-    """Return the index of the active operating point of the bank, fractional if interpolated."""
+    """Return the index of the active operating point; fractional if interpolated."""
     return 0.0 if sample is None else _finite_or_zero(sample["bank_entry"])
 
 
@@ -216,7 +221,10 @@ def build_safety_chain(
 
 
 def _build_restarting_links(supervisor: Supervisor, link: LinkView, fault: Fault) -> list[ChainLinkView]:
-    """Return the links after the page during a planned restart of the loop, which is no fault: the drives are off."""
+    """Return the links after the page during a planned restart of the loop.
+
+    The restart is no fault, because the drives are off.
+    """
     card, monitor = supervisor.card.state(), supervisor.watchdog_monitor
     downstream = build_downstream_links(supervisor.setup.plant, card, monitor, False, fault)
     is_intact = not (card.expired or card.safety_tripped or monitor.is_watchdog_lost or fault is Fault.SAFETY_MODULE)
@@ -230,7 +238,9 @@ def _build_restarting_links(supervisor: Supervisor, link: LinkView, fault: Fault
 def build_downstream_links(
     plant: PlantChoice, card: CardState, monitor: WatchdogMonitor, alive: bool, fault: Fault
 ) -> tuple[ChainLinkView, ChainLinkView]:
-    """Return the links of watchdog and safety module, which act without the control loop.
+    """Return the links of watchdog and safety module.
+
+    They act without the control loop.
 
     Their state is read from the registers of the card. The registers of a real card are known only while its loop
     runs. A recording needs neither, because nothing moves. Those of a hardware package cannot be read, so they are not
@@ -296,7 +306,10 @@ def _mark_as_outdated(card: CardState, link: ChainLinkView) -> ChainLinkView:
 
 
 class WallBounds(NamedTuple):
-    """Bounds of stiffness and damping of an obstacle; all are 0 on a plant without simulated obstacle."""
+    """Bounds of stiffness and damping of an obstacle.
+
+    All are 0 on a plant without simulated obstacle.
+    """
 
     k_min: float
     """N/m"""
@@ -402,7 +415,10 @@ class LiveState:
 
     @property
     def card_lost(self) -> bool:
-        """Whether the card does not answer. Its open channels are lost then; a new loop process opens them again."""
+        """Whether the card does not answer.
+
+        Its open channels are lost then; a new loop process opens them again.
+        """
         return bool(self._plant_problem) and self.plant.kind in (PlantKind.RIG, PlantKind.VIRTUAL_CARD)
 
     @property
@@ -496,7 +512,10 @@ class LiveState:
         self._plant_problem = ""
 
     def build_stop_proof(self, stopped: Stopped) -> StopProof:
-        """Return the stop proof: ticks of arrival and of zero volts. A recording has only been paused."""
+        """Return the stop proof: ticks of arrival and of zero volts.
+
+        A recording has only been paused.
+        """
         return StopProof(
             arrived_tick=stopped.arrived_tick,
             zero_tick=stopped.zero_tick,
@@ -517,7 +536,9 @@ class LiveState:
         )
 
     def build_view(self, parts: "ServiceState") -> State:
-        """Return the state that pages show; ``parts`` supplies the views of other services.
+        """Return the state that pages show.
+
+        ``parts`` supplies the views of other services.
 
         All values come from one sample, because the control loop writes newer ones meanwhile.
         """
@@ -559,14 +580,17 @@ class LiveState:
         )
 
     def reset_undo(self, earlier: ResolvedTuning | None) -> None:
-        """Clear both undo stacks; ``earlier`` becomes the only tuning that undo returns to."""
+        """Clear both undo stacks.
+
+        ``earlier`` becomes the only tuning that undo returns to.
+        """
         self.undo_stack.clear()
         self.redo_stack.clear()
         if earlier is not None:
             self.undo_stack.append(earlier)
 
     def _tuning_view(self, entry: float) -> TuningView:
-        """Return the active tuning, which may be one that the running experiment has activated."""
+        """Return the active tuning, which the running experiment may have activated."""
         number, tunings = self._tuning_number, self.program_tunings
         if not 0 < number <= len(tunings):
             return self.tuning.view(entry)
@@ -621,13 +645,16 @@ class LiveState:
         return FaultView(code=fault, message=message, remedy=remedy, tick=tick, expected=is_expected)
 
     def is_expected(self, fault: Fault) -> bool:
-        """Return whether a fault is no alarm: commissioning provokes it, or a recording is replayed."""
+        """Return whether a fault is no alarm.
+
+        Commissioning provokes it, or it is part of a replayed recording.
+        """
         return fault is not Fault.NONE and (fault is self.provoked_fault or self.plant.kind is PlantKind.REPLAY)
 
 
 @dataclass(frozen=True)
 class ServiceState:
-    """The state of the service: the live state, and functions that return the views of other services."""
+    """The live state, and functions that return the views of other services."""
 
     live_state: LiveState
     contact: Callable[[], TouchView]
@@ -648,7 +675,10 @@ class ServiceState:
 
 
 def _compute_tension_table(parameters: PlantParameters, bounds: Bounds) -> list[TensionView]:
-    """Return the stiffness at rest over the tension [N]: S = r_j² (F'(x_A) + F'(x_B)), equation 14."""
+    """Return the stiffness at rest over the tension [N].
+
+    S = r_j² (F'(x_A) + F'(x_B)), equation 14.
+    """
     r_j = parameters.geometry.r_j
     springs = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
     return [

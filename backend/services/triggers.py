@@ -30,7 +30,10 @@ class Triggers:
             )
 
     def view(self) -> TriggerView | None:
-        """Return the last armed trigger with its progress; None if none was armed since the service started."""
+        """Return the last armed trigger with its progress.
+
+        None if none was armed since the service started.
+        """
         status = self._trigger.status
         if status is None:
             return None
@@ -54,7 +57,10 @@ class Triggers:
         )
 
     async def arm(self, order: TriggerOrder, who: str) -> TriggerView:
-        """Arm the trigger with a condition. Raises RequestRejectedError if it is armed or the order is invalid."""
+        """Arm the trigger with a condition.
+
+        Raises RequestRejectedError if it is armed or the order is invalid.
+        """
         condition = _build_condition(order, await asyncio.to_thread(self._load_derived_signals))
         async with self._command_lock:
             status = self._trigger.status
@@ -102,7 +108,10 @@ class Triggers:
 
 
 def _build_condition(order: TriggerOrder, derived: dict[str, Derived]) -> Condition:
-    """Return a checked condition; ``derived`` are the derived signals by name. Raises RequestRejectedError."""
+    """Return a checked condition; ``derived`` are the derived signals by name.
+
+    Raises RequestRejectedError.
+    """
     if order.signal not in UNIT_BY_SIGNAL and order.signal not in derived:
         message = f"there is no signal {order.signal!r}: the nearest is {find_nearest_name(order.signal)}"
         raise RequestRejectedError(

@@ -1,4 +1,7 @@
-"""Changes of the tuning: by an operator, for a trial, or for a run; and the tunings saved for banks."""
+"""Changes of the tuning: by an operator, for a trial, or for a run.
+
+And the tunings saved for banks.
+"""
 
 import asyncio
 import logging
@@ -81,13 +84,18 @@ class TuningService:
         return self._trial.view()
 
     async def apply(self, request: TuningRequest, who: str) -> TuningView:
-        """Change the active tuning permanently. Raises OutOfRangeError and RequestRejectedError without a change."""
+        """Change the active tuning permanently.
+
+        Raises OutOfRangeError and RequestRejectedError without a change.
+        """
         view = await self._change(request, who, self._apply_permanently)
         await self._store_active(who)
         return view
 
     async def start_trial(self, request: TrialRequest, who: str) -> None:
-        """Change the active tuning for a trial. A trial during a trial reverts to the tuning before the first.
+        """Change the active tuning for a trial.
+
+        A trial during a trial reverts to the tuning before the first.
 
         Raises OutOfRangeError and RequestRejectedError without a change.
         """
@@ -97,7 +105,10 @@ class TuningService:
         self._on_change()
 
     async def end_trial(self, keep: bool, who: str) -> None:
-        """Keep the tuning of the trial, or revert now. Raises RequestRejectedError without a trial."""
+        """Keep the tuning of the trial, or revert now.
+
+        Raises RequestRejectedError without a trial.
+        """
         before = self._trial.before
         if before is None:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "nothing is on trial: what is in force stays")
@@ -115,7 +126,10 @@ class TuningService:
         self._trial.end(cause)
 
     async def use_bank(self, bank: Bank | None, who: str) -> TuningView:
-        """Use the models of a bank, or geometric gains for None. Raises OutOfRangeError if λ is unsafe with them."""
+        """Use the models of a bank, or geometric gains for None.
+
+        Raises OutOfRangeError if λ is unsafe with them.
+        """
         async with self._change_lock:
             self._require_no_override()
             before = self._live_state.tuning
@@ -126,7 +140,9 @@ class TuningService:
         return self._live_state.tuning.view(self._live_state.entry)
 
     async def undo(self, who: str) -> TuningView:
-        """Restore the operator's tuning from before the last change; each further call goes one change back.
+        """Restore the operator's tuning from before the last change.
+
+        Each further call goes one change back.
 
         Raises RequestRejectedError if there is nothing to undo, and OutOfRangeError if that tuning is no longer safe.
         """
@@ -162,7 +178,7 @@ class TuningService:
         return self._live_state.tuning.view(self._live_state.entry)
 
     async def apply_temporary(self, choice: TuningSettings, bank: Bank | None, who: str) -> None:
-        """Activate the tuning of a run and lock the tuning until ``restore_operator_tuning``.
+        """Activate the tuning of a run; locked until ``restore_operator_tuning``.
 
         Raises OutOfRangeError and RequestRejectedError without a change.
         """
@@ -179,7 +195,10 @@ class TuningService:
         self._on_change()
 
     async def restore_operator_tuning(self) -> None:
-        """Restore the operator's tuning after a run; repeats it until the control loop accepts."""
+        """Restore the operator's tuning after a run.
+
+        Repeats it until the control loop accepts.
+        """
         own = self._live_state.overridden_tuning
         if own is not None:
             await self._retry_restore("The operator's tuning", own, lambda: self._restore_after_run(own))
@@ -246,7 +265,10 @@ class TuningService:
         return after.view(self._live_state.entry)
 
     def _disable_rejection(self) -> None:
-        """Show disturbance rejection as off after the bias was discarded; the control loop has turned it off itself."""
+        """Show disturbance rejection as off after the bias was discarded.
+
+        The control loop has turned it off itself.
+        """
         live_state = self._live_state
         if live_state.tuning.choice.k_ext == 0.0:
             return
@@ -262,7 +284,10 @@ class TuningService:
         return tuning if self._contact.points else tuning.without_rejection()
 
     def _require_known_bias(self, tuning: ActiveTuning) -> None:
-        """Raise RequestRejectedError for a disturbance rejection without calibrated bias, or with a noisy estimate."""
+        """Raise RequestRejectedError if the external force is not known well enough.
+
+        Disturbance rejection needs a calibrated bias and an estimate with little noise.
+        """
         if tuning.choice.k_ext == 0.0:
             return
         points = self._contact.points
@@ -277,7 +302,10 @@ class TuningService:
             )
 
     async def _retry_restore(self, what: str, tuning: ActiveTuning, restore: Callable[[], Awaitable[None]]) -> None:
-        """Call ``restore`` until it succeeds; meanwhile the state shows that ``tuning`` is not restored."""
+        """Call ``restore`` until it succeeds.
+
+        Meanwhile the state shows that ``tuning`` is not restored.
+        """
         try:
             while True:
                 try:
@@ -333,11 +361,17 @@ class TuningService:
         raise RequestRejectedError(ErrorCode.NOT_NOW, f"{what} and its tuning is part of its record: stop it first")
 
     async def _store_active(self, who: str) -> None:
-        """Store the operator's tuning for the next start of the service; not for a trial or a temporary tuning."""
+        """Store the operator's tuning for the next start of the service.
+
+        Not for a trial or a temporary tuning.
+        """
         await asyncio.to_thread(self._tuning_store.save, self._live_state.tuning, who)
 
     async def _apply_permanently(self, tuning: ActiveTuning) -> int:
-        """Activate an operator's tuning and return its tick; ``undo`` can return to the one before."""
+        """Activate an operator's tuning and return its tick.
+
+        ``undo`` can return to the one before.
+        """
         before = self._trial.before or self._live_state.tuning
         tick = await self._send_tuning(tuning)
         if tuning.choice != before.choice:
@@ -346,7 +380,10 @@ class TuningService:
         return tick
 
     def _push_undo(self, before: ResolvedTuning) -> None:
-        """Let ``undo`` return to ``before``; ``redo`` has nothing to restore after a change."""
+        """Let ``undo`` return to ``before``.
+
+        ``redo`` has nothing to restore after a change.
+        """
         self._live_state.undo_stack.append(before)
         self._live_state.redo_stack.clear()
 
@@ -357,7 +394,10 @@ class TuningService:
         return accepted.tick
 
     def _set_active(self, tuning: ActiveTuning) -> int:
-        """Store ``tuning`` as the active one, also for a restarted loop process; return the tick of the change."""
+        """Store ``tuning`` as the active one, also for a restarted loop process.
+
+        Return the tick of the change.
+        """
         self._trial.clear()
         self._live_state.tuning = tuning
         self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
@@ -371,13 +411,19 @@ class TuningService:
 
 
 class SavedTunings:
-    """Reads and writes saved tunings. The methods access the database: the event loop calls them in a thread."""
+    """Reads and writes saved tunings.
+
+    The methods access the database: the event loop calls them in a thread.
+    """
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def load(self, tuning: ActiveTuning) -> SavedTuning:
-        """Return the tuning saved for the active bank; without one, the default on its models."""
+        """Return the tuning saved for the active bank.
+
+        Without one, the default on its models.
+        """
         with self._database.reading() as session:
             stored = settings.newest(session, _get_setting_name(tuning))
         if stored is not None:
@@ -386,7 +432,10 @@ class SavedTunings:
         return SavedTuning(**list_tuning_parts(default.tuning), who=None, at=None, moved=default.moved)
 
     def save(self, tuning: ActiveTuning, who: str) -> SavedTuning:
-        """Save the active tuning for the active bank; earlier values remain in the history of the setting."""
+        """Save the active tuning for the active bank.
+
+        Earlier values remain in the history of the setting.
+        """
         parts = SAVED_TUNING.write(SavedLoopSettings(**list_tuning_parts(tuning.choice)))
         with self._database.session() as session:
             stored = settings.save(session, _get_setting_name(tuning), parts, who)

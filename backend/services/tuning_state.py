@@ -84,13 +84,19 @@ class RobustnessCache:
     """File with the values of ``backend.tuning.FIGURES``, the cache in memory."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """Use ``folder``, by default the folder of the compiled functions. Without either, nothing is stored."""
+        """Use ``folder``, by default the folder of the compiled functions.
+
+        Without either, nothing is stored.
+        """
         folder = folder or (None if CACHE is None else CACHE.parent)
         self.file = None if folder is None else folder / f"figures-{_compute_code_digest()[:16]}.json"
         self._stored: dict[str, tuple[float, ...]] = {}
 
     def load(self) -> None:
-        """Add the values of the file to the cache in memory; a missing or damaged file is ignored."""
+        """Add the values of the file to the cache in memory.
+
+        A missing or damaged file is ignored.
+        """
         if self.file is None:
             return
         try:
@@ -103,7 +109,10 @@ class RobustnessCache:
         FIGURES.update(self._stored)
 
     def save(self) -> None:
-        """Write the cache in memory to the file if it has changed; a write error is only logged."""
+        """Write the cache in memory to the file if it has changed.
+
+        A write error is only logged.
+        """
         current = dict(FIGURES)
         if self.file is None or current == self._stored:
             return
@@ -118,7 +127,10 @@ class RobustnessCache:
 
 
 def _parse(text: str) -> dict[str, tuple[float, ...]]:
-    """Return the values of a file. Raises ValueError, TypeError, KeyError or AttributeError for a damaged one."""
+    """Return the values of a file.
+
+    Raises ValueError, TypeError, KeyError or AttributeError for a damaged one.
+    """
     document = json.loads(text)
     content = document["figures"]
     if document["digest"] != _digest(content):
@@ -131,7 +143,7 @@ def _digest(content: object) -> str:
 
 
 def _compute_code_digest() -> str:
-    """Return a digest of Python, of the libraries and of the sources that compute the values."""
+    """Return a digest of Python, libraries and sources that compute the values."""
     digest = hashlib.sha256(sys.version.encode())
     for library in _LIBRARIES:
         digest.update(f"{library} {version(library)} ".encode())
@@ -156,7 +168,7 @@ class ResolvedTuning:
 
 @dataclass(frozen=True)
 class ActiveTuning(ResolvedTuning):
-    """Tuning settings with the models of their bank, or those of the geometry without a bank."""
+    """Tuning settings with the models of their bank, or of the geometry."""
 
     parameters: PlantParameters
     previewer: TuningPreviewer
@@ -171,19 +183,27 @@ class ActiveTuning(ResolvedTuning):
         return build_tuning_command(self.parameters, self.choice, self.bank)
 
     def with_request(self, request: TuningRequest) -> "ActiveTuning":
-        """Return the tuning with the changes of ``request``; slow if models change. Raises OutOfRangeError."""
+        """Return the tuning with the changes of ``request``; slow if models change.
+
+        Raises OutOfRangeError.
+        """
         changes = request.model_dump(exclude_none=True, include=set(TuningParts.model_fields))
         return self.with_choice(self.choice.replace_values(changes), self.bank)
 
     def with_choice(self, choice: TuningSettings, bank: Bank | None) -> "ActiveTuning":
-        """Return another tuning of the same plant; ``bank`` is the bank that ``choice`` names.
+        """Return another tuning of the same plant.
+
+        ``bank`` is the bank that ``choice`` names.
 
         Raises OutOfRangeError if a λ is unsafe with its models.
         """
         return _resolve(self.parameters, choice, bank, self)
 
     def with_bank(self, bank: Bank | None) -> "ActiveTuning":
-        """Return the tuning with another bank. Raises OutOfRangeError if a λ is unsafe with its models."""
+        """Return the tuning with another bank.
+
+        Raises OutOfRangeError if a λ is unsafe with its models.
+        """
         return self.with_choice(self.choice, bank)
 
     def without_rejection(self) -> "ActiveTuning":
@@ -195,11 +215,17 @@ class ActiveTuning(ResolvedTuning):
         return ", ".join(self.choice.list_differences(before.choice)) or "the same tuning again"
 
     def default(self) -> DefaultTuning:
-        """Return the default tuning on these models; slow if its λ_motor differs from the active one."""
+        """Return the default tuning on these models.
+
+        Slow if its λ_motor differs from the active one.
+        """
         return compute_default_tuning(self.parameters, list_point_models(self.bank), self.previewer)
 
     def view(self, entry: float) -> TuningView:
-        """Return the tuning as the page shows it; ``entry`` is the index of the active operating point."""
+        """Return the tuning as the page shows it.
+
+        ``entry`` is the index of the active operating point.
+        """
         lam_q_min, lam_S_min = self.previewer.safe_range()
         lam_motor_min, lam_motor_max = self.previewer.motor_range()
         u_plan_min, u_plan_max = self.previewer.plan_range()
@@ -231,7 +257,7 @@ class ActiveTuning(ResolvedTuning):
         steps: Steps | None = None,
         printed: bool = False,
     ) -> TuningPreview:
-        """Predict robustness, a step of each reference, and the response to a constant push.
+        """Predict robustness, reference steps, and the response to a constant push.
 
         Args:
             lam_q: Tuning parameter of the position loop [s].
@@ -280,11 +306,17 @@ class ActiveTuning(ResolvedTuning):
         )
 
     def preview_motor(self, lam_motor: float) -> MotorPreview:
-        """Return the robustness of the motor loops at ``lam_motor`` [s]. Raises OutOfRangeError."""
+        """Return the robustness of the motor loops at ``lam_motor`` [s].
+
+        Raises OutOfRangeError.
+        """
         return _build_motor_preview(self.previewer.motor_at(lam_motor))
 
     def compute_robust_tuning(self, M_s: float) -> RobustTuning:
-        """Return the λ of the three loops that give the sensitivity peak ``M_s``, or why there is none."""
+        """Return the λ of the three loops that give the sensitivity peak ``M_s``.
+
+        Without such a λ, the view has the reason.
+        """
         lambdas = {
             name: RobustLambda(lam=None, reason=str(lam))
             if isinstance(lam, TuningError)
@@ -295,12 +327,15 @@ class ActiveTuning(ResolvedTuning):
 
 
 def make_active_tuning(parameters: PlantParameters, choice: TuningSettings, bank: Bank | None = None) -> ActiveTuning:
-    """Return a checked tuning with its models; ``bank`` is the bank that ``choice`` names. Raises OutOfRangeError."""
+    """Return a checked tuning with its models.
+
+    ``bank`` is the bank that ``choice`` names. Raises OutOfRangeError.
+    """
     return _resolve(parameters, choice, bank, None)
 
 
 def default_tuning(parameters: PlantParameters) -> tuple[ActiveTuning, str]:
-    """Return the default tuning, and a text if it differs from the default of the method."""
+    """Return the default tuning, and a text if it differs from the method's."""
     default = compute_default_tuning(parameters)
     return ActiveTuning(default.tuning, None, parameters, default.previewer), default.moved
 
@@ -316,7 +351,10 @@ def build_chosen_tuning(tuning: ResolvedTuning) -> ChosenTuning:
 
 
 def overlay_tuning(view: TuningView, tuning: ResolvedTuning, entry: float) -> TuningView:
-    """Return ``view`` with settings and bank of ``tuning``; ``entry`` is the index of the active operating point."""
+    """Return ``view`` with settings and bank of ``tuning``.
+
+    ``entry`` is the index of the active operating point.
+    """
     bank = tuning.bank
     name = "" if bank is None else active_entry_name(bank.entries, entry)
     reference = _build_bank_reference(bank)
@@ -331,7 +369,10 @@ def _build_bank_reference(bank: Bank | None) -> BankReference | None:
 def _resolve(
     parameters: PlantParameters, choice: TuningSettings, bank: Bank | None, before: ActiveTuning | None
 ) -> ActiveTuning:
-    """Return a checked tuning; reuses the models of ``before`` if they are the same. Raises OutOfRangeError."""
+    """Return a checked tuning; reuses the models of ``before`` if they are the same.
+
+    Raises OutOfRangeError.
+    """
     choice = replace(choice, bank=0 if bank is None else bank.id)
     check_range("b", choice.b, 0.0, 1.0, "1", words="weight b of the reference")
     if before is not None and all(
@@ -421,14 +462,20 @@ class TuningStore:
         self._database = database
 
     def save(self, tuning: ActiveTuning, who: str) -> None:
-        """Store a tuning that is now active; a write error is only logged, because the tuning is in use already."""
+        """Store a tuning that is now active.
+
+        A write error is only logged, because the tuning is in use already.
+        """
         try:
             tuning_settings.store_tuning(self._database, tuning.choice, tuning.parameters, who)
         except StorageError:
             _log.exception("The service could not store the active tuning for its next start.")
 
     def load_previous(self, tuning: ActiveTuning) -> ResolvedTuning | None:
-        """Return the tuning that was active on this plant before ``tuning``; None if there was no other."""
+        """Return the tuning that was active on this plant before ``tuning``.
+
+        None if there was no other.
+        """
         try:
             with self._database.reading() as session:
                 choice = tuning_settings.load_earlier_tuning(session, tuning.choice, tuning.parameters)
@@ -438,7 +485,9 @@ class TuningStore:
             return None
 
     def choose_for_parameters(self, now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
-        """Return the tuning for other ``parameters``: the last one used with them, else the active λ, else the default.
+        """Return the tuning for other ``parameters``.
+
+        That is the last tuning used with them, else the active λ, else the default.
 
         A bank is used only with the parameters that its models were identified with. Raises TuningError if no tuning is
         safe.
@@ -461,7 +510,7 @@ class TuningStore:
             return None
 
     def restore(self, parameters: PlantParameters) -> tuple[ActiveTuning, str]:
-        """Return the tuning to start with, and a text about it for the event log, which may be empty.
+        """Return the tuning to start with, and a text for the event log, or empty.
 
         Returns the default if the stored tuning belongs to other parameters or cannot be used.
         """
@@ -509,7 +558,10 @@ class TuningTrial:
     """Timer of a trial; at most one trial at a time."""
 
     def __init__(self, restore: Callable[[ActiveTuning, str], Awaitable[None]], supervision: Supervision) -> None:
-        """Call ``restore`` at the end, with the tuning before the trial and the cause, empty for the set time."""
+        """Call ``restore`` at the end of each trial.
+
+        It gets the tuning before the trial, and the cause, which is empty after the set time.
+        """
         self._restore = restore
         self._supervision = supervision
         self._before: ActiveTuning | None = None
@@ -539,7 +591,10 @@ class TuningTrial:
         self._timer = None
 
     def end(self, cause: str) -> None:
-        """Restore the earlier tuning now because of ``cause``; does nothing without a trial."""
+        """Restore the earlier tuning now because of ``cause``.
+
+        Does nothing without a trial.
+        """
         if self._cause is not None and not self._cause.done():
             self._cause.set_result(cause)
 
@@ -554,7 +609,10 @@ class TuningTrial:
         )
 
     async def _count_down(self, before: ActiveTuning) -> None:
-        """Wait for the set time or a cause, then restore; continues after a restart of the task by the supervision."""
+        """Wait for the set time or a cause, then restore.
+
+        Continues after a restart of the task by the supervision.
+        """
         cause = self._cause
         if cause is None:
             return
