@@ -1,9 +1,9 @@
-"""One glossary: every symbol, parameter, figure, verdict, fault and limit with its meaning, equation and source.
+"""The glossary of the page: meaning, equation and source of each symbol, parameter, metric, verdict, fault and limit.
 
-Nothing is defined here that has its words elsewhere: signals and quantities come from ``docs/reference/notation.md``,
-faults and limits from ``docs/reference/faults.md`` and ``backend/faults.py``, figures from their declarations beside
-what computes them, what the loop's timing says from the message that carries it. ``glossary.py`` itself defines only
-the words for verdicts and modes. The page gets all of it as ``glossary.gen.ts``.
+Most texts are defined elsewhere: signals and quantities in ``docs/reference/notation.md``, faults and limits in
+``docs/reference/faults.md`` and ``backend/faults.py``, metrics in the classes that declare them, timing in
+``TimingView``. ``glossary.py`` itself defines only the texts of verdicts and states. The page gets the glossary as
+``glossary.gen.ts``.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""The glossary: what each word, figure, field and verdict of the page means, from where it is defined."""
+"""Builds the glossary of the page from requests, metrics, documents and the texts below."""
 
 import dataclasses
 import json
@@ -16,8 +16,7 @@ from backend.analysis import SETTLING_BAND, disturbance_metrics, frequency_metri
 from backend.commissioning import StepState
 from backend.errors import QUANTITY_LABELS
 from backend.faults import EXPLANATIONS, Fault, Limit
-from backend.identification import Grade
-from backend.identification import validation as rule
+from backend.identification import Grade, validation
 from backend.models import Outcome
 from backend.realtime import Cause, HomingEnd, Mode
 from backend.schemas import (
@@ -37,13 +36,11 @@ from backend.schemas import (
 from backend.storage import EndState
 from plant import SinewError
 
-# Entry ---------------------------------------------------------------------------------------------
-#
-# An entry of the glossary: what a word of the page means.
+# Terms ---------------------------------------------------------------------------------------------
 
 
 class TermKind(StrEnum):
-    """What an entry is of; the first half of its key."""
+    """Kind of a term, the first part of its key."""
 
     SIGNAL = "signal"
     QUANTITY = "quantity"
@@ -66,12 +63,11 @@ class TermKind(StrEnum):
 
 @dataclass(frozen=True)
 class GlossaryTerm:
-    """One word.
+    """One term of the glossary.
 
-    ``name`` is its spelling in the code, unique within its kind; ``term`` what a person reads: a symbol, or words.
-    ``unit`` is SI, "" where it has none or needs none. ``equation`` is plain text in the spelling of
-    docs/reference/notation.md, ``source`` where it stands; "" where there is none. ``more`` tells further: heading
-    and text.
+    ``name`` is its name in the code, unique within its kind; ``term`` is the displayed symbol or text. ``unit`` is SI.
+    ``equation`` is plain text in the notation of docs/reference/notation.md, and ``source`` is where it comes from.
+    ``unit``, ``equation`` and ``source`` may be empty. ``more`` has further headings and texts.
     """
 
     kind: TermKind
@@ -85,17 +81,14 @@ class GlossaryTerm:
 
     @property
     def key(self) -> str:
-        """What the page asks by."""
+        """Key by which the page finds the term."""
         return f"{self.kind}:{self.name}"
 
 
-# Fields --------------------------------------------------------------------------------------------
+# Fields of forms -----------------------------------------------------------------------------------
 #
-# What the boxes of the page's forms mean: read from the requests that the forms send, which
-# describe each field.
-#
-# Settings of experiments and identifications describe themselves where they are offered
-# (``Setting``).
+# Texts come from the requests of the forms. Settings of experiments and identifications have their
+# own descriptions (``Setting``).
 
 
 FORMS: dict[str, type[Schema]] = {
@@ -109,36 +102,36 @@ FORMS: dict[str, type[Schema]] = {
 }
 
 
-def fields() -> list[GlossaryTerm]:
-    """Return an entry for each described field of each form, by the form's name and its own."""
+def build_field_terms() -> list[GlossaryTerm]:
+    """Return a term for each field of each form that has a description."""
     return [
-        _field_entry(form, name, field)
+        _build_field_term(form, name, field)
         for form, request in FORMS.items()
         for name, field in request.model_fields.items()
         if field.description
     ]
 
 
-def _field_entry(form: str, name: str, field: FieldInfo) -> GlossaryTerm:
+def _build_field_term(form: str, name: str, field: FieldInfo) -> GlossaryTerm:
     extra = field.json_schema_extra
     unit = str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else ""
     meaning = str(field.description).removesuffix(f" [{unit}]")
-    low, high = bounds(field)
+    low, high = read_bounds(field)
     accepted = () if low is None or high is None else (("Accepted", f"{low:g} to {high:g} {unit}".strip()),)
     words = QUANTITY_LABELS.get(name, name.replace("_", " "))
     return GlossaryTerm(TermKind.SETTING, f"{form}.{name}", words, meaning, "" if unit == "1" else unit, more=accepted)
 
 
-def bounds(field: FieldInfo) -> tuple[float | None, float | None]:
-    """Return the bounds that a field declares; None where only the plant can tell them."""
+def read_bounds(field: FieldInfo) -> tuple[float | None, float | None]:
+    """Return the bounds that a field declares; None for a bound that depends on the plant."""
     low = next((float(str(one.ge)) for one in field.metadata if isinstance(one, Ge)), None)
     high = next((float(str(one.le)) for one in field.metadata if isinstance(one, Le)), None)
     return (None if low == -HUGE else low), (None if high == HUGE else high)
 
 
-# Figures -------------------------------------------------------------------------------------------
+# Metrics -------------------------------------------------------------------------------------------
 #
-# The figures of results: from the declarations beside what computes them, with their equations.
+# Texts come from the declarations of the metrics in backend.analysis.
 
 
 _RMS = "√(1/N Σ ({error})²)"
@@ -199,35 +192,32 @@ EQUATIONS: dict[str, str] = {
     "rms_B_N": _RMS.format(error="F_B − F(x_B)"),
     "q_deviation": "max |q|",
 }
-"""Of figures whose definition is a formula; what needs a sentence has that alone."""
+"""Equations of metrics; a metric whose definition is a sentence has none."""
 
 
-def figures() -> list[GlossaryTerm]:
-    """Return an entry for each figure that a result may hold; where experiments define it apart, each says its own."""
-    meanings: dict[str, dict[str, list[str]]] = {}
+def build_metric_terms() -> list[GlossaryTerm]:
+    """Return a term for each metric, with all its definitions if results define it differently."""
+    results_by_definition: dict[str, dict[str, list[str]]] = {}
     head: dict[str, tuple[str, str]] = {}
-    for of, name, label, unit, definition in _declared():
+    for result, name, label, unit, definition in _list_declared_metrics():
         head.setdefault(name, (label, unit))
-        meanings.setdefault(name, {}).setdefault(definition, []).append(of)
-    return [_figure_entry(name, *head[name], meanings[name]) for name in head]
+        results_by_definition.setdefault(name, {}).setdefault(definition, []).append(result)
+    return [_build_metric_term(name, *head[name], results_by_definition[name]) for name in head]
 
 
-def _figure_entry(name: str, label: str, unit: str, meanings: dict[str, list[str]]) -> GlossaryTerm:
-    (first, _), *others = sorted(
-        meanings.items(), key=lambda meant: -len(meant[1])
-    )  # what most of them mean comes first
-    more = tuple((", ".join(dict.fromkeys(of)), definition) for definition, of in others)
-    shown = "" if unit == "1" else unit
-    source = "docs/how-to/experiments.md"
+def _build_metric_term(name: str, label: str, unit: str, meanings: dict[str, list[str]]) -> GlossaryTerm:
+    """Return the term of a metric; ``meanings`` has the names of the results by definition."""
+    # the definition that most results share comes first
+    (first, _), *others = sorted(meanings.items(), key=lambda item: -len(item[1]))
     return GlossaryTerm(
         kind=TermKind.FIGURE,
         name=name,
         term=label,
         meaning=first,
-        unit=shown,
+        unit=_omit_one(unit),
         equation=EQUATIONS.get(name, ""),
-        source=source,
-        more=more,
+        source="docs/how-to/experiments.md",
+        more=tuple((", ".join(dict.fromkeys(results)), definition) for definition, results in others),
     )
 
 
@@ -246,11 +236,11 @@ RESULTS = {
     identification.MotorMetrics: "Motor identification",
     identification.SpringMetrics: "Spring identification",
 }
-"""What declares figures, and how its result is called."""
+"""Classes that declare metrics, with the names of their results."""
 
 
-def _declared() -> list[tuple[str, str, str, str, str]]:
-    """Return what is declared: of which result, name, label, unit, definition."""
+def _list_declared_metrics() -> list[tuple[str, str, str, str, str]]:
+    """Return all declared metrics: name of the result, name, label, unit and definition of the metric."""
     return [
         (result, item.name, item.metadata["label"], item.metadata["unit"], item.metadata["definition"])
         for kind, result in RESULTS.items()
@@ -259,10 +249,9 @@ def _declared() -> list[tuple[str, str, str, str, str]]:
     ]
 
 
-# Pages ---------------------------------------------------------------------------------------------
+# Documents -----------------------------------------------------------------------------------------
 #
-# What the pages in docs/ define: signals, parameters and quantities of the notation; faults and
-# limits.
+# Texts of signals, parameters, quantities, faults and limits come from documents in docs/reference.
 
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -279,37 +268,39 @@ _PARTS = ("Cause", "Reaction", "Within", "Remedy")
 
 
 class GlossaryError(SinewError, ValueError):
-    """A page does not say what the glossary needs of it."""
+    """A document lacks what the glossary needs, or a term is defined twice."""
 
 
-def notation(page: str | None = None) -> list[GlossaryTerm]:
-    """Return the entries of docs/reference/notation.md. Raises GlossaryError."""
-    text = _read("reference/notation.md") if page is None else page
-    return [entry for heading, kind in _SECTIONS for row in _rows(text, heading) for entry in _of_row(kind, row)]
+def parse_notation(page: str | None = None) -> list[GlossaryTerm]:
+    """Return the terms of docs/reference/notation.md. Raises GlossaryError."""
+    text = _read_document("reference/notation.md") if page is None else page
+    return [
+        entry for heading, kind in _SECTIONS for row in _parse_table(text, heading) for entry in _parse_row(kind, row)
+    ]
 
 
-def faults(page: str | None = None) -> list[GlossaryTerm]:
-    """Return the faults with cause, reaction, time and remedy of docs/reference/faults.md. Raises GlossaryError."""
-    text = _read("reference/faults.md") if page is None else page
+def parse_faults(page: str | None = None) -> list[GlossaryTerm]:
+    """Return the faults of docs/reference/faults.md with cause, reaction, time and remedy. Raises GlossaryError."""
+    text = _read_document("reference/faults.md") if page is None else page
     sections = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##|\Z)", text, re.MULTILINE | re.DOTALL))
-    return [_fault(fault, sections.get(fault.value, "")) for fault in Fault if fault is not Fault.NONE]
+    return [_build_fault_term(fault, sections.get(fault.value, "")) for fault in Fault if fault is not Fault.NONE]
 
 
-def limits(page: str | None = None) -> list[GlossaryTerm]:
+def parse_limits(page: str | None = None) -> list[GlossaryTerm]:
     """Return the limits of docs/reference/faults.md. Raises GlossaryError."""
-    text = _read("reference/faults.md") if page is None else page
-    held = {row[0].strip("`"): row[2] for row in _rows(text, "Limits")}
-    missing = [str(limit.name) for limit in Limit if limit.name not in held]
+    text = _read_document("reference/faults.md") if page is None else page
+    meanings = {row[0].strip("`"): row[2] for row in _parse_table(text, "Limits")}
+    missing = [str(limit.name) for limit in Limit if limit.name not in meanings]
     if missing:
         raise GlossaryError(f"docs/reference/faults.md does not explain the limits {', '.join(missing)}")
     return [
-        GlossaryTerm(TermKind.LIMIT, name, _in_words(name), held[name], source="docs/reference/faults.md")
+        GlossaryTerm(TermKind.LIMIT, name, _format_words(name), meanings[name], source="docs/reference/faults.md")
         for name in (str(limit.name) for limit in Limit)
     ]
 
 
-def _of_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
-    """Return the entry of each code name of a row of the notation: symbol, code names, unit, meaning, equation."""
+def _parse_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
+    """Return a term for each code name in a row of the notation: symbol, code names, unit, meaning, equation."""
     symbol, code, unit, meaning, equation = row
     names = re.findall(r"`([\w.]+)`", code)
     if not names or not meaning:
@@ -317,14 +308,14 @@ def _of_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
     symbols = symbol.split(", ") if len(names) > 1 else [symbol]
     units = unit.split(", ") if len(names) > 1 else [unit]
     found = _SOURCE.match(equation)
-    source, equation = (_cited(found[1]), found[2] or "") if found else ("docs/reference/notation.md", equation)
+    source, equation = (_format_source(found[1]), found[2] or "") if found else ("docs/reference/notation.md", equation)
     return [
         GlossaryTerm(
             kind=kind,
             name=name,
             term=(symbols[at] if len(symbols) > at else "") or name,
             meaning=meaning,
-            unit=_no_one(units[min(at, len(units) - 1)]),
+            unit=_omit_one(units[min(at, len(units) - 1)]),
             equation=equation,
             source=source,
         )
@@ -332,30 +323,35 @@ def _of_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
     ]
 
 
-def _cited(cited: str) -> str:
-    """Return where equations stand: "(16)" is of the paper, as are its tables."""
-    if cited.startswith("docs/"):
-        return cited
-    if cited.startswith("decision "):
-        return f"docs/decisions, {cited}"
-    word = "equations " if ", (" in cited else "equation "
-    return f"paper, {word if cited.startswith('(') else ''}{cited}"
+def _format_source(reference: str) -> str:
+    """Return the source of an equation; numbers such as "(16)" and tables are those of the paper."""
+    if reference.startswith("docs/"):
+        return reference
+    if reference.startswith("decision "):
+        return f"docs/decisions, {reference}"
+    word = "equations " if ", (" in reference else "equation "
+    return f"paper, {word if reference.startswith('(') else ''}{reference}"
 
 
-def _fault(fault: Fault, section: str) -> GlossaryTerm:
-    whole = re.sub(r"\n {2}(?=\S)", " ", section)  # list items go on in indented lines
-    parts = {part: re.search(rf"^- {part}: (.+)$", whole, re.MULTILINE) for part in _PARTS}
-    more = tuple((part, _plain_page(found[1])) for part, found in parts.items() if found)
+def _build_fault_term(fault: Fault, section: str) -> GlossaryTerm:
+    joined = re.sub(r"\n {2}(?=\S)", " ", section)  # list items continue on indented lines
+    parts = {part: re.search(rf"^- {part}: (.+)$", joined, re.MULTILINE) for part in _PARTS}
+    more = tuple((part, _strip_markup(found[1])) for part, found in parts.items() if found)
     if len(more) != len(_PARTS):
         raise GlossaryError(f"docs/reference/faults.md: {fault.value} needs {', '.join(_PARTS)}")
     name = fault.value
     return GlossaryTerm(
-        TermKind.FAULT, name, _in_words(name), EXPLANATIONS[fault].message, source="docs/reference/faults.md", more=more
+        TermKind.FAULT,
+        name,
+        _format_words(name),
+        EXPLANATIONS[fault].message,
+        source="docs/reference/faults.md",
+        more=more,
     )
 
 
-def _rows(page: str, heading: str) -> list[list[str]]:
-    """Return the cells of the table under a heading, without its head."""
+def _parse_table(page: str, heading: str) -> list[list[str]]:
+    """Return the cells of the table below a heading, without its header."""
     if f"\n## {heading}" not in page:
         raise GlossaryError(f"there is no section {heading!r}")
     part = page.split(f"\n## {heading}", 1)[1].split("\n## ", 1)[0]
@@ -363,32 +359,28 @@ def _rows(page: str, heading: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.split("|")] for line in lines[2:]]
 
 
-def _plain_page(text: str) -> str:
-    """Return a text of a page without its markup: a link is its words."""
+def _strip_markup(text: str) -> str:
+    """Return a text without Markdown; a link becomes its text."""
     return re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", text).replace("`", "")
 
 
-def _in_words(name: str) -> str:
-    """Return a name of the code as words: "voltage A", "force limit"."""
+def _format_words(name: str) -> str:
+    """Return a name in the code as words, such as "voltage A"."""
     words = name.replace("_", " ").lower()
     return re.sub(r" ([ab])$", lambda side: f" {side[1].upper()}", words)
 
 
-def _no_one(unit: str) -> str:
+def _omit_one(unit: str) -> str:
     return "" if unit == "1" else unit
 
 
-def _read(name: str) -> str:
+def _read_document(name: str) -> str:
     return (DOCS / name).read_text(encoding="utf-8")
 
 
-# Verdicts ------------------------------------------------------------------------------------------
+# Verdicts and states -------------------------------------------------------------------------------
 #
-# Words for what is judged and how something stands: outcomes, grades, ends, modes, causes, links,
-# steps.
-#
-# Each table has an entry for every member of its enumeration; numbers in the words come from the
-# rules themselves.
+# Each table has a text for every member of its enumeration. Numbers in the texts come from the code.
 
 
 OUTCOMES: dict[Outcome, str] = {
@@ -407,26 +399,26 @@ CRITERIA: dict[str, tuple[str, str, str]] = {
         f"a step is measured from rest, and has settled within ±{100 * SETTLING_BAND:g} %",
     ),
 }
-"""What a criterion may come to: term, meaning, rule."""
+"""Term, meaning and rule of each result of a criterion."""
 
 GRADES: dict[Grade, tuple[str, str]] = {
     Grade.USABLE: (
         "The model may be used for tuning: no test speaks against it.",
-        f"fit ≥ {rule.GOOD_FIT_PERCENT:g} % on unseen data, K and T known to ±{rule.CAUTION_STD_PERCENT:g} %, gain "
-        f"within {rule.CAUTION_GAIN_ERROR_PERCENT:g} % of geometry, no dry friction found",
+        f"fit ≥ {validation.GOOD_FIT_PERCENT:g} % on unseen data, K and T known to ±{validation.CAUTION_STD_PERCENT:g} %, gain "
+        f"within {validation.CAUTION_GAIN_ERROR_PERCENT:g} % of geometry, no dry friction found",
     ),
     Grade.CAUTION: (
         "The model may be used; the reasons beside it say what is doubtful.",
-        f"fit ≥ {rule.MIN_FIT_PERCENT:g} %, K and T known to ±{rule.MAX_STD_PERCENT:g} %, gain within "
-        f"{rule.MAX_GAIN_ERROR_PERCENT:g} % of geometry",
+        f"fit ≥ {validation.MIN_FIT_PERCENT:g} %, K and T known to ±{validation.MAX_STD_PERCENT:g} %, gain within "
+        f"{validation.MAX_GAIN_ERROR_PERCENT:g} % of geometry",
     ),
     Grade.UNUSABLE: (
         "No gains should be computed from this model; the reasons beside it say why.",
-        f"less than {rule.MIN_COUNTS:g} counts of motion, fit < {rule.MIN_FIT_PERCENT:g} %, K or T not known to "
-        f"±{rule.MAX_STD_PERCENT:g} %, or gain more than {rule.MAX_GAIN_ERROR_PERCENT:g} % off geometry",
+        f"less than {validation.MIN_COUNTS:g} counts of motion, fit < {validation.MIN_FIT_PERCENT:g} %, K or T not known to "
+        f"±{validation.MAX_STD_PERCENT:g} %, or gain more than {validation.MAX_GAIN_ERROR_PERCENT:g} % off geometry",
     ),
 }
-"""Meaning and rule of each grade; figures that could not be had never count in favour."""
+"""Meaning and rule of each grade; a number that could not be computed never improves a grade."""
 
 ENDS: dict[EndState, str] = {
     EndState.RUNNING: "The run is under way: samples are still recorded.",
@@ -502,77 +494,88 @@ TIMING: dict[str, str] = {
     "lateness_p99_ms": "Late p99",
     "overruns": "Overruns",
 }
-"""How the header calls what the message of the loop's timing explains."""
+"""Terms of the header for fields of ``TimingView``, whose descriptions are the meanings."""
 
-LINK = GlossaryTerm(TermKind.TIMING, "latency_ms", "Link", "time from this page to the service and back", "ms")
+ROUND_TRIP_TIME = GlossaryTerm(
+    TermKind.TIMING, "latency_ms", "Link", "time from this page to the service and back", "ms"
+)
 
 
-def verdicts() -> list[GlossaryTerm]:
-    """Return what is said of verdicts and states, in the order of their enumerations."""
+def build_verdict_terms() -> list[GlossaryTerm]:
+    """Return the terms of verdicts and states, in the order of their enumerations."""
     return [
         *(
-            GlossaryTerm(TermKind.OUTCOME, one.value, one.value, words, source="docs/how-to/experiments.md")
-            for one, words in OUTCOMES.items()
+            GlossaryTerm(TermKind.OUTCOME, one.value, one.value, text, source="docs/how-to/experiments.md")
+            for one, text in OUTCOMES.items()
         ),
         *(
-            GlossaryTerm(TermKind.CRITERION, name, term, words, more=_rule(held))
-            for name, (term, words, held) in CRITERIA.items()
+            GlossaryTerm(TermKind.CRITERION, name, term, text, more=_build_rule(rule))
+            for name, (term, text, rule) in CRITERIA.items()
         ),
         *(
             GlossaryTerm(
                 TermKind.GRADE,
                 one.value,
                 one.value,
-                words,
+                text,
                 source="docs/explanation/identification.md",
-                more=_rule(held),
+                more=_build_rule(rule),
             )
-            for one, (words, held) in GRADES.items()
+            for one, (text, rule) in GRADES.items()
         ),
-        *_plain_verdict(TermKind.END, ENDS.items(), "docs/how-to/notebook.md"),
-        *_plain_verdict(TermKind.MODE, MODES.items(), ""),
-        *_plain_verdict(TermKind.CAUSE, CAUSES.items(), ""),
-        *(GlossaryTerm(TermKind.CHAIN, name, *CHAIN[name], source="docs/reference/faults.md") for name in links()),
-        *_plain_verdict(TermKind.STEP, STEPS.items(), "docs/how-to/rig.md"),
-        *_plain_verdict(TermKind.SETUP, SETUP.items(), ""),
+        *_build_plain_terms(TermKind.END, ENDS.items(), "docs/how-to/notebook.md"),
+        *_build_plain_terms(TermKind.MODE, MODES.items(), ""),
+        *_build_plain_terms(TermKind.CAUSE, CAUSES.items(), ""),
+        *(
+            GlossaryTerm(TermKind.CHAIN, name, *CHAIN[name], source="docs/reference/faults.md")
+            for name in list_chain_links()
+        ),
+        *_build_plain_terms(TermKind.STEP, STEPS.items(), "docs/how-to/rig.md"),
+        *_build_plain_terms(TermKind.SETUP, SETUP.items(), ""),
     ]
 
 
-def timing() -> list[GlossaryTerm]:
-    """Return what the header tells of the loop and the link, in the words of the message that carries it."""
-    told = []
+def build_timing_terms() -> list[GlossaryTerm]:
+    """Return the terms of timing and round-trip time in the header."""
+    terms = []
     for name, term in TIMING.items():
-        known = TimingView.model_fields[name]
-        unit = _unit(known.json_schema_extra)
-        told.append(GlossaryTerm(TermKind.TIMING, name, term, str(known.description).removesuffix(f" [{unit}]"), unit))
-    return [*told, LINK]
+        field = TimingView.model_fields[name]
+        unit = _find_unit(field.json_schema_extra)
+        terms.append(GlossaryTerm(TermKind.TIMING, name, term, str(field.description).removesuffix(f" [{unit}]"), unit))
+    return [*terms, ROUND_TRIP_TIME]
 
 
-def links() -> tuple[str, ...]:
+def list_chain_links() -> tuple[str, ...]:
     """Return the links of the safety chain in order."""
     return get_args(ChainLinkView.model_fields["name"].annotation)
 
 
-def _plain_verdict(kind: TermKind, words: Iterable[tuple[StrEnum, str]], source: str) -> list[GlossaryTerm]:
-    return [GlossaryTerm(kind, one.value, one.value.replace("_", " "), said, source=source) for one, said in words]
+def _build_plain_terms(kind: TermKind, texts: Iterable[tuple[StrEnum, str]], source: str) -> list[GlossaryTerm]:
+    return [GlossaryTerm(kind, one.value, one.value.replace("_", " "), text, source=source) for one, text in texts]
 
 
-def _rule(held: str) -> tuple[tuple[str, str], ...]:
-    return (("Rule", held),) if held else ()
+def _build_rule(rule: str) -> tuple[tuple[str, str], ...]:
+    return (("Rule", rule),) if rule else ()
 
 
-def _unit(extra: object) -> str:
+def _find_unit(extra: object) -> str:
     return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
 
 
-# Typescript ----------------------------------------------------------------------------------------
-#
-# The glossary, whole, and as the module that the page is built with.
+# Glossary ------------------------------------------------------------------------------------------
 
 
-def glossary() -> dict[str, GlossaryTerm]:
-    """Return all entries by key. Raises GlossaryError where one is defined twice, or a page lacks one."""
-    listed = [*notation(), *fields(), *figures(), *verdicts(), *faults(), *limits(), *timing()]
+def build_glossary() -> dict[str, GlossaryTerm]:
+    """Return all terms by key. Raises GlossaryError."""
+    listed = [
+        *parse_notation(),
+        *build_field_terms(),
+        *build_metric_terms(),
+        *build_verdict_terms(),
+        *parse_faults(),
+        *parse_limits(),
+        *build_timing_terms(),
+    ]
     found: dict[str, GlossaryTerm] = {}
     for entry in listed:
         if found.setdefault(entry.key, entry) is not entry:
@@ -581,8 +584,8 @@ def glossary() -> dict[str, GlossaryTerm]:
 
 
 def render_glossary_typescript() -> str:
-    """Return the glossary as a TypeScript module; what is empty is left out."""
-    entries = {key: _fields(entry) for key, entry in glossary().items()}
+    """Return the glossary as a TypeScript module, without empty fields."""
+    entries = {key: _drop_empty_fields(entry) for key, entry in build_glossary().items()}
     kinds = json.dumps([str(kind) for kind in TermKind])
     written = json.dumps(entries, indent=2, ensure_ascii=False)
     return "\n".join(
@@ -608,5 +611,5 @@ def render_glossary_typescript() -> str:
     )
 
 
-def _fields(entry: GlossaryTerm) -> dict[str, object]:
+def _drop_empty_fields(entry: GlossaryTerm) -> dict[str, object]:
     return {name: value for name, value in vars(entry).items() if value}

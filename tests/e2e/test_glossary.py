@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, ViewportSize, expect
 
 from backend.faults import EXPLANATIONS, Fault
-from backend.glossary.glossary import TermKind, glossary
+from backend.glossary.glossary import TermKind, build_glossary
 from tests.api.conftest import client_with
 from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import covered
@@ -21,7 +21,7 @@ from tests.e2e.test_accessibility import PHONE, violations
 from tests.e2e.test_experiments_and_runs import SHORT
 
 STOP = "button[aria-label=STOP]"
-ENTRIES = glossary()
+ENTRIES = build_glossary()
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from pydantic import TypeAdapter, ValidationError
 from backend.errors import InvalidValueError
 from backend.experiments.library import experiments_by_name
 from backend.experiments.plans import LoopSettings
-from backend.glossary.glossary import FORMS, TermKind, bounds, fields
+from backend.glossary.glossary import FORMS, TermKind, build_field_terms, read_bounds
 from backend.models.settings import Setting, describe_settings
 from backend.schemas.base import UNITS
 from backend.schemas.identification import IdentificationRequest
@@ -19,7 +19,9 @@ NAMED = ("kind",)
 
 @pytest.mark.parametrize("form", FORMS)
 def test_every_field_of_an_order_says_what_its_request_says(form: str) -> None:
-    told = {entry.name.removeprefix(f"{form}."): entry for entry in fields() if entry.name.startswith(f"{form}.")}
+    told = {
+        entry.name.removeprefix(f"{form}."): entry for entry in build_field_terms() if entry.name.startswith(f"{form}.")
+    }
     declared = FORMS[form].model_fields
     assert set(told) == set(declared) - set(NAMED)
     for name, entry in told.items():
@@ -33,11 +35,11 @@ def test_every_field_of_an_order_says_what_its_request_says(form: str) -> None:
 def test_bounds_that_are_told_are_those_that_the_request_takes(form: str) -> None:
     request = FORMS[form]
     for name, field in request.model_fields.items():
-        low, high = bounds(field)
+        low, high = read_bounds(field)
         if low is None or high is None:
             continue
         adapter: TypeAdapter[object] = TypeAdapter(request.__pydantic_fields__[name].rebuild_annotation())
-        told = next(entry for entry in fields() if entry.name == f"{form}.{name}")
+        told = next(entry for entry in build_field_terms() if entry.name == f"{form}.{name}")
         assert dict(told.more)["Accepted"].startswith(f"{low:g} to {high:g}")
         for value in (low, high):
             adapter.validate_python(int(value) if value.is_integer() else value)

@@ -22,10 +22,10 @@ from backend.glossary.glossary import (
     GlossaryError,
     GlossaryTerm,
     TermKind,
-    faults,
-    glossary,
-    limits,
-    notation,
+    build_glossary,
+    parse_faults,
+    parse_limits,
+    parse_notation,
 )
 from backend.identification.models import Grade
 from backend.models.run import Outcome
@@ -37,7 +37,7 @@ from backend.storage.runs import EndState
 from plant.parameters import SECTIONS
 
 ROOT = Path(__file__).parents[2]
-ENTRIES = glossary()
+ENTRIES = build_glossary()
 
 
 def of(kind: TermKind) -> dict[str, GlossaryTerm]:
@@ -124,11 +124,11 @@ def test_citations_of_the_paper_are_told_from_equations() -> None:
 def test_what_a_page_does_not_explain_is_refused_by_name() -> None:
     page = (ROOT / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
     with pytest.raises(GlossaryError, match="slack needs Cause, Reaction, Within, Remedy"):
-        faults(page.replace("### `slack`", "### `slacker`"))
+        parse_faults(page.replace("### `slack`", "### `slacker`"))
     with pytest.raises(GlossaryError, match="limits GOVERNOR"):
-        limits(page.replace("| `GOVERNOR` |", "| `GOVERNED` |"))
+        parse_limits(page.replace("| `GOVERNOR` |", "| `GOVERNED` |"))
     with pytest.raises(GlossaryError, match="no section 'Signals'"):
-        notation("# nothing\n")
+        parse_notation("# nothing\n")
 
 
 def test_the_generated_module_is_the_one_in_the_repository() -> None:
