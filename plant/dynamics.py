@@ -376,9 +376,10 @@ def joint_stiffness(joint: Joint, spring_A: Spring, spring_B: Spring, x_A: float
 
 
 class Obstacle(NamedTuple):
-    """Wall at ``q_wall`` [rad]; it blocks the joint above (``side`` 1) or below (-1).
+    """Obstacle that blocks the joint beyond ``q_wall`` [rad].
 
-    ``side`` 0 is no wall. ``k_wall`` [N/m] is its stiffness and ``c_wall`` [s/m] its damping, both tangential at r_j.
+    It blocks positions above (``side`` 1) or below (-1); ``side`` 0 is no obstacle. ``k_wall`` [N/m] is its stiffness
+    and ``c_wall`` [s/m] its damping, both tangential at r_j.
     """
 
     side: float
@@ -395,25 +396,25 @@ class Obstructed(Protocol):
     """Plant with an obstacle that can be set (simulated plants)."""
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
-        """Set the wall from the next period on, None removes it.
+        """Set the obstacle from the next period on, None removes it.
 
-        Raises PlantError for an impossible wall.
+        Raises PlantError for an impossible obstacle.
         """
         ...
 
 
 K_LEAST = 100.0
-"""Least stiffness of a wall [N/m]; a softer one would not stop the joint within its range."""
+"""Least stiffness of an obstacle [N/m]; a softer one would not stop the joint within its range."""
 
 STEP_ANGLE = 0.15
-"""Largest phase angle [rad] per integration step of the undamped joint at the wall: 21 steps in each contact."""
+"""Largest phase angle [rad] per integration step of the undamped joint at the obstacle: 21 steps in each contact."""
 
 
 @compiled
 def contact_force(obstacle: Obstacle, joint: Joint, q: float, q_dot: float) -> float:
-    """Return the force [N] of the wall on the joint at r_j, positive towards +q.
+    """Return the force [N] of the obstacle on the joint at r_j, positive to +q.
 
-    0 without contact and without a wall.
+    0 without contact and without an obstacle.
     """
     depth = joint.r_j * obstacle.side * (q - obstacle.q_wall)
     if depth <= 0.0 or obstacle.side == 0.0:
@@ -424,9 +425,9 @@ def contact_force(obstacle: Obstacle, joint: Joint, q: float, q_dot: float) -> f
 
 @compiled
 def add_wall_torque(obstacle: Obstacle, joint: Joint, q: float, q_dot: float, tau_ext: float) -> float:
-    """Return the external joint torque [N·m] plus the wall's.
+    """Return the external joint torque [N·m] plus the obstacle's.
 
-    Without a wall the value is unchanged to the last bit.
+    Without an obstacle the value is unchanged to the last bit.
     """
     if obstacle.side == 0.0:
         return tau_ext
@@ -434,7 +435,7 @@ def add_wall_torque(obstacle: Obstacle, joint: Joint, q: float, q_dot: float, ta
 
 
 def largest_wall_stiffness(joint: Joint, step_s: float) -> float:
-    """Return the wall stiffness [N/m] with a phase of STEP_ANGLE per integration step.
+    """Return the obstacle stiffness [N/m] with a phase of STEP_ANGLE per step.
 
     The joint with m = J_j/r_j² oscillates at √(k/m). The Runge-Kutta steps are stable up to an angle of 2.8, and their
     error is below a thousandth of the peak up to STEP_ANGLE.
@@ -443,7 +444,7 @@ def largest_wall_stiffness(joint: Joint, step_s: float) -> float:
 
 
 def largest_wall_damping(joint: Joint, F_max: float, step_s: float) -> float:
-    """Return the largest useful wall damping [s/m]: c F = m/h with F = F_max.
+    """Return the largest useful damping [s/m] of an obstacle: c F_max = m/h.
 
     It brakes the joint, pressed by F_max [N], with a time constant of one step.
     """
@@ -451,7 +452,7 @@ def largest_wall_damping(joint: Joint, F_max: float, step_s: float) -> float:
 
 
 def require_possible_wall(obstacle: Obstacle, joint: Joint, F_max: float, q_max: float, step_s: float) -> None:
-    """Raise PlantError for a wall out of range or too stiff to be integrated.
+    """Raise PlantError for an obstacle out of range or too stiff to integrate.
 
     The integration has steps of ``step_s`` [s].
     """
@@ -475,9 +476,9 @@ def require_possible_wall(obstacle: Obstacle, joint: Joint, F_max: float, q_max:
 
 
 def require_free(obstacle: Obstacle, q: float) -> None:
-    """Raise PlantError if the joint, at q [rad], is inside the wall.
+    """Raise PlantError if the joint, at q [rad], is inside the obstacle.
 
-    The wall would eject it.
+    The obstacle would eject it.
     """
     if not obstacle.side * (q - obstacle.q_wall) <= 0.0:
         where = "above" if obstacle.side < 0.0 else "below"
@@ -547,7 +548,7 @@ def state_derivative(
 ) -> PlantState:
     """Return dx/dt (equations 1-13).
 
-    Inputs are motor voltages [V], external joint torque [N·m], shaft loads [N·m] and a wall.
+    Inputs are motor voltages [V], external joint torque [N·m], shaft loads [N·m] and an obstacle.
     """
     r_m = plant.joint.r_m
     F_A = tendon_tension(plant.spring_A, elongation_A(plant.joint, x.theta_A, x.q))

@@ -264,7 +264,7 @@ def actuate_plant(
 ) -> PlantState:
     """Return the state one period later.
 
-    The command is limited and quantised as by the converter; a push [N] at r_j, a load and a wall act too.
+    The command is limited and quantised as by the converter; a push [N] at r_j, a load and an obstacle act too.
     """
     u_A = quantise(min(max(command.u_A, -u_max), u_max), sensors.voltage_step)
     u_B = quantise(min(max(command.u_B, -u_max), u_max), sensors.voltage_step)
@@ -483,7 +483,7 @@ class Simulator:
 
     @property
     def F_wall(self) -> float:
-        """Force of the wall on the joint [N] in the last measurement."""
+        """Force of the obstacle on the joint [N] in the last measurement."""
         F_wall: float = self._wall_force.get()
         return F_wall
 
@@ -504,9 +504,9 @@ class Simulator:
         self.simulated.field("load").set(ShaftLoad(float(load.load_A), float(load.load_B)))
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
-        """Set the wall from the next period on, None removes it.
+        """Set the obstacle from the next period on, None removes it.
 
-        Raises PlantError for a wall that is out of range, contains the joint, or is too stiff for the integration
+        Raises PlantError for an obstacle that is out of range, contains the joint, or is too stiff for the integration
         steps.
         """
         if obstacle is not None:

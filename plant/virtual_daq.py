@@ -728,7 +728,7 @@ class VirtualRig(Rig):
         return self._card_registers.state()
 
     def read(self) -> Measurement:
-        """Return the measurement with the push and the force of a wall. Raises PlantError."""
+        """Return the measurement with push and obstacle force. Raises PlantError."""
         m, simulator = super().read(), self._simulator
         return m._replace(F_push=simulator.F_push, F_wall=simulator.F_wall)
 
@@ -741,7 +741,7 @@ class VirtualRig(Rig):
         self._simulator.load(load)
 
     def obstacle(self, obstacle: Obstacle | None) -> None:
-        """Set the wall from the next period on, None removes it. Raises PlantError."""
+        """Set the obstacle from the next period, None for none. Raises PlantError."""
         self._simulator.obstacle(obstacle)
 
     def inject(self, broken: Broken | None) -> None:

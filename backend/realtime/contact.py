@@ -280,7 +280,7 @@ def make_yielding_motion(
     )
 
 
-# Hand push -----------------------------------------------------------------------------------------
+# Manual push ---------------------------------------------------------------------------------------
 #
 # An operator's push on the joint of a plant that can be pushed (the simulator), for a limited time.
 #

@@ -64,7 +64,7 @@ FAN_TORQUE = 2.0
 
 SOLID_FORCE_N = 50.0
 PRESSED_N = 0.05
-"""Least wall force at which the joint is drawn as pressing on the wall [N]."""
+"""Least force of the obstacle at which the joint is drawn as pressing on it [N]."""
 
 # Dark blue to amber with uniform lightness, distinguishable with every kind of colour vision; red is reserved for
 # faults.
@@ -97,7 +97,7 @@ class Pose:
     """Pose of the actuator; angles in rad, lengths in m.
 
     ``fan`` is ± the angle that 2 N·m deflects, 0 while a tendon is slack because S is then unknown. ``F_ext_hat`` [N]
-    is NaN if unknown, as in recordings of earlier versions; ``pressed``: the joint presses on a wall.
+    is NaN if unknown, as in recordings of earlier versions; ``pressed``: the joint presses on an obstacle.
     """
 
     q: float
@@ -303,7 +303,7 @@ BRASS = (190, 164, 108)
 SIDE_COLOURS = {"A": (0, 158, 115), "B": (204, 121, 167)}
 """Hues of F_A and F_B in the charts."""
 WALL, PRESSED = (110, 116, 126), (213, 94, 0)
-"""Colours of a wall, and of one that is pressed on: the hue of a push."""
+"""Colours of an obstacle, and of one that is pressed on: the hue of a push."""
 REFERENCE = (0, 114, 178)
 """Hue of q in the charts; its reference is the ghost."""
 
@@ -377,7 +377,7 @@ def make_ghost(add: Add, parent: str) -> None:
 
 
 def make_wall(add: Add, parent: str, side: float) -> Any:
-    """Add a wall whose face touches the link's flank at the parent's angle.
+    """Add an obstacle that touches the link's flank at the parent's angle.
 
     ``side`` 1 is above the joint, -1 below.
     """
@@ -552,7 +552,7 @@ class SceneNodes:
                 self._stiffness.text = f"S {FAN_TORQUE / pose.fan:.1f} N·m/rad" if pose.fan else "S slack"
 
     def show_wall(self, wall: Obstacle | None) -> None:
-        """Show a wall at its position, None for no wall."""
+        """Show an obstacle at its position, None for no obstacle."""
         if wall == self._wall:
             return
         self._wall = wall

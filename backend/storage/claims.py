@@ -1,9 +1,9 @@
 """Claim of a service on its database, with a heartbeat, for any path or URL.
 
 The lock of a data folder does not protect a database elsewhere, and the lock of a database server ends with a
-connection. A service therefore writes its identity into the database, and increments a beat every second. A process
+connection. A service therefore writes its identity into the database, and counts a heartbeat every second. A process
 that finds a claim asks the kernel whether the claiming process is alive, if both see the same processes; otherwise
-(another machine, a container) it waits for a beat. No clocks are compared.
+(another machine, a container) it waits for a heartbeat. No clocks are compared.
 """
 
 import json
@@ -29,7 +29,7 @@ BEAT_S = 1.0
 """Period of the heartbeat [s]."""
 
 LIFE_S = 10.0
-"""Time without a beat after which a claim is void [s]: a beat may wait 5 s for the write lock of another program."""
+"""Time without a heartbeat after which a claim is void [s]; the write lock of another program may delay one by 5 s."""
 
 _POLL_S = 0.1
 _SETTING = "service_claim"
@@ -97,7 +97,7 @@ class HeldClaim:
         return self._problem
 
     def run(self) -> None:
-        """Beat once a second until ``end``; a failed beat is retried."""
+        """Count a heartbeat once a second until ``end``; a failed one is retried."""
         while not self._over.wait(BEAT_S):
             with suppress(SQLAlchemyError):  # a database that cannot be written is reported by the writers of data
                 self.beat()
@@ -107,7 +107,7 @@ class HeldClaim:
         self._over.set()
 
     def beat(self) -> None:
-        """Increment the beat, or record that another service has the claim."""
+        """Count a heartbeat, or record that another service has the claim."""
         with self._engine.begin() as connection:
             now = _load_claim(connection, self._station)
             if now is None or now.key != self._claim.key:

@@ -170,7 +170,7 @@ def find(
 ) -> list[Run]:
     """Return runs of the station, newest first, by kind and end state.
 
-    ``run_search`` has more criteria.
+    ``backend.storage.search`` has more criteria.
     """
     of_station = RunRow.station == session_station(session)
     of_kind = [RunRow.kind.in_([kind.value for kind in kinds])] if kinds else []
@@ -286,7 +286,7 @@ def run_title(run: Run) -> str:
 
 
 def run_experiment_name(run: Run) -> str:
-    """Return the name of a run for orders, "" if it is unreadable."""
+    """Return the experiment name of a run, or its kind; "" if it is unreadable."""
     return _get_experiment_part(run, "name") if run.kind == RunKind.EXPERIMENT else run.kind
 
 

@@ -264,7 +264,7 @@ UNSEEN_S = 0.01
 
 UNSEEN_F, MOST_F = 0.3, 10.0
 """External force [N] that the disturbance rejection leaves to the position loop, and the largest that it compensates:
-the estimate's error in fast moves is at most 0.3 N; and the force of a rigid wall increases by the compensation."""
+the estimate's error in fast moves is at most 0.3 N; and the force of a rigid obstacle increases by the compensation."""
 
 DEVIATIONS = 6.0
 """Least dead zone of the rejection in standard deviations of the estimate, so that it does nothing at rest."""

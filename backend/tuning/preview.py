@@ -55,7 +55,7 @@ from backend.tuning.simulation import (
 )
 from plant import SIDES, PlantParameters, T_s, find_root
 
-# Plan budget ---------------------------------------------------------------------------------------
+# Voltage limit -------------------------------------------------------------------------------------
 #
 # Voltage limit of time-optimal motion: the rest of the voltage is for load, friction and feedback.
 
