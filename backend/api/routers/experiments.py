@@ -33,8 +33,6 @@ from backend.schemas import (
 from backend.server import ThreadRoute, in_thread
 
 # Experiments ---------------------------------------------------------------------------------------
-#
-# Experiments: the kinds, starting one, its result.
 
 
 experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"], route_class=ThreadRoute)
@@ -58,49 +56,49 @@ async def start_experiment(body: ExperimentRequest, service: CurrentService, per
 async def dry_run_experiment(
     request: Request, body: ExperimentRequest, service: CurrentService, person: SignedInUser
 ) -> DryRunView:
-    """Play an experiment on a simulator of its own, one per person, 10 min at most, while the connection stands."""
+    """Simulate an experiment, one per user, at most 10 min, while the connection is open."""
     return await service.ordered_runs.dry_run(body, person, request.is_disconnected)
 
 
 @experiments_router.get("/dry-run/progress")
 async def get_dry_run_progress(service: CurrentService, person: SignedInUser) -> DryRunProgress:
-    """Return how far one's own dry run is; closing the connection that asked for it ends it."""
+    """Return the progress of the user's dry run; closing its connection ends it."""
     return await service.dry_runs.progress(person)
 
 
 @experiments_router.get("/queue")
 async def get_queue(service: CurrentService, _person: SignedInUser) -> QueueView:
-    """Return the experiments that wait for their turn."""
+    """Return the experiments in the queue."""
     return service.ordered_runs.queue.view()
 
 
 @experiments_router.post("/queue", status_code=201)
 async def add_to_queue(body: ExperimentRequest, service: CurrentService, person: Operator) -> QueueView:
-    """Put an experiment at the end of the queue; nothing starts before the queue is run."""
+    """Add an experiment to the end of the queue; it starts only when the queue runs."""
     return await service.ordered_runs.queue.add(body, person.name)
 
 
 @experiments_router.post("/queue/run")
 async def run_queue(service: CurrentService, _person: ActuatorOperator) -> QueueView:
-    """Start the first experiment and go on until the queue is empty or one does not complete."""
+    """Start the first experiment, and the next ones until one does not complete."""
     return await service.ordered_runs.queue.run()
 
 
 @experiments_router.post("/queue/hold")
 async def hold_queue(service: CurrentService, _person: Operator) -> QueueView:
-    """Start no further experiment; the one under way goes on."""
+    """Start no further experiment; the current one continues."""
     return service.ordered_runs.queue.hold()
 
 
 @experiments_router.put("/queue/{id}/place")
 async def move_in_queue(id: RowId, body: QueuePlace, service: CurrentService, _person: Operator) -> QueueView:
-    """Let a waiting experiment wait at another place."""
+    """Move a waiting experiment to another place in the queue."""
     return await service.ordered_runs.queue.move(id, body.place)
 
 
 @experiments_router.delete("/queue/{id}")
 async def remove_from_queue(id: RowId, service: CurrentService, _person: Operator) -> QueueView:
-    """Take a waiting experiment out of the queue."""
+    """Remove a waiting experiment from the queue."""
     return await service.ordered_runs.queue.remove(id)
 
 
@@ -111,8 +109,6 @@ def get_experiment(id: RowId, service: CurrentService, _person: SignedInUser) ->
 
 
 # Own experiments -----------------------------------------------------------------------------------
-#
-# Experiments as texts: the form, those there are, looking one over, keeping one.
 
 
 own_experiments_router = APIRouter(prefix="/api/experiments", tags=["experiments"], route_class=ThreadRoute)
@@ -127,7 +123,7 @@ async def get_experiment_schema(_person: SignedInUser) -> dict[str, Any]:
 
 @own_experiments_router.get("/own")
 async def list_own_experiments(request: Request, service: CurrentService, person: SignedInUser) -> OwnExperimentList:
-    """List own experiments, the newest version of each."""
+    """List own experiments in their newest version."""
     if not await in_thread(service.experiments.has_own):
         return OwnExperimentList(experiments=[])
     found = await service.texts.run(person, request.is_disconnected, service.experiments.list_own)
@@ -138,7 +134,7 @@ async def list_own_experiments(request: Request, service: CurrentService, person
 async def keep_experiment(
     request: Request, body: ExperimentText, service: CurrentService, person: Operator
 ) -> OwnExperiment:
-    """Keep an experiment as the next version of its name; one that could not be played here is refused."""
+    """Store an experiment as the next version of its name, if it is valid on this plant."""
     return await service.ordered_runs.store_experiment(body.text, person, request.is_disconnected)
 
 
@@ -146,7 +142,7 @@ async def keep_experiment(
 async def check_experiment(
     request: Request, body: ExperimentCheckRequest, service: CurrentService, person: SignedInUser
 ) -> CheckedExperiment:
-    """Look an experiment over as a start would, played dry for its peaks where asked; nothing is kept."""
+    """Check an experiment as a start does, on request with a dry run; stores nothing."""
     return await service.ordered_runs.check_experiment(body, person, request.is_disconnected)
 
 
@@ -154,7 +150,7 @@ async def check_experiment(
 async def get_experiment_text(
     request: Request, name: ExperimentName, service: CurrentService, person: SignedInUser
 ) -> WrittenExperiment:
-    """Return an experiment as the text that it is, to keep it elsewhere or to begin an own one with."""
+    """Return the text of an experiment, to store it elsewhere or to edit it."""
     return await service.texts.run(person, request.is_disconnected, service.experiments.load_text, name)
 
 
@@ -162,7 +158,7 @@ async def get_experiment_text(
 async def list_versions(
     request: Request, name: ExperimentName, service: CurrentService, person: SignedInUser
 ) -> OwnExperimentList:
-    """List the versions of an own experiment, the newest first: who kept each, and when."""
+    """List the versions of an own experiment, newest first, with author and time."""
     found = await service.texts.run(person, request.is_disconnected, service.experiments.list_versions, name)
     return OwnExperimentList(experiments=found)
 
@@ -171,13 +167,11 @@ async def list_versions(
 async def get_experiment_as_run(
     request: Request, run_id: RowId, service: CurrentService, person: SignedInUser
 ) -> RecordedExperiment:
-    """Return a run as an experiment to begin an own one with, and what of the run it does not repeat."""
+    """Return a run as an experiment, with a list of what it does not repeat."""
     return await service.texts.run(person, request.is_disconnected, service.experiments.build_from_run, run_id)
 
 
 # Studies -------------------------------------------------------------------------------------------
-#
-# Studies: begun from a text, followed, stopped and resumed.
 
 
 studies_router = APIRouter(prefix="/api/studies", tags=["studies"], route_class=ThreadRoute)
@@ -185,25 +179,25 @@ studies_router = APIRouter(prefix="/api/studies", tags=["studies"], route_class=
 
 @studies_router.get("")
 async def list_studies(service: CurrentService, _person: SignedInUser) -> StudyList:
-    """List the newest studies, and how far each is."""
+    """List the newest studies with their progress."""
     return await service.studies.list_newest()
 
 
 @studies_router.post("", status_code=201)
 async def begin_study(body: StudyText, service: CurrentService, person: Operator) -> StudyView:
-    """Keep a study and have it computed beside the loop, on the simulator; it moves nothing."""
+    """Store a study and compute it on the simulator in the background; nothing moves."""
     return await service.studies.start(body.text, person.name)
 
 
 @studies_router.post("/check")
 async def check_study(request: Request, body: StudyText, service: CurrentService, person: SignedInUser) -> CheckedStudy:
-    """Return what a text says as plain data, how many runs it has and whether it would be refused; nothing is kept."""
+    """Return the parsed text, its number of runs and its problem, if any; stores nothing."""
     return await service.studies.check(body.text, person, request.is_disconnected)
 
 
 @studies_router.get("/numbers")
 async def list_plant_numbers(service: CurrentService, _person: SignedInUser) -> PlantNumbers:
-    """List the numbers of the plant that a study can vary."""
+    """List the plant parameters that a study can vary."""
     return service.studies.list_plant_numbers()
 
 
@@ -215,11 +209,11 @@ async def get_study(id: RowId, service: CurrentService, _person: SignedInUser, p
 
 @studies_router.post("/{id}/stop")
 async def stop_study(id: RowId, service: CurrentService, _person: Operator) -> StudyView:
-    """Have a study stop, whoever computes it; what is computed stays."""
+    """Stop a study, whichever process computes it; computed runs stay stored."""
     return await service.studies.stop(id)
 
 
 @studies_router.post("/{id}/resume")
 async def resume_study(id: RowId, service: CurrentService, _person: Operator) -> StudyView:
-    """Have computed what a study lacks."""
+    """Compute the missing runs of a study."""
     return await service.studies.resume(id)

@@ -33,7 +33,7 @@ async def identify(
 async def pause(
     body: identification.PauseRequest, service: CurrentService, _person: ActuatorOperator
 ) -> identification.PauseRequest:
-    """Let the next of several identifications wait, or begin; refused where none follows the one under way."""
+    """Pause before the next of several identifications, or continue; rejected if none follows."""
     service.ordered_runs.pause.request(body.paused)
     return body
 
@@ -42,7 +42,7 @@ async def pause(
 async def predict(
     request: Request, body: identification.IdentificationRequest, service: CurrentService, person: SignedInUser
 ) -> identification.Prediction:
-    """Tell what joint motion a run would cause, before it starts."""
+    """Predict the joint motion of an identification before it starts."""
     return await service.ordered_runs.predict_identification(
         body, service.texts.make_preview_runner(person, request.is_disconnected)
     )
@@ -58,7 +58,7 @@ def list_identifications(service: CurrentService, _person: SignedInUser) -> iden
 async def list_identification_kinds(
     service: CurrentService, _person: SignedInUser
 ) -> identification.IdentificationKindList:
-    """List what can be identified, with the settings of each."""
+    """List the kinds of identifications with their settings."""
     return identification.IdentificationKindList(kinds=describe_identification_kinds())
 
 
@@ -70,19 +70,19 @@ def get_identification(id: RowId, service: CurrentService, _person: SignedInUser
 
 @router.get("/identifications/{id}/curves")
 def get_identification_curves(id: RowId, service: CurrentService, _person: SignedInUser) -> IdentificationCurves:
-    """Return what can be drawn of an identification run: responses, residual tests, errors."""
+    """Return the curves of an identification run: responses, residual tests, errors."""
     return service.identifications.build_curves(id)
 
 
 @router.get("/identifications/{id}/unseen")
 async def get_unseen(id: RowId, of: RowNumber, service: CurrentService, _person: SignedInUser) -> ValidationView:
-    """Set a model beside the record of the run `of`, or the part of its own that it was not fitted to."""
+    """Compare a model with the recording of run `of`, or with the validation data of its own run."""
     return await service.identifications.validate(id, of)
 
 
 @router.get("/identification-trend")
 async def get_identification_trend(service: CurrentService, _person: SignedInUser) -> Trend:
-    """Return gains and lags over S beside what geometry predicts."""
+    """Return gains and time constants over S with the predictions from geometry."""
     return await service.identifications.compute_trend()
 
 
@@ -90,9 +90,9 @@ async def get_identification_trend(service: CurrentService, _person: SignedInUse
 async def add_table(
     request: Request, body: identification.SpringTableRequest, service: CurrentService, person: Operator
 ) -> identification.SpringTableView:
-    """Identify a spring from a table measured elsewhere."""
-    asked = body.name, body.table, person.name, __version__, body.header, body.decimal
-    new = await service.texts.run(person, request.is_disconnected, fit_spring_table, *asked)
+    """Identify a spring from an imported table."""
+    arguments = body.name, body.table, person.name, __version__, body.header, body.decimal
+    new = await service.texts.run(person, request.is_disconnected, fit_spring_table, *arguments)
     return await in_thread(service.identifications.add_spring_table, new)
 
 
@@ -110,23 +110,23 @@ def get_spring_table(id: RowId, service: CurrentService, _person: SignedInUser) 
 
 @router.get("/spring-tables/{id}/curves")
 def get_spring_table_curves(id: RowId, service: CurrentService, _person: SignedInUser) -> IdentificationCurves:
-    """Return what can be drawn of a spring identified from a table."""
+    """Return the curves of a spring identified from a table."""
     return service.identifications.build_spring_table_curves(id)
 
 
 @router.get("/parameters")
 def get_parameters(service: CurrentService, _person: SignedInUser, estimate: RowNumber | None = None) -> ParametersView:
-    """Return the parameters in force by versions, and what applying an estimate would change."""
+    """Return the versions of the active parameters, and the effect of applying an estimate."""
     return service.parameter_service.build_view(estimate)
 
 
 @router.post("/parameters")
 async def apply_parameters(body: ApplyRequest, service: CurrentService, person: ActuatorOperator) -> ParametersView:
-    """Put identified motors or springs in force; in off only."""
+    """Activate identified motors or springs; in mode off only."""
     return await service.parameter_service.apply(body.estimate, person.name)
 
 
 @router.post("/parameters/undo")
 async def undo_parameters(body: UndoRequest, service: CurrentService, person: ActuatorOperator) -> ParametersView:
-    """Put the former parameters in force again, as a new version; in off only."""
+    """Activate the previous parameters again, as a new version; in mode off only."""
     return await service.parameter_service.undo(body.version, person.name)

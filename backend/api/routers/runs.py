@@ -54,8 +54,6 @@ from backend.services import RangeQuery, RunQuery, SampleSlice, read_planned_run
 from backend.storage import LONGEST, TAG_MAX, EventKind, LogQuery
 
 # Runs ----------------------------------------------------------------------------------------------
-#
-# Stored runs: search, notes, samples, reports, downloads.
 
 
 runs_router = APIRouter(prefix="/api/runs", tags=["runs"], route_class=ThreadRoute)
@@ -95,7 +93,7 @@ def list_runs(
 
 @runs_router.get("/foxglove-layout.json", response_class=Response, responses={200: {"content": {JSON: {}}}})
 async def get_layout(_person: SignedInUser) -> Response:
-    """Return the layout that shows an MCAP file in Foxglove and Lichtblick."""
+    """Return the Foxglove and Lichtblick layout for MCAP files of runs."""
     return build_download_response(foxglove_layout().encode(), JSON, "sinew-foxglove-layout.json")
 
 
@@ -107,52 +105,52 @@ def get_run(id: RowId, service: CurrentService, _person: SignedInUser) -> RunVie
 
 @runs_router.patch("/{id}")
 def set_note(id: RowId, body: NoteRequest, service: CurrentService, _person: Operator) -> RunView:
-    """Write the note of a run."""
+    """Set the note of a run."""
     return service.runs.set_note(id, body.note)
 
 
 @runs_router.post("/{id}/tags")
 def put_tag(id: RowId, body: TagRequest, service: CurrentService, _person: Operator) -> RunView:
-    """Put a tag on a run."""
+    """Add a tag to a run."""
     service.run_library.change_tags([id], [body.tag], [])
     return service.runs.load_run(id)
 
 
 @runs_router.delete("/{id}/tags/{tag}")
 def take_tag(id: RowId, tag: TagInPath, service: CurrentService, _person: Operator) -> RunView:
-    """Take a tag off a run."""
+    """Remove a tag from a run."""
     service.run_library.change_tags([id], [], [tag])
     return service.runs.load_run(id)
 
 
 @runs_router.post("/{id}/evaluation")
 async def evaluate_run(request: Request, id: RowId, service: CurrentService, _person: Operator) -> RunView:
-    """Compute the result of a run again, from what is stored of it; earlier results stay beside the new one."""
+    """Compute the result of a run again; earlier results stay stored."""
     await run_while_connected(service.evaluations.evaluate_again(id), request.is_disconnected)
     return await in_thread(service.runs.load_run, id)
 
 
 @runs_router.get("/{id}/lineage")
 def get_lineage(id: RowId, service: CurrentService, _person: SignedInUser) -> Lineage:
-    """Return where a run came from, back to raw data and parameters, and what came of it."""
+    """Return the lineage of a run, back to raw data and parameters, and what was derived from it."""
     return service.history.build_lineage(id)
 
 
 @runs_router.get("/{id}/marks")
 def get_marks(id: RowId, service: CurrentService, _person: SignedInUser) -> RunMarks:
-    """Return what happened during a run, on its own time axis."""
+    """Return the events during a run, on its own time axis."""
     return service.history.load_marks(id)
 
 
 @runs_router.get("/{id}/planned")
 async def get_planned(request: Request, id: RowId, service: CurrentService, person: SignedInUser) -> PlannedSignals:
-    """Return the references that a run was to follow, from begin to end."""
+    """Return the planned references of a run, from start to end."""
     return await service.texts.run(person, request.is_disconnected, read_planned_run, service.database, id)
 
 
 @runs_router.post("/{id}/replay", status_code=204)
 def show_moment(id: RowId, body: ReplayRequest, service: CurrentService, _person: SignedInUser) -> None:
-    """Let the replay's 3D view at /replay/ show a moment of the run; nothing real moves."""
+    """Show a moment of the run in the replay's 3D view at /replay/; nothing moves."""
     service.replay.show(id, body.t)
 
 
@@ -174,19 +172,20 @@ SliceQuery = Annotated[SampleSlice, Depends(_parse_slice)]
 
 
 @runs_router.get("/{id}/samples")
-async def get_samples(asked: SliceQuery, service: CurrentService, _person: SignedInUser) -> SamplesView:
-    """Return samples of a run: raw where they are few enough, else their min/max envelope."""
-    return await service.runs.load_samples(asked)
+async def get_samples(query: SliceQuery, service: CurrentService, _person: SignedInUser) -> SamplesView:
+    """Return samples of a run, or their min/max envelope if there are too many."""
+    return await service.runs.load_samples(query)
 
 
 @runs_router.get("/{id}/samples.bin", response_class=Response, responses={200: {"content": {BINARY: {}}}})
-async def get_packed_samples(asked: SliceQuery, service: CurrentService, _person: SignedInUser) -> Response:
-    """Return what ``samples`` returns in binary, little endian.
+async def get_packed_samples(query: SliceQuery, service: CurrentService, _person: SignedInUser) -> Response:
+    """Return the content of ``samples`` in binary, little endian.
 
-    float64 bucket width [s], uint64 first bucket, uint32 buckets, uint32 values per bucket (1: samples, 2: smallest and
-    largest); then float32 per signal in the order asked for: the smallest values, then, of 2, the largest.
+    float64 bucket width [s], uint64 first bucket, uint32 buckets, uint32 values per bucket (1: samples, 2: smallest
+    and largest); then for each signal in the requested order float32 values: the smallest, and with 2 values the
+    largest.
     """
-    return Response(await service.runs.pack_samples(asked), media_type=BINARY)
+    return Response(await service.runs.pack_samples(query), media_type=BINARY)
 
 
 @runs_router.get("/{id}/report.html", response_class=Response, responses={200: {"content": {"text/html": {}}}})
@@ -218,7 +217,7 @@ async def get_data(
         str, Query(max_length=1100, description="derived signals as further columns, names separated by commas")
     ] = "",
 ) -> Response:
-    """Return all samples of a run, with their notation and the facts of the run; SI units."""
+    """Return all samples of a run with notation and metadata; SI units."""
     derived = list(dict.fromkeys(filter(None, formulas.split(","))))
     content = await service.downloads.stream_run(id, format, derived)
     return build_download_response(content, MEDIA_TYPES[format], f"sinew-run-{id}.{format}")
@@ -226,28 +225,26 @@ async def get_data(
 
 @runs_router.get("/{id}/bundle.zip", response_class=Response, responses={200: {"content": {ZIP: {}}}})
 async def get_bundle(id: RowId, service: CurrentService, _person: SignedInUser) -> Response:
-    """Return a run with all that it came from, for another installation to take in."""
+    """Return a run with everything that it refers to, for import elsewhere."""
     return build_download_response(await service.downloads.stream_bundle(id), ZIP, f"sinew-run-{id}.zip")
 
 
 def build_report_response(content: bytes, format: str, name: str = "") -> Response:
-    """Return a report: a page to look at, or a PDF to be saved under a name."""
+    """Return a report as a page, or as a PDF with a file name."""
     if format == "pdf":
         return build_download_response(content, PDF, name)
     return Response(content, media_type="text/html", headers={"Content-Security-Policy": DOCUMENT_POLICY})
 
 
 def build_download_response(content: bytes | AsyncIterator[bytes], media_type: str, name: str) -> Response:
-    """Return content, whole or piece by piece, to be saved under a name."""
+    """Return content, complete or in chunks, with a file name."""
     headers = {"Content-Disposition": f'attachment; filename="{make_file_name(name)}"'}
     if isinstance(content, bytes):
         return Response(content, media_type=media_type, headers=headers)
     return StreamingResponse(content, media_type=media_type, headers=headers)
 
 
-# Log -----------------------------------------------------------------------------------------------
-#
-# What happened: the log, what people say of it, and the flight records of trips and triggers.
+# Event log and flight records ----------------------------------------------------------------------
 
 
 log_router = APIRouter(prefix="/api", tags=["log"], route_class=ThreadRoute)
@@ -266,19 +263,19 @@ def get_log(
     before: Annotated[Instant | None, Query(description="before this time")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> Timeline:
-    """Return what happened and who asked for it, newest first."""
+    """Return the entries of the event log, newest first."""
     return service.timeline.load_page(LogQuery(kind or (), words.split(), since, before, angles), limit)
 
 
 @log_router.put("/log/{id}/remark", status_code=204)
 def set_remark(id: RowId, body: EventNote, service: CurrentService, person: Operator) -> None:
-    """Say something of an event: a note and tags, in the place of those before."""
+    """Set note and tags of an event."""
     service.timeline.set_remark(id, body, person.name)
 
 
 @log_router.get("/flights", tags=["faults"])
 def list_flights(service: CurrentService, _person: SignedInUser) -> FlightList:
-    """List the newest flight records: of trips 10 s before to 5 s after, of triggers as asked for, at 1 kHz."""
+    """List the newest flight records: trips from 10 s before to 5 s after, captures of triggers."""
     return service.runs.list_flights()
 
 
@@ -292,13 +289,11 @@ async def get_flight_data(id: RowId, format: DataFormat, service: CurrentService
 
 @log_router.post("/flights/{id}/replay", tags=["faults"], status_code=204)
 def show_flight_moment(id: RowId, body: FlightMoment, service: CurrentService, _person: SignedInUser) -> None:
-    """Let the replay's 3D view at /replay/ show a moment of a flight record; nothing real moves."""
+    """Show a moment of a flight record in the replay's 3D view at /replay/; nothing moves."""
     service.replay.show_flight(id, body.t)
 
 
-# Run library ---------------------------------------------------------------------------------------
-#
-# Finding runs and setting them beside each other.
+# Search and comparison of runs ---------------------------------------------------------------------
 
 
 run_library_router = APIRouter(prefix="/api", tags=["runs"], route_class=ThreadRoute)
@@ -309,7 +304,7 @@ RunNumber = Annotated[int, Query(ge=1, le=2**53)]
 
 @run_library_router.get("/run-words")
 def get_search_words(service: CurrentService, _person: SignedInUser) -> SearchWords:
-    """Return what runs can be searched by at present: fields, names of values, tags, stations."""
+    """Return the fields, names of values, tags and stations of the search."""
     return service.run_library.list_search_words()
 
 
@@ -321,13 +316,13 @@ def list_saved_searches(service: CurrentService, _person: SignedInUser) -> Saved
 
 @run_library_router.put("/saved-searches/{name}")
 def save_search(name: SearchName, body: SearchText, service: CurrentService, person: Operator) -> SavedSearchList:
-    """Save a search under a name, in the place of one that has it."""
+    """Save a search under a name, replacing an existing one."""
     return service.run_library.save_search(name, body.where, person.name)
 
 
 @run_library_router.delete("/saved-searches/{name}")
 def forget_search(name: SearchName, service: CurrentService, person: Operator) -> SavedSearchList:
-    """Take a saved search off the list."""
+    """Remove a saved search from the list."""
     return service.run_library.remove_search(name, person.name)
 
 
@@ -338,37 +333,37 @@ def rename_tag(
     service: CurrentService,
     _person: Operator,
 ) -> TagList:
-    """Call a tag otherwise on all runs of this station."""
+    """Rename a tag on all runs of this station."""
     service.run_library.rename_tag(tag, body.tag)
     return TagList(tags=service.run_library.list_search_words().tags)
 
 
 @run_library_router.get("/run-comparison")
 def compare_runs(
-    asked: Annotated[ComparisonRequest, Query()], service: CurrentService, _person: SignedInUser
+    query: Annotated[ComparisonRequest, Query()], service: CurrentService, _person: SignedInUser
 ) -> RunComparison:
-    """Return metrics and settings of runs beside those of one of them, and how they come onto its time axis."""
-    return service.run_library.compare_runs(asked)
+    """Return metrics and settings of runs compared with a reference, and their alignment."""
+    return service.run_library.compare_runs(query)
 
 
 @run_library_router.get("/run-comparison/differences")
 async def get_differences(
-    request: Request, asked: Annotated[DifferencesRequest, Query()], service: CurrentService, _person: SignedInUser
+    request: Request, query: Annotated[DifferencesRequest, Query()], service: CurrentService, _person: SignedInUser
 ) -> Differences:
-    """Return a signal of runs minus that of one of them, and where it leaves a tolerance band."""
-    return await run_while_connected(service.downloads.compute_differences(asked), request.is_disconnected)
+    """Return a signal of runs minus that of a reference, and where it leaves a tolerance band."""
+    return await run_while_connected(service.downloads.compute_differences(query), request.is_disconnected)
 
 
 @run_library_router.get("/run-comparison/{content}.csv", response_class=Response)
 async def get_comparison_file(
     content: Literal["curves", "table"],
-    asked: Annotated[DifferencesRequest, Query()],
+    query: Annotated[DifferencesRequest, Query()],
     service: CurrentService,
     _person: SignedInUser,
 ) -> Response:
-    """Return aligned curves with their differences, or the table of what differs; SI units."""
-    content_pieces = await service.downloads.stream_comparison(content, asked)
-    return build_download_response(content_pieces, "text/csv", f"sinew-comparison-{content}.csv")
+    """Return aligned curves with their differences, or the table of differences; SI units."""
+    chunks = await service.downloads.stream_comparison(content, query)
+    return build_download_response(chunks, "text/csv", f"sinew-comparison-{content}.csv")
 
 
 @run_library_router.get("/run-comparison/report.{format}", response_class=Response)
@@ -394,13 +389,11 @@ def get_metric_history(
     where: Annotated[str, Query(max_length=2 * LONGEST, description="of the runs that fit this search only")] = "",
     everywhere: Annotated[bool, Query(description="of all stations, not of this one only")] = False,
 ) -> MetricHistory:
-    """Return one metric of a kind of runs over the dates of these runs."""
+    """Return one metric of all runs of a kind over their dates."""
     return service.run_library.build_metric_history(kind, metric, where, everywhere=everywhere)
 
 
-# Sheets --------------------------------------------------------------------------------------------
-#
-# What the charts show, for print.
+# Chart sheets --------------------------------------------------------------------------------------
 
 
 sheets_router = APIRouter(tags=["runs"], route_class=ThreadRoute)
@@ -408,15 +401,13 @@ sheets_router = APIRouter(tags=["runs"], route_class=ThreadRoute)
 
 @sheets_router.post(SHEETS, response_class=Response, responses={200: {"content": {PDF: {}}}})
 async def print_sheet(request: Request, body: ChartSheet, service: CurrentService, person: SignedInUser) -> Response:
-    """Return a sheet of charts as PDF at its size. Open to viewers: it moves and keeps nothing."""
+    """Return a sheet of charts as PDF. Open to viewers: stores and moves nothing."""
     return build_download_response(
         await service.sheets.render(body.svg, person, request.is_disconnected), PDF, "sinew-charts.pdf"
     )
 
 
-# Formulas ------------------------------------------------------------------------------------------
-#
-# Derived signals by formula.
+# Derived signals -----------------------------------------------------------------------------------
 
 
 formulas_router = APIRouter(prefix="/api", tags=["runs"], route_class=ThreadRoute)
@@ -426,13 +417,13 @@ Named = Annotated[FormulaName, Path(description="name of the derived signal")]
 
 @formulas_router.get("/formulas")
 def list_formulas(service: CurrentService, _person: SignedInUser) -> FormulaList:
-    """List the derived signals of the station, by name, with the steps that compute them."""
+    """List the derived signals of the station by name, with their computation steps."""
     return service.formulas.list_formulas()
 
 
 @formulas_router.put("/formulas/{name}")
 def put_formula(name: Named, body: FormulaText, service: CurrentService, person: Operator) -> FormulaView:
-    """Write a derived signal, or change the one of this name."""
+    """Store a new or changed derived signal."""
     return service.formulas.save(name, body, person.name)
 
 
@@ -442,22 +433,20 @@ def remove_formula(name: Named, service: CurrentService, person: Operator) -> No
     service.formulas.remove(name, person.name)
 
 
-# Run figures ---------------------------------------------------------------------------------------
-#
-# Statistics, values, spectra and files of every sample of a range of a run.
+# Analysis of ranges --------------------------------------------------------------------------------
 
 
 run_figures_router = APIRouter(prefix="/api/runs", tags=["runs"], route_class=ThreadRoute)
 
 CSV = "text/csv; charset=utf-8"
 LINES = "application/x-ndjson"
-"""Sent while the range is read: whoever waits sees how far it is, and who leaves ends the work."""
+"""Lines of JSON, sent while the range is read: the client shows the progress."""
 
 MAX_MOMENTS = 100
 
 
 def _describe_lines(model: type[Schema]) -> dict[str, Any]:
-    """Return how a route is described whose answer is lines of JSON, each of this model; refusals are one body."""
+    """Return the OpenAPI description of a route that sends lines of JSON of a model."""
     schema = {"$ref": f"#/components/schemas/{model.__name__}"}
     described: dict[int | str, dict[str, Any]] = {200: {"content": {LINES: {"schema": schema}}}}
     return {"response_class": Response, "response_model": model, "responses": described}
@@ -479,23 +468,23 @@ Times = Annotated[list[Finite], Field(min_length=1, max_length=MAX_MOMENTS)]
 
 
 @run_figures_router.get("/{id}/statistics", **_describe_lines(StatisticsLine))
-async def get_statistics(asked: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
-    """Return statistics of every sample of a range: lines that tell how far it is, the result in the last one."""
-    return StreamingResponse(await service.figures.stream_statistics(asked), media_type=LINES)
+async def get_statistics(query: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
+    """Return statistics of every sample of a range: lines with progress, the result last."""
+    return StreamingResponse(await service.figures.stream_statistics(query), media_type=LINES)
 
 
 @run_figures_router.get("/{id}/spectra", **_describe_lines(SpectraLine))
-async def get_spectra(asked: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
-    """Return spectra of every sample of a range (Welch's method): lines as ``statistics``."""
-    return StreamingResponse(await service.figures.stream_spectra(asked), media_type=LINES)
+async def get_spectra(query: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
+    """Return spectra of every sample of a range (Welch's method), as lines like ``statistics``."""
+    return StreamingResponse(await service.figures.stream_spectra(query), media_type=LINES)
 
 
 @run_figures_router.get("/{id}/range.csv", response_class=Response, responses={200: {"content": {"text/csv": {}}}})
-async def get_range_file(asked: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
-    """Return every sample of a range as comma-separated text; values as ``data.csv`` has them."""
-    end = "end" if asked.to_s is None else f"{asked.to_s:.3f}-s"
-    name = f"sinew-run-{asked.run}-{asked.from_s:.3f}-to-{end}.csv"
-    return build_download_response(await service.figures.stream_csv(asked), CSV, name)
+async def get_range_file(query: RangeParameters, service: CurrentService, _person: SignedInUser) -> Response:
+    """Return every sample of a range as CSV, with values as in ``data.csv``."""
+    end = "end" if query.to_s is None else f"{query.to_s:.3f}-s"
+    name = f"sinew-run-{query.run}-{query.from_s:.3f}-to-{end}.csv"
+    return build_download_response(await service.figures.stream_csv(query), CSV, name)
 
 
 @run_figures_router.get("/{id}/values")
@@ -506,5 +495,5 @@ def get_values(
     at: Annotated[Times, Query(description="times since the run's first sample [s]")],
     signals: Annotated[str, Query(max_length=2000, description="names separated by commas")] = "q,q_ref,S,S_ref",
 ) -> RecordedValues:
-    """Return the values of signals at the samples at or before some times."""
+    """Return the values of signals at the last samples at or before some times."""
     return service.figures.read_values(id, at, tuple(dict.fromkeys(signals.split(","))))

@@ -29,8 +29,6 @@ from backend.server import (
 )
 
 # Preferences ---------------------------------------------------------------------------------------
-#
-# What the page remembers for the person who is signed in.
 
 
 preferences_router = APIRouter(prefix="/api/preferences", tags=["session"], route_class=ThreadRoute)
@@ -38,19 +36,17 @@ preferences_router = APIRouter(prefix="/api/preferences", tags=["session"], rout
 
 @preferences_router.get("")
 def get_preferences(service: CurrentService, person: SignedInUser) -> Preferences:
-    """Return how the signed-in person likes the page; defaults for somebody new."""
+    """Return the preferences of the signed-in user; defaults for a new one."""
     return service.preferences.load(person)
 
 
 @preferences_router.put("")
 def set_preferences(body: Preferences, service: CurrentService, person: SignedInUser) -> Preferences:
-    """Remember how the signed-in person likes the page. Open to viewers: it moves nothing."""
+    """Store the preferences of the signed-in user. Open to viewers: nothing moves."""
     return service.preferences.save(person, body)
 
 
 # Session -------------------------------------------------------------------------------------------
-#
-# Sign-in, sign-out, new tokens, health.
 
 
 session_router = APIRouter(prefix="/api", tags=["session"], route_class=ThreadRoute)
@@ -58,20 +54,23 @@ session_router = APIRouter(prefix="/api", tags=["session"], route_class=ThreadRo
 
 @session_router.get("/health")
 async def get_health(service: CurrentService) -> Health:
-    """Tell whether the loop is alive; open to all, without secrets."""
+    """Return whether the control loop runs; open to everyone, without secrets."""
     return service.actuator.live_state.health()
 
 
 @session_router.post("/page-address")
 async def check_page_address(body: PageAddress, request: Request) -> PageAddressFindings:
-    """Tell what is wrong with the way from a page's address to this service; open to all. A foreign page gets 403."""
+    """Return the problems of the path from a page's address to this service.
+
+    Open to everyone; a page of another origin gets 403.
+    """
     public, peer = request.scope[PUBLIC], request.scope[PEER]
     return PageAddressFindings(problems=find_deployment_problems(body.url, public, request.headers, peer))
 
 
 @session_router.get("/session")
 async def get_session(request: Request, response: Response, person: SignedInUser) -> SessionView:
-    """Tell who is signed in; the browser keeps its cookie for longer by that."""
+    """Return the signed-in user, and renew the session cookie."""
     set_session_cookie(find_authentication(request), request, response, person)
     return _view(person)
 
@@ -80,7 +79,7 @@ async def get_session(request: Request, response: Response, person: SignedInUser
 async def set_name(
     body: NameRequest, request: Request, response: Response, service: CurrentService, person: SignedInUser
 ) -> SessionView:
-    """Say by what name this browser's person goes; the session, and control with it, stay as they are."""
+    """Set the name of this browser's user; session and control lease stay."""
     authentication = find_authentication(request)
     renamed = authentication.active_users.rename(person, body.name)
     set_session_cookie(authentication, request, response, renamed)
@@ -100,7 +99,7 @@ async def sign_in(body: SignIn, request: Request, response: Response) -> Session
 
 @session_router.delete("/session", status_code=204)
 async def sign_out(request: Request, response: Response) -> None:
-    """End the session: its cookie opens nothing any more, wherever else it may be, and its pages are closed."""
+    """End the session: its cookie is no longer valid anywhere, and its pages are disconnected."""
     authentication = find_authentication(request)
     end_session(authentication, request, response)
     await authentication.sessions.save()
@@ -108,7 +107,7 @@ async def sign_out(request: Request, response: Response) -> None:
 
 @session_router.post("/session/tokens/rotate")
 async def rotate_tokens(body: Rotation, request: Request, response: Response, person: Operator) -> NewTokens:
-    """Replace tokens at once. All sessions that were opened with the old ones end, save that of who asks."""
+    """Replace tokens at once. All sessions of the old tokens end, except the caller's."""
     roles = list(Role) if body.role is None else [body.role]
     authentication = find_authentication(request)
     tokens = await authentication.rotate(roles, person)
@@ -118,7 +117,7 @@ async def rotate_tokens(body: Rotation, request: Request, response: Response, pe
 
 @session_router.get("/checklist")
 def get_checklist(service: CurrentService, _person: SignedInUser) -> Checklist:
-    """Return how far the set-up is, from pretension to report, and what is out of date."""
+    """Return the steps of the setup, from pretension to report, with their states."""
     return service.history.build_checklist()
 
 

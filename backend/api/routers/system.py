@@ -46,9 +46,7 @@ from backend.server import (
 
 _log = logging.getLogger(__name__)
 
-# Bring up ------------------------------------------------------------------------------------------
-#
-# Bring a rig up: its steps, one at a time.
+# Commissioning -------------------------------------------------------------------------------------
 
 
 bring_up_router = APIRouter(prefix="/api/bring-up", tags=["bring-up"], route_class=ThreadRoute)
@@ -56,25 +54,25 @@ bring_up_router = APIRouter(prefix="/api/bring-up", tags=["bring-up"], route_cla
 
 @bring_up_router.get("")
 async def get_bring_up(service: CurrentService, _person: SignedInUser) -> BringUpView:
-    """Return all steps in order, how each stands, and the one that is under way."""
+    """Return all steps in order with their states, and the running one."""
     return await service.bring_up.view()
 
 
 @bring_up_router.post("/confirm")
 async def confirm_bring_up(service: CurrentService, _person: ActuatorOperator) -> BringUpView:
-    """Confirm what the step under way asks a person to do."""
+    """Confirm what the running step asks for."""
     return await service.bring_up.confirm()
 
 
 @bring_up_router.post("/cancel")
 async def cancel_bring_up(service: CurrentService, _person: ActuatorOperator) -> BringUpView:
-    """Give up the step under way; nothing of it is kept."""
+    """Cancel the running step; nothing of it is stored."""
     return await service.bring_up.cancel()
 
 
 @bring_up_router.post("/drives")
 async def switch_drives(body: DrivesRequest, service: CurrentService, person: ActuatorOperator) -> BringUpView:
-    """Switch the drives off, at any time, or once no hand is at the rig on, in off and between two steps only."""
+    """Disable the drives at any time, or enable them in mode off between two steps."""
     return await service.bring_up.switch_drives(body.on, person.name)
 
 
@@ -82,13 +80,11 @@ async def switch_drives(body: DrivesRequest, service: CurrentService, person: Ac
 async def start_bring_up(
     step: StepId, body: StepValues, service: CurrentService, person: ActuatorOperator
 ) -> BringUpView:
-    """Start a step; refused while another one is under way, and where something has to come before it."""
+    """Start a step; rejected while another one runs, and before the steps it requires."""
     return await service.bring_up.start(step, body.values, person.name)
 
 
-# Site ----------------------------------------------------------------------------------------------
-#
-# The pages: sign-in by link, the dashboard's built files, the documentation of the interface.
+# Pages ---------------------------------------------------------------------------------------------
 
 
 STATIC = Path(__file__).parents[2] / "static"
@@ -98,7 +94,7 @@ site_router = APIRouter(include_in_schema=False)
 
 @site_router.get("/")
 async def index(request: Request, token: str | None = None, name: str = "") -> Response:
-    """Sign in by the link's token, then show the dashboard under an address without it."""
+    """Sign in with the link's token, then redirect to the address without it."""
     if token is None:
         return _dashboard()
     authentication = find_authentication(request)
@@ -106,7 +102,7 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
         person = authentication.sign_in(read_credentials(request), token, name)
     except RequestRejectedError as error:
         return render_message_page(STATUS_BY_CODE[error.category], str(error))
-    answer = RedirectResponse("./", status_code=303)  # from here: a proxy may have a path before it
+    answer = RedirectResponse("./", status_code=303)  # relative: a proxy may add a path prefix
     set_session_cookie(authentication, request, answer, person)
     await authentication.sessions.save()
     return answer
@@ -114,13 +110,13 @@ async def index(request: Request, token: str | None = None, name: str = "") -> R
 
 @site_router.get("/api/docs")
 async def documentation() -> RedirectResponse:
-    """Show the documentation of this interface, from files of this service alone."""
+    """Redirect to the documentation of this interface, which needs no other server."""
     return RedirectResponse("../docs.html")
 
 
 @site_router.get("/api/openapi.json")
 async def description(request: Request, _person: SignedInUser) -> dict[str, Any]:
-    """Return the description of this interface."""
+    """Return the OpenAPI schema."""
     application: FastAPI = request.app
     public: PublicUrl | None = request.scope.get(PUBLIC)
     prefix = "" if public is None or request.scope[COOKIE_PATH] == "/" else public.prefix
@@ -128,20 +124,23 @@ async def description(request: Request, _person: SignedInUser) -> dict[str, Any]
 
 
 def mount_static(app: FastAPI) -> None:
-    """Serve the dashboard's built files; its pages are told apart behind the #, so "/" is all of them."""
+    """Serve the dashboard's built files; all its pages have the path "/"."""
     if STATIC.is_dir():
         app.mount("/", _Files(app))
 
 
 class _Files(StaticFiles):
-    """The built files. Every address comes here that no route answers, so other methods of a route are refused here."""
+    """The built files, mounted after all routes.
+
+    Requests of an existing route with another method arrive here too and are rejected.
+    """
 
     def __init__(self, app: FastAPI) -> None:
         super().__init__(directory=STATIC)
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer with a file, or refuse with the methods that the address takes."""
+        """Send a file, or reject the method with the allowed ones."""
         if scope["type"] == "http" and scope["path"].startswith("/api/") and (allowed := self._allowed(scope)):
             raise HTTPException(405, headers={"Allow": ", ".join(allowed)})
         await super().__call__(scope, receive, send)
@@ -165,9 +164,7 @@ def _dashboard() -> Response:
     return FileResponse(file, headers={"Cache-Control": "no-cache"})
 
 
-# Stream --------------------------------------------------------------------------------------------
-#
-# The websocket of live samples, state and marks.
+# Live stream ---------------------------------------------------------------------------------------
 
 
 stream_router = APIRouter()
@@ -175,7 +172,7 @@ stream_router = APIRouter()
 
 @stream_router.websocket(LIVE)
 async def live(websocket: WebSocket) -> None:
-    """Stream to a signed-in person until either side ends it."""
+    """Send the live stream to a signed-in user until either side ends it."""
     person, service = require_signed_in(websocket), get_service(websocket)
     await websocket.accept()
     _log.info("A live stream to %s opened.", person.name)
@@ -186,8 +183,6 @@ async def live(websocket: WebSocket) -> None:
 
 
 # System --------------------------------------------------------------------------------------------
-#
-# Machine, timing, disk, database; backups; room for recordings.
 
 
 system_router = APIRouter(prefix="/api/system", tags=["system"], route_class=ThreadRoute)
@@ -195,7 +190,7 @@ system_router = APIRouter(prefix="/api/system", tags=["system"], route_class=Thr
 
 @system_router.get("")
 def get_system(service: CurrentService, _person: SignedInUser) -> SystemView:
-    """Return what was granted to the loop, how late its ticks are, versions, disk, database and its backups."""
+    """Return real-time status, lateness, versions, disk, database and backups."""
     return service.maintenance.describe_system()
 
 
@@ -207,17 +202,17 @@ def check_database(service: CurrentService, _person: Operator) -> DatabaseCheck:
 
 @system_router.post("/backups", status_code=201)
 def make_backup(service: CurrentService, person: Operator) -> BackupView:
-    """Copy the database to the data folder while it is in use; `sinew db restore` brings a copy back."""
+    """Copy the database to the data folder while it is in use; `sinew db restore` restores a copy."""
     return service.maintenance.back_up_database(person.name)
 
 
 @system_router.get("/recordings")
 def get_recordings(service: CurrentService, _person: SignedInUser) -> RecordingsView:
-    """Return how much recordings take, and the runs whose samples may go."""
+    """Return the size of the recordings, and the runs whose samples may be deleted."""
     return service.retention.summarize_recordings()
 
 
 @system_router.post("/recordings/removal")
 def remove_recordings(request: RemovalRequest, service: CurrentService, person: Operator) -> RecordingsView:
-    """Delete the samples of exactly these runs; refused as a whole unless each of them may go now."""
+    """Delete the samples of exactly these runs; rejected unless all of them may be deleted."""
     return service.retention.delete_samples(request.runs, person.name)

@@ -29,8 +29,6 @@ from backend.server import ThreadRoute, in_thread
 from plant import ErrorCode
 
 # Banks ---------------------------------------------------------------------------------------------
-#
-# Banks: built from identification runs, compared, activated, taken out and brought in.
 
 
 banks_router = APIRouter(prefix="/api/banks", tags=["banks"], route_class=ThreadRoute)
@@ -44,7 +42,7 @@ NewRuns = Annotated[
 
 @banks_router.post("", status_code=201)
 def build_bank(body: BankRequest, service: CurrentService, person: Operator) -> BankView:
-    """Build a bank, or a new version of it, from identification runs; entries that do not fit are refused."""
+    """Build the next version of a bank from identification runs; rejects unusable ones."""
     return service.banks.build_bank(body.name, body.identifications, person.name)
 
 
@@ -65,7 +63,7 @@ def import_bank(body: BankFile, service: CurrentService, person: Operator) -> Ba
 async def compare_with_bank_in_use(
     service: CurrentService, _person: SignedInUser, other: OtherBank = None, run: NewRuns = None
 ) -> BankDifference:
-    """Tell what another bank, or points identified again, would change about the models and gains in use."""
+    """Compare models and gains in use with another bank, or with new identifications."""
     bank = service.actuator.live_state.tuning.bank
     _require_one(other, run)
     return await service.banks.compute_difference(None if bank is None else bank.id, other, run or ())
@@ -79,7 +77,7 @@ def get_bank(id: RowId, service: CurrentService, _person: SignedInUser) -> BankV
 
 @banks_router.get("/{id}/detail")
 async def get_bank_detail(id: RowId, service: CurrentService, _person: SignedInUser) -> BankDetail:
-    """Return gains and M_s of every entry at the λ in force, and the identification each came from."""
+    """Return gains and M_s of every entry at the active λ, and its identification."""
     return await service.banks.compute_detail(id)
 
 
@@ -87,26 +85,26 @@ async def get_bank_detail(id: RowId, service: CurrentService, _person: SignedInU
 async def compare_banks(
     id: RowId, service: CurrentService, _person: SignedInUser, other: OtherBank = None, run: NewRuns = None
 ) -> BankDifference:
-    """Tell what another bank, or points identified again, would change: models, gains and M_s at the λ in force."""
+    """Compare a bank with another one, or with new identifications: models, gains, M_s."""
     _require_one(other, run)
     return await service.banks.compute_difference(id, other, run or ())
 
 
 @banks_router.get("/{id}/file")
 def export_bank(id: RowId, service: CurrentService, _person: SignedInUser) -> BankFile:
-    """Return a bank as a file, to take it to another data folder."""
+    """Return a bank as a file for another data folder."""
     return service.banks.export_bank(id)
 
 
 @banks_router.post("/geometry/activate")
 async def use_geometry(service: CurrentService, person: ActuatorOperator) -> TuningView:
-    """Use gains from the plant's geometry from now on, no bank; bumpless while the loop runs."""
+    """Activate geometric gains without a bank; bumpless while the loop runs."""
     return await service.actuator.tuning_service.use_bank(None, person.name)
 
 
 @banks_router.post("/{id}/activate")
 async def activate_bank(id: RowId, service: CurrentService, person: ActuatorOperator) -> BankView:
-    """Use a bank from now on; bumpless while the loop runs."""
+    """Activate a bank; bumpless while the loop runs."""
     bank = await in_thread(service.banks.load_stored_bank, id)
     await service.actuator.tuning_service.use_bank(bank, person.name)
     return await in_thread(service.banks.load_bank, id)
@@ -118,74 +116,72 @@ def _require_one(other: int | None, run: list[int] | None) -> None:
 
 
 # Tuning --------------------------------------------------------------------------------------------
-#
-# λ of the loops: read, set, preview.
 
 
 LAM_PREVIEW_MIN = 0.05
-"""Shortest λ worth a preview [s]: the loop is unstable well above it (erratum E6)."""
+"""Smallest λ of a preview [s]: loops become unstable well above it (erratum E6)."""
 
 M_S_RANGE = (1.0, 2.0)
-"""Sensitivity peaks worth asking for: 1 is an open loop, 2 leaves a phase margin of 29 degrees."""
+"""Range of the requested M_s: 1 is an open loop, 2 gives a phase margin of 29 degrees."""
 
 tuning_router = APIRouter(prefix="/api/tuning", tags=["tuning"], route_class=ThreadRoute)
 
 
 @tuning_router.get("")
 async def get_tuning(service: CurrentService, _person: SignedInUser) -> TuningView:
-    """Return the tuning in force and its ranges."""
+    """Return the active tuning with its ranges."""
     live_state = service.actuator.live_state
     return live_state.tuning.view(live_state.entry)
 
 
 @tuning_router.put("")
 async def set_tuning(body: TuningRequest, service: CurrentService, person: ActuatorOperator) -> TuningView:
-    """Change λ while the loop runs, bumpless; returns what is in force then."""
+    """Change λ while the loop runs, bumpless; returns the active tuning."""
     return await service.actuator.tuning_service.apply(body, person.name)
 
 
 @tuning_router.post("/undo")
 async def undo_change(service: CurrentService, person: ActuatorOperator) -> TuningView:
-    """Undo the last change of what is in force, λ, b, bank and all; once more undoes the change before that."""
+    """Undo the last change of the active tuning, bank included; repeat for earlier changes."""
     return await service.actuator.tuning_service.undo(person.name)
 
 
 @tuning_router.post("/redo")
 async def redo_change(service: CurrentService, person: ActuatorOperator) -> TuningView:
-    """Put in force again what the last undo took back."""
+    """Activate again what the last undo reverted."""
     return await service.actuator.tuning_service.redo(person.name)
 
 
 @tuning_router.post("/trial")
 async def try_tuning(body: TrialRequest, service: CurrentService, person: ActuatorOperator) -> State:
-    """Try a tuning for some seconds; the service puts the earlier one back by itself, also when the page is gone."""
+    """Activate a tuning for some seconds; the service reverts it, even if the page is lost."""
     await service.actuator.tuning_service.start_trial(body, person.name)
     return service.state.view()
 
 
 @tuning_router.delete("/trial")
 async def revert_trial(service: CurrentService, person: ActuatorOperator) -> State:
-    """Put the tuning before the trial back at once."""
+    """End the trial and restore the tuning before it."""
     await service.actuator.tuning_service.end_trial(False, person.name)
     return service.state.view()
 
 
 @tuning_router.post("/trial/keep")
 async def keep_trial(service: CurrentService, person: ActuatorOperator) -> State:
-    """Keep what is on trial."""
+    """Keep the tuning of the trial."""
     await service.actuator.tuning_service.end_trial(True, person.name)
     return service.state.view()
 
 
 @tuning_router.get("/saved")
 def get_saved_tuning(service: CurrentService, _person: SignedInUser) -> SavedTuning:
-    """Return the tuning saved for the bank in use, to compare with what is in force."""
+    """Return the tuning saved for the active bank, compared with the active one."""
     return service.saved_tunings.load(service.actuator.live_state.tuning)
 
 
 @tuning_router.put("/saved")
 async def save_tuning(service: CurrentService, person: Operator) -> SavedTuning:
-    """Save what is in force for the bank in use. Refused while a tuning is on trial or lent to a run."""
+    """Save the active tuning for the active bank; rejected during a trial or a run's tuning."""
     live_state = service.actuator.live_state
     if live_state.overridden_tuning is not None:
         raise RequestRejectedError(ErrorCode.NOT_NOW, "what is in force belongs to a run: save when it is over")
@@ -229,7 +225,7 @@ async def motor_margins(
     person: SignedInUser,
     lam_motor: Annotated[Finite, Query(gt=0.0, le=10.0, description="λ of the motor loops [s]")],
 ) -> MotorPreview:
-    """Tell M_s and margins of the motor loop as it runs, sampled and with L/R; a λ that is not offered is refused."""
+    """Return M_s and margins of the sampled motor loop with L/R; rejects a λ out of range."""
     return await service.actuator.tuning_service.preview_motor(
         lam_motor, service.texts.make_preview_runner(person, request.is_disconnected)
     )
@@ -242,7 +238,7 @@ async def robust_tuning(
     person: SignedInUser,
     M_s: Annotated[Finite, Query(gt=M_S_RANGE[0], le=M_S_RANGE[1], description="wanted maximum of the sensitivity")],
 ) -> RobustTuning:
-    """Find the smallest λ of each loop that is as robust as wanted; lam_q and lam_S for λ_motor as it is."""
+    """Return the smallest λ of each loop with the requested M_s, at the present λ_motor."""
     return await service.actuator.tuning_service.compute_robust_tuning(
         M_s, service.texts.make_preview_runner(person, request.is_disconnected)
     )
