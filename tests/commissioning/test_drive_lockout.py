@@ -25,7 +25,7 @@ def tuning() -> SetTuning:
     return make_tuning_command(load_parameters("ideal"), TuningParameters())
 
 
-def test_who_was_at_it_is_known_after_a_new_start_until_somebody_says_that_nobody_is(tmp_path: Path) -> None:
+def test_the_lockout_is_known_after_a_restart_until_it_is_released(tmp_path: Path) -> None:
     def left(plant: PlantChoice) -> str:
         with closing(open_database(tmp_path)) as database:
             lockout = DriveLockout(database, plant).previous_lock
@@ -51,7 +51,7 @@ def test_who_was_at_it_is_known_after_a_new_start_until_somebody_says_that_nobod
     assert left(RIG) == ""
 
 
-def test_what_cannot_be_kept_is_told(tmp_path: Path) -> None:
+def test_a_lockout_that_cannot_be_stored_is_reported(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     lockout = DriveLockout(database, RIG)
     for file in tmp_path.iterdir():
@@ -69,7 +69,7 @@ class NeverAnswers(Supervisor):
         return await asyncio.Future()
 
 
-def test_hands_are_kept_also_where_nobody_waits_for_the_loops_answer(tmp_path: Path, tuning: SetTuning) -> None:
+def test_a_lockout_is_stored_without_a_reply_of_the_loop(tmp_path: Path, tuning: SetTuning) -> None:
     async def given_up(on: bool) -> None:
         with suppress(TimeoutError):
             await asyncio.wait_for(switch_drives(supervisor, DriveLockout(database, RIG), on, "Ada"), 0.05)

@@ -36,7 +36,7 @@ STARTING: tuple[Command, ...] = (
 
 
 @pytest.mark.parametrize("step", BY_HAND)
-def test_the_drives_are_off_whenever_hands_are_asked_for_and_nothing_starts(step: StepId) -> None:
+def test_the_drives_are_off_during_manual_actions_and_nothing_starts(step: StepId) -> None:
     rig = BroughtUpRig()
     seen: list[CardState] = []
     refused: list[bool] = []

@@ -59,7 +59,7 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     database.close()
 
 
-def test_what_another_step_disproves_stands_as_a_failure_of_the_directions(tmp_path: Path) -> None:
+def test_a_step_that_disproves_the_directions_stores_their_failure(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     status.store_result(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
     status.store_result(database, StepId.HOME, WIRING, FAILED, "Bo")

@@ -14,7 +14,7 @@ from plant.interface import Breakage, Broken, Sensor
 from tests.commissioning.rigs import WIRING, BroughtUpRig, played, with_entries
 
 
-def test_a_rig_that_is_wired_as_it_says_passes_every_step() -> None:
+def test_a_rig_with_correct_wiring_passes_every_step() -> None:
     wiring = with_entries(end_switch={"position": 0.4})
     findings = dict(zip(StepId, played(BroughtUpRig(wiring, wiring), *(step.id for step in STEPS)), strict=True))
     assert [finding.text for finding in findings.values() if not finding.passed] == []
@@ -167,7 +167,7 @@ def test_a_tare_takes_the_volts_without_load() -> None:
     assert noise == pytest.approx(0.05, rel=0.2)
 
 
-def test_homing_by_motion_says_what_was_seen_and_withdraws_what_it_contradicts() -> None:
+def test_homing_reports_its_findings_and_withdraws_contradicted_directions() -> None:
     wiring = with_entries(end_switch={"position": 0.4})
     rig = BroughtUpRig(wiring, with_entries(end_switch={"position": 0.4}, motor_A={"gain": -1.0}))
     rig.rig.prove_directions(proven=True)

@@ -1,4 +1,4 @@
-"""What the ready-made experiments say of figures that a test has made or measured."""
+"""Evaluates the criteria of ready-made experiments for given metrics."""
 
 from typing import Any
 

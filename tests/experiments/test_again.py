@@ -1,4 +1,4 @@
-"""Runs evaluated again from nothing but what is stored of them."""
+"""Stored runs evaluated again from their stored data."""
 
 import asyncio
 import json
@@ -26,7 +26,7 @@ SETTINGS = LoopSettings(seed=3)
         ActuatorIdentificationPlan(tension_N=20.0, bits=6),
     ],
 )
-def test_the_same_comes_out_and_lies_beside_the_first(tmp_path: Path, plan: Plan) -> None:
+def test_a_second_evaluation_is_equal_and_stored_in_addition(tmp_path: Path, plan: Plan) -> None:
     database = open_database(tmp_path)
     with open_headless_rig(database, load_parameters("ideal"), SETTINGS) as station:
         outcome = asyncio.run(run_experiment(station, RunRequest(plan, SETTINGS, "Ana")))
@@ -43,7 +43,7 @@ def test_the_same_comes_out_and_lies_beside_the_first(tmp_path: Path, plan: Plan
     database.close()
 
 
-def test_an_evaluation_that_fails_is_kept_with_the_run_until_one_succeeds(tmp_path: Path) -> None:
+def test_a_failed_evaluation_is_stored_with_the_run_until_one_succeeds(tmp_path: Path) -> None:
     database = open_database(tmp_path)
 
     async def compute(*_: object) -> Evaluation:

@@ -1,4 +1,4 @@
-"""Identified motors and springs in force: what changes, what stays, who did it, and the way back."""
+"""Applied results of motor and spring identifications: their effect, their author, and how to revert them."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -138,7 +138,7 @@ def undo(database: Database, who: str) -> AppliedParameters:
     return applied
 
 
-def test_what_was_applied_to_one_file_is_not_in_force_on_another(database: Database) -> None:
+def test_parameters_applied_to_one_file_are_not_active_on_another(database: Database) -> None:
     applied = build_proposal(LAB, LAB, stored(database, motors((2.3, 0.21), (2.4, 0.23))))
     with database.session() as session:
         parameters.store_parameters(session, applied, "Ana")

@@ -1,4 +1,4 @@
-"""What makes a bank, what a change of bank changes, and banks as files."""
+"""Conditions for a bank, differences of banks, and bank files."""
 
 import json
 from collections.abc import Iterator
@@ -114,7 +114,7 @@ def test_an_unstable_loop_has_no_peak(ideal: PlantParameters) -> None:
     assert _compute_figures(ideal, replace(LAMBDAS, lam_q=0.1), GOOD[1]).position.M_s is None
 
 
-def test_a_bank_survives_the_way_through_a_file(ideal: PlantParameters, database: Database) -> None:
+def test_a_bank_is_unchanged_after_export_and_import(ideal: PlantParameters, database: Database) -> None:
     with database.session() as session:
         bank = banks.add(session, "four points", GOOD, "A. Operator")
     text = json.dumps(build_bank_document(bank))

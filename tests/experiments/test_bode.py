@@ -1,4 +1,4 @@
-"""Measured frequency responses beside the predicted ones, and when a line is not measured."""
+"""Measured and predicted frequency responses, and lines that are not measured."""
 
 from datetime import UTC, datetime
 from typing import Any
@@ -171,7 +171,7 @@ def test_where_a_limit_acted_nothing_is_measured(limit: Limit, words: str) -> No
     assert figures(in_force, columns).bandwidth_q_Hz is not None
 
 
-def test_a_plan_on_its_way_is_no_limit_and_one_that_is_asked_for_too_much_predicts_nothing() -> None:
+def test_a_trajectory_is_no_limit_and_beyond_its_voltage_there_is_no_prediction() -> None:
     for amplitude, words in ((0.02, ""), (1.0, "the excitation asks the plan for")):
         in_force = made(LEAD_IN, MULTISINE.replace("0.1", str(amplitude)), tuning=TuningSettings(motion=TIME_OPTIMAL))
         columns = seen(in_force)
@@ -190,7 +190,7 @@ def test_two_periods_do_not_tell_how_a_line_repeats() -> None:
     assert told.bandwidth_q_Hz is not None
 
 
-def test_a_sweep_tells_by_its_coherence_what_it_is_worth() -> None:
+def test_the_coherence_of_a_sweep_measures_its_quality() -> None:
     in_force = made(LEAD_IN, "{do: sweep, q_amplitude: 0.2, from_Hz: 0.1, to_Hz: 4, duration_s: 120}")
     columns = seen(in_force)
     (clean,) = build_bode_lines(columns, in_force.plan.program(), in_force)
@@ -202,7 +202,7 @@ def test_a_sweep_tells_by_its_coherence_what_it_is_worth() -> None:
     assert noisy.measured.sum() < clean.measured.sum()
 
 
-def test_a_change_of_lambda_on_the_way_changes_the_prediction_and_another_bank_has_none() -> None:
+def test_a_change_of_lambda_changes_the_prediction_and_another_bank_has_none() -> None:
     tuned = made(LEAD_IN, "{do: tuning, lam_q: 1.0}", MULTISINE)
     plain = made(LEAD_IN, MULTISINE, tuning=TuningSettings(lam_q=1.0))
     slow, same = (build_bode_lines(seen(one), one.plan.program(), one)[0] for one in (tuned, plain))

@@ -1,4 +1,4 @@
-"""Compliance metrics against a joint that is exactly a spring, read by delayed load cells with an offset."""
+"""Compliance metrics of an ideal spring with delayed load cells and an offset."""
 
 import numpy as np
 import pytest

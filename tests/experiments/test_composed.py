@@ -1,4 +1,4 @@
-"""The result of an experiment that is data: what it measures, joined, and judged by its own criteria."""
+"""Results of experiments: merged measures and criteria."""
 
 from dataclasses import replace
 from typing import Any
@@ -83,7 +83,7 @@ def test_each_measure_gives_the_figures_that_criteria_may_name(measure: Measure)
     assert tuple(figures) == list_metric_names((measure,))
 
 
-def test_several_measures_are_joined_and_a_figure_of_both_stands_once() -> None:
+def test_several_measures_are_merged_and_a_metric_of_both_appears_once() -> None:
     both = (Measure.STEPS, Measure.DISTURBANCE)
     figures, _ = result(plan(*STEPS, *PUSHES, measures=both))
     assert tuple(figures) == list_metric_names(both)
@@ -92,7 +92,7 @@ def test_several_measures_are_joined_and_a_figure_of_both_stands_once() -> None:
     assert len(list_metric_names(both)) < len(list_metric_names(both[:1])) + len(list_metric_names(both[1:]))
 
 
-def test_a_measure_that_could_not_be_made_leaves_the_others_and_says_why() -> None:
+def test_a_failed_measure_has_a_reason_and_does_not_affect_others() -> None:
     figures, criteria = result(
         plan(
             *STEPS,
@@ -165,7 +165,7 @@ def test_a_bound_may_be_another_on_the_ideal_plant() -> None:
     assert (judged(bound, parameters="ideal").passed, judged(bound, parameters="lab").passed) == (False, True)
 
 
-def test_a_criterion_is_called_as_it_says_or_as_its_figure_is() -> None:
+def test_a_criterion_has_its_own_name_or_that_of_its_metric() -> None:
     plain, named = (
         judged(Bound(figure="min_tension_N", above=4.0, **words)) for words in ({}, {"name": "taut", "title": "Taut"})
     )

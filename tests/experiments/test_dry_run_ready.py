@@ -1,4 +1,4 @@
-"""A process that got ready for dry runs has loaded the machine code that one takes."""
+"""A process prepared for dry runs has loaded all machine code that one needs."""
 
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
@@ -39,7 +39,7 @@ def test_the_first_dry_run_loads_no_machine_code(tmp_path: Path, ready: bool) ->
     assert (loaded == 0) is ready
 
 
-def test_a_bank_on_the_way_is_the_one_of_that_number(tmp_path: Path) -> None:
+def test_a_change_of_bank_loads_the_bank_with_that_number(tmp_path: Path) -> None:
     """Played in a database of its own, where another bank could have taken the number."""
     lab = load_parameters("lab")
     text = (

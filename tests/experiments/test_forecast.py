@@ -1,4 +1,4 @@
-"""What an identification announces, against what the simulator then does: how far the joint goes, and how long."""
+"""Forecasts of identifications, compared with the simulator: range of the joint and duration."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Where an experiment starts from: compliance brings the joint to 0 first, and the time that takes is announced."""
+"""The start of an experiment: compliance first moves the joint to 0, and the forecast contains the time for it."""
 
 import asyncio
 import math
@@ -41,7 +41,7 @@ async def brought_off_centre(station: ExperimentRig) -> None:
     await station.loop.advance(3.0)
 
 
-def test_compliance_started_off_centre_brings_the_joint_to_0_first_and_takes_as_long_as_told(
+def test_compliance_from_off_centre_moves_to_0_first_and_takes_as_long_as_forecast(
     station: ExperimentRig,
 ) -> None:
     async def work() -> tuple[RunResult, float, float]:

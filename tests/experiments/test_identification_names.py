@@ -1,4 +1,4 @@
-"""An identification goes by its run's number: in banks, refusals, the command line and reports alike."""
+"""Banks, rejections, command line and reports name an identification by the number of its run."""
 
 import json
 from collections.abc import Iterator

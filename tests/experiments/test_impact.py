@@ -1,4 +1,4 @@
-"""Impacts: the figures of a hit, an integration of the test's own, and soft that hits softer than stiff."""
+"""Impacts: metrics of hits, compared with an independent integration and between stiffnesses."""
 
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -123,7 +123,7 @@ def test_a_soft_joint_hits_softer_than_a_stiff_one_at_each_speed(name: str) -> N
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
-def test_giving_way_takes_more_than_a_third_of_each_impulse_and_some_of_each_peak(name: str) -> None:
+def test_the_contact_reaction_reduces_each_impulse_by_a_third_and_each_peak(name: str) -> None:
     hits = find_hits(impacts(name).columns, PROGRAM)
     pairs, why = pair_hits(hits)
     assert (len(pairs), why) == (6, "")
@@ -139,7 +139,7 @@ def test_giving_way_takes_more_than_a_third_of_each_impulse_and_some_of_each_pea
     assert figures.reasons == {}
 
 
-def test_a_hit_is_felt_when_the_observers_poles_let_expect_it_and_given_way_to_in_the_same_sample() -> None:
+def test_a_hit_is_detected_as_the_observers_poles_predict_and_the_reaction_follows_at_once() -> None:
     driven = impacts("ideal")  # without encoder counts, noise and bias
     kept, seen = np.exp(-POLE * T_s), np.abs(driven.columns["F_wall"])
     for _ in range(3):  # p/(s + p) thrice

@@ -1,4 +1,4 @@
-"""An experiment that is cut short keeps what it has, passes nothing, and its report says what is missing, and holds."""
+"""An interrupted experiment stores its samples, passes no criterion, and its report names what is missing."""
 
 import asyncio
 from collections import Counter
@@ -86,7 +86,7 @@ def test_all_that_is_ready_made_is_cut_short_here_and_by_every_ending() -> None:
 
 
 @pytest.mark.parametrize(("name", "ending"), PAIRS)
-def test_it_keeps_what_it_has_and_says_what_is_missing(
+def test_an_interrupted_run_has_its_samples_and_names_what_is_missing(
     tmp_path_factory: pytest.TempPathFactory, name: str, ending: str
 ) -> None:
     command, end_state = ENDINGS[ending]
@@ -107,7 +107,7 @@ def test_it_keeps_what_it_has_and_says_what_is_missing(
 
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("name", TOO_EARLY)
-def test_what_ended_before_anything_could_be_measured_says_so(
+def test_a_run_without_measurements_has_a_reason(
     tmp_path_factory: pytest.TempPathFactory, name: str, ending: str
 ) -> None:
     (after_s, awaited), (command, end_state) = TOO_EARLY[name], ENDINGS[ending]

@@ -1,4 +1,4 @@
-"""λ sets the time of a step in lambda motion, 3.89 λ to 90 % in closed form, and does not in time-optimal motion."""
+"""λ determines the step time in lambda motion (3.89 λ to 90 %), but not in time-optimal motion."""
 
 import pytest
 

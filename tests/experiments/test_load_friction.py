@@ -1,4 +1,4 @@
-"""Friction over the load from stored runs: which count, what is told of them, in the report of a series too."""
+"""Load-dependent friction from stored runs: selection of runs, result, and report of a series."""
 
 from dataclasses import replace
 from typing import Any
@@ -53,7 +53,7 @@ def test_runs_of_another_rig_and_runs_that_ended_early_are_left_out() -> None:
     assert build_identification_document(found)["estimate"] is None
 
 
-def test_the_report_of_a_series_tells_the_friction_or_why_it_is_not_measured() -> None:
+def test_the_report_of_a_series_has_the_friction_or_a_reason() -> None:
     made = [
         RunData(run, None, columns, None, replace(identification(), run_id=run.id))
         for run, columns in (played(3, 12.0), played(4, 31.0))

@@ -233,7 +233,7 @@ def test_the_voltage_at_rest_is_not_measured_where_nothing_rests() -> None:
     assert "1 s of rest" in found.reasons["u_rest_rms_V"]
 
 
-def test_a_stopped_run_is_incomplete_and_keeps_the_steps_it_finished() -> None:
+def test_a_stopped_run_is_incomplete_and_has_its_finished_steps() -> None:
     plan = build_ready_plan("tracking")
     columns = {name: column[:20_500] for name, column in tracked(plan).items()}
     metrics = compute_tracking_metrics(columns, plan.program(), plan.phases())

@@ -1,4 +1,4 @@
-"""A motor's grade is a grade: what a noisy run comes to, in the store, in the report and of documents that had none."""
+"""Grades of motor identifications: in the database, in reports, and for old documents without one."""
 
 from dataclasses import replace
 from typing import Any
@@ -106,7 +106,7 @@ def test_a_motor_can_be_unusable(K_m: float, T_m: float, spread: float, counts: 
     assert judge_motor(K_m, T_m, spread, counts, misfit) is Grade.UNUSABLE
 
 
-def test_a_note_that_says_completed_completes_nothing(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_note_with_the_word_completed_completes_nothing(tmp_path_factory: pytest.TempPathFactory) -> None:
     lab = load_parameters("lab")
     database = open_database(tmp_path_factory.mktemp("noted"))
     try:

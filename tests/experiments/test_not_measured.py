@@ -1,4 +1,4 @@
-"""What could not be measured is said so with its reason, and grants nothing."""
+"""A metric that is not measured has a reason and passes no criterion."""
 
 import math
 
@@ -43,7 +43,7 @@ def test_holds_too_short_for_any_step_pass_nothing_but_the_tension() -> None:
     assert criteria["min_tension"].reason == ""
 
 
-def test_a_step_that_begins_on_its_way_has_no_figure_of_its_own() -> None:
+def test_a_step_that_begins_in_motion_has_no_metrics() -> None:
     """S from 8 to 10 beginning at 8.36: 18 % of the way. It crosses 10 % before it begins."""
     t = np.arange(0, 8, T_s)
     begins_at = 0.18
@@ -128,7 +128,7 @@ def test_a_recording_with_holes_and_a_signal_that_is_no_number_pass_nothing() ->
 @pytest.mark.parametrize(
     ("signal", "criteria"), [("q", {"overshoot_q", "deviation_S"}), ("S", {"overshoot_S", "deviation_S"})]
 )
-def test_one_sample_without_a_number_lets_nothing_pass_that_looks_at_it(signal: str, criteria: set[str]) -> None:
+def test_a_single_invalid_sample_prevents_passing(signal: str, criteria: set[str]) -> None:
     plan = build_ready_plan("tracking")
     columns = tracked(plan)
     columns[signal] = columns[signal].copy()
@@ -139,7 +139,7 @@ def test_one_sample_without_a_number_lets_nothing_pass_that_looks_at_it(signal: 
     assert all("no number" in judged[name].reason for name in criteria)
 
 
-def test_a_joint_that_nobody_pushed_does_not_feel_as_stiff_as_it_should() -> None:
+def test_without_pushes_the_stiffness_is_not_measured() -> None:
     columns = pushed()
     for name, rest in (("q", 0.0), ("F_A", 17.0), ("F_B", 17.0)):
         columns[name] = np.full_like(columns["t"], rest)

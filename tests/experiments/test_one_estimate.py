@@ -1,4 +1,4 @@
-"""One record, one estimate, one name: what is stored of a run, what its report says, what its data file gives again."""
+"""Stored estimate, report and data file of a run agree."""
 
 import json
 import re

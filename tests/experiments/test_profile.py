@@ -1,4 +1,4 @@
-"""The planned profile against what the loop plays tick by tick, and against closed forms."""
+"""The profile of a program, compared with its execution and with closed forms."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The experiments that come with Sinew play, pass and are what an own one is: texts."""
+"""The ready-made experiments run, pass their criteria, and can be copied as own experiments."""
 
 import asyncio
 from collections.abc import Iterator
@@ -90,7 +90,7 @@ def test_an_own_one_can_do_all_that_it_does(tmp_path: Path, name: str) -> None:
     database.close()
 
 
-def test_own_ones_are_kept_in_versions_and_nothing_is_overwritten(tmp_path: Path) -> None:
+def test_own_experiments_are_stored_in_versions(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     own, lab = OwnExperiments(database), load_parameters("lab")
     first = load_ready_text("step_battery").replace("name: step_battery\n", "name: mine\n", 1)

@@ -1,4 +1,4 @@
-"""Frequency responses against closed forms: signals that were filtered by what is known exactly."""
+"""Frequency responses of signals filtered by known systems."""
 
 import numpy as np
 import pytest
@@ -102,7 +102,7 @@ def test_a_sweep_and_a_sequence_estimate_the_same(part: str) -> None:
     np.testing.assert_allclose(np.abs(found.H[inner]), np.abs(lag(found.f[inner], LAG_S)), rtol=0.06)
 
 
-def test_a_loop_that_stays_fast_says_that_its_bandwidth_is_beyond() -> None:
+def test_a_bandwidth_above_the_highest_line_has_a_reason() -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
     figures = compute_response_metrics(columns_of(program, lag_q=0.01), program)
     assert figures.bandwidth_q_Hz is None
@@ -125,7 +125,7 @@ def test_both_references_at_once_are_no_response_of_one() -> None:
     ("q", "reason"),
     [(np.nan, "a sample of it holds no number"), (0.02, "q did not follow its reference at the lowest")],
 )
-def test_a_joint_that_is_lost_or_stands_still_has_no_response(q: float, reason: str) -> None:
+def test_a_joint_without_motion_or_samples_has_no_response(q: float, reason: str) -> None:
     program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
     columns = columns_of(program)
     columns["q"] = np.full_like(columns["q"], q)

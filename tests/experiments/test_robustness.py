@@ -1,4 +1,4 @@
-"""The paper's load of 0.375 N·m: what comes out is what the linear loop says; what was not measured passes nothing."""
+"""The paper's load of 0.375 N·m, compared with the linear loop; what is not measured does not pass."""
 
 import asyncio
 import math
@@ -96,7 +96,7 @@ def test_the_integral_part_made_up_for_the_load_and_the_voltage_was_enough(
     assert all(item.passed for item in robustness_criteria(found, LAM))
 
 
-def test_the_load_is_on_when_the_plan_says_so(columns: RobustnessColumns) -> None:
+def test_the_load_is_on_as_planned(columns: RobustnessColumns) -> None:
     error = np.abs(columns["theta_A_ref"] - columns["theta_A"])
     before, after = round(LEAD_IN_S / T_s), round((LEAD_IN_S + 0.3) / T_s)
     assert np.max(error[before - 1000 : before]) < 0.02 * np.max(error[before:after])
@@ -128,7 +128,7 @@ def test_the_bound_is_twice_what_the_linear_loop_takes_at_any_lambda(ideal: Plan
     assert 18.0 * lam == pytest.approx(2.0 * back_s, rel=0.02)
 
 
-def test_a_motor_that_rests_off_its_reference_fails_and_says_by_how_much(tmp_path: Path) -> None:
+def test_a_motor_that_rests_off_its_reference_fails_with_its_deviation(tmp_path: Path) -> None:
     """On ``lab`` motors rest off their references under the load, while q and S are at theirs."""
     plan = build_ready_plan("robustness", hold_s=3.5)
     with closing(open_database(tmp_path)) as database:
@@ -157,7 +157,7 @@ def test_a_run_that_ended_before_both_were_loaded_gives_nothing(columns: Robustn
         compute_robustness_metrics(early, STEPS, 0.0)
 
 
-def test_the_report_says_what_was_measured_and_by_which_load(source: RunData) -> None:
+def test_the_report_has_measurements_and_loads(source: RunData) -> None:
     assert source.result is not None
     figures = compute_robustness_metrics(source.columns, STEPS, 0.0)
     stored = {item.name: item.value for item in source.result.metrics.figures}

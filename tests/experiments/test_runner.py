@@ -1,4 +1,4 @@
-"""Whole experiments on the simulator: loop, recorder, database and computation together."""
+"""Complete experiments on the simulator: loop, recorder, database and evaluation."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
@@ -93,7 +93,7 @@ def test_a_run_is_stored_whole_with_its_settings_and_its_result(station: Experim
 @pytest.mark.parametrize(
     ("parameters", "overshoot", "deviation_S", "tension"), [("ideal", 1, 0.1, 5), ("lab", 2, 0.2, 4)]
 )
-def test_tracking_keeps_what_it_promises(
+def test_tracking_meets_its_criteria(
     station: ExperimentRig, overshoot: float, deviation_S: float, tension: float
 ) -> None:
     plan = build_ready_plan("tracking", q_duration_s=4.0, S_duration_s=4.0)
@@ -123,7 +123,7 @@ def test_tracking_keeps_what_it_promises(
         (Stop(Fault.SERVICE_ENDED, hard=False), "stopped", "service ended"),
     ],
 )
-def test_a_run_that_ends_early_is_closed_as_what_it_was_and_keeps_its_data(
+def test_a_run_that_ends_early_is_closed_with_its_data(
     station: ExperimentRig, command: Stop, end_state: str, detail: str
 ) -> None:
     sent = False

@@ -1,4 +1,4 @@
-"""The JSON schema of an experiment takes what the reader takes, as another program's validator sees it."""
+"""The JSON schema of an experiment accepts the same documents as the parser."""
 
 from typing import Any
 

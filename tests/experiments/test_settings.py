@@ -12,7 +12,7 @@ from backend.models.settings import SettingError, build_plan, describe_settings
 from backend.realtime.program import Law, Segment, Shape
 
 
-def test_every_setting_says_unit_bounds_default_and_meaning() -> None:
+def test_every_setting_has_unit_bounds_default_and_meaning() -> None:
     for settings in (build_ready_plan("tracking").settings, describe_settings(ActuatorIdentificationPlan)):
         for setting in settings:
             assert setting.unit

@@ -1,4 +1,4 @@
-"""The parts and the profile of an identification against the samples of the loop that plays it."""
+"""Timetables of identifications, compared with samples of the loop."""
 
 from dataclasses import dataclass, replace
 
@@ -82,7 +82,7 @@ def test_the_tension_that_is_held_and_its_excitation_are_those_of_the_samples() 
 
 
 @pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
-def test_each_step_has_its_voltage_when_it_is_told_to_have_it(name: str) -> None:
+def test_each_step_has_its_voltage_at_the_forecast_time(name: str) -> None:
     run = played(MOTOR, name)
     whole, tolerance = run.ticks, round(0.02 * run.ticks)
     steps = [one for one in run.told.intervals if one.stage is Stage.EXCITING]
@@ -107,7 +107,7 @@ def test_each_step_has_its_voltage_when_it_is_told_to_have_it(name: str) -> None
     assert np.nanmax(np.abs(run.told.signals["u_A"])) == 6.0
 
 
-def test_the_sweep_is_at_its_tensions_when_it_is_told_to_be() -> None:
+def test_the_sweep_has_its_tensions_at_the_forecast_times() -> None:
     run = played(SPRING)
     assert [one.set_point for one in run.told.intervals] == [4.0, 4.0, 40.0, 4.0, 40.0, 4.0]
     assert [one.number for one in run.told.intervals] == [1, 1, 2, 3, 4, 5]

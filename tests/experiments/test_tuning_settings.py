@@ -39,7 +39,7 @@ def test_every_part_is_tried_here() -> None:
     assert {field.name for field in fields(TuningParameters)} <= set(OTHER)
 
 
-def test_what_is_told_of_a_change_says_all_of_it() -> None:
+def test_the_text_of_a_change_contains_all_of_it() -> None:
     before, after = TuningSettings(), TuningSettings(**OTHER)
     assert parse_changes(", ".join(after.list_differences(before))) == OTHER
     assert parse_changes(", ".join(before.list_differences(after))) == before.to_document()
@@ -48,7 +48,7 @@ def test_what_is_told_of_a_change_says_all_of_it() -> None:
 
 
 @pytest.mark.parametrize("name", OTHER)
-def test_tunings_that_differ_in_one_part_are_told_apart(name: str, tmp_path: Path) -> None:
+def test_tunings_that_differ_in_one_setting_are_not_equal(name: str, tmp_path: Path) -> None:
     before = TuningSettings()
     after = replace(before, **{name: OTHER[name]})
     assert after != before

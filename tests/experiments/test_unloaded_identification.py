@@ -1,4 +1,4 @@
-"""Motors and springs identified through the loop, on a plant whose constants are known."""
+"""Identification of motors and springs through the loop, on a plant with known constants."""
 
 import asyncio
 from collections.abc import Iterator
@@ -103,7 +103,7 @@ def test_a_sweep_gives_back_the_simulated_springs(station: ExperimentRig, lab: P
     assert predict_spring(SPRING, lab).is_feasible
 
 
-def test_a_run_that_ends_early_keeps_its_data_and_gives_no_model(station: ExperimentRig) -> None:
+def test_a_run_that_ends_early_has_its_data_and_no_model(station: ExperimentRig) -> None:
     async def perform() -> str:
         stopped = False
         waiting = []

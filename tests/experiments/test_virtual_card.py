@@ -1,4 +1,4 @@
-"""What runs on the simulator runs on the rig at the virtual card, and comes to the same figures within quantisation."""
+"""Experiments on the virtual card give the same metrics as on the simulator, except for quantization."""
 
 import asyncio
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Where a program acts on the actuator, and how far it gives way there, against programs that are written out."""
+"""Sample ranges of pushes and loads in programs, and the deviations in them."""
 
 import numpy as np
 import pytest

@@ -93,7 +93,7 @@ def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(
     assert [(row.number, row.state) for row in table(database, study)] == [(n, "completed") for n in range(16)]
 
 
-def test_a_point_that_kills_its_worker_is_told_and_computed_when_that_is_asked(
+def test_a_point_that_kills_its_worker_is_reported_and_recomputed_on_request(
     database: Database, tmp_path: Path
 ) -> None:
     study = begun(database)
@@ -116,6 +116,6 @@ def test_workers_of_another_version_leave_the_table_as_it_is(database: Database,
     assert table(database, study) == []
 
 
-def test_a_scheduler_that_is_not_there_is_told(database: Database) -> None:
+def test_a_missing_scheduler_is_reported(database: Database) -> None:
     with pytest.raises(ExecutorUnavailableError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
         run_study(database, begun(database), use_cluster("tcp://127.0.0.1:1"))

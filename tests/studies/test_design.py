@@ -58,7 +58,7 @@ def test_every_combination_meets_the_same_draws_and_noise() -> None:
     assert len({point.plant["motor.c0"] for point in points}) == 3
 
 
-def test_spreads_lie_where_they_are_said_to() -> None:
+def test_drawn_values_have_their_distribution() -> None:
     study = design(
         "spread:\n  - {of: motor.c0, relative: 0.2}\n  - {of: sensors.force_delay, by: normal, absolute: 0.001}\n"
         "  - {of: spring.k.1, relative: 0.1}\ndraws: 2000\nseed: 3"

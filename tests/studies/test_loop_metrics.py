@@ -79,7 +79,7 @@ def by_hand(loop: np.ndarray) -> tuple[float, float, float]:
 
 
 @pytest.mark.parametrize("text", [GRID, DRAWN])
-def test_each_row_has_the_margins_of_its_own_plant_beside_those_of_the_model(database: Database, text: str) -> None:
+def test_each_row_has_the_margins_of_its_plant_and_of_the_model(database: Database, text: str) -> None:
     design = build_design(database, text)
     for number in range(len(design)):
         values = design.point(number)

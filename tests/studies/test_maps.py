@@ -89,7 +89,7 @@ def test_neighbours_at_an_axis_read_differently() -> None:
     assert format_axis_labels(("a", "b"), "1", AngleUnit.DEGREES) == ["a", "b"]
 
 
-def test_a_picture_tells_its_numbers_apart(tmp_path: Path) -> None:
+def test_a_picture_distinguishes_its_numbers(tmp_path: Path) -> None:
     drawn = tmp_path / "map.svg"
     study_map.draw_map(
         [[10.0051, None], [10.0093, 10.0]], ("λ_q [s]", ["0.5", "0.8"]), ("S", ["1", "2"]), "F [N]", drawn
@@ -106,7 +106,7 @@ ROWS = [
 ]
 
 
-def test_an_unstable_loop_is_kept_by_its_word() -> None:
+def test_an_unstable_loop_is_stored_as_a_word() -> None:
     assert ROWS[1].figures == {"M_s_q": UNSTABLE, "rmse_q": None}
 
 
@@ -131,7 +131,7 @@ def test_margins_of_an_unstable_loop_are_worse_than_any_other() -> None:
     assert (spread.unstable, spread.least, spread.median, spread.largest, spread.deviation) == (1, None, 3.0, 4.0, None)
 
 
-def test_a_spread_tells_how_many_loops_are_unstable() -> None:
+def test_a_distribution_counts_unstable_loops() -> None:
     (spread,) = summarize_distributions(ROWS, [named("M_s_q"), named("rmse_q")])
     assert (spread.count, spread.missing, spread.unstable, spread.least, spread.median) == (4, 0, 1, 1.2, 1.35)
     assert (spread.mean, spread.largest, spread.p95, spread.deviation) == (None, None, None, None)
@@ -154,7 +154,7 @@ def ended(*ends: tuple[str, bool | None]) -> list[StudyPoint]:
     return [StudyPoint(number, state, "", passed, values, {}) for number, (state, passed) in enumerate(ends)]
 
 
-def test_shares_are_told_with_their_confidence_interval_and_what_they_leave_out() -> None:
+def test_shares_have_a_confidence_interval_and_count_runs_without_verdict() -> None:
     runs = ended(*[("completed", True)] * 8, *[("completed", False)] * 7, ("tripped", False), *[("refused", None)] * 2)
     not_completed, failed = compute_shares(runs)
     assert (not_completed.name, not_completed.count, not_completed.of, not_completed.left_out) == (

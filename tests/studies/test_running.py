@@ -47,7 +47,7 @@ def with_work(work: ComputePoint, folder: Path, jobs: int = 2) -> Callable[[Stud
     return lambda base: LocalExecutor(in_folder(base, folder), jobs, work)
 
 
-def test_a_study_begun_with_a_bank_in_force_computes_with_it(database: Database) -> None:
+def test_a_study_uses_the_bank_active_at_its_creation(database: Database) -> None:
     lab = load_parameters("lab")
     point = designed_point(lab)
     models = {name: getattr(point, name) for name in ("K_q", "T_q", "K_S", "T_S")}
@@ -86,7 +86,7 @@ def test_a_row_is_what_the_experiment_gives_to_the_last_digit(database: Database
         assert row.state == outcome.run.end_state == "completed"
 
 
-def test_what_no_run_can_be_made_of_is_a_row_that_says_why(database: Database) -> None:
+def test_an_invalid_point_has_a_row_with_a_reason(database: Database) -> None:
     axes = "axes: [{over: lam_q, values: [0.1]}]"
     study = begun(database, f"format: 1\nname: a\ntitle: A\n{axes}")
     assert run_study(database, study, use_local_processes(1))
@@ -104,7 +104,7 @@ def test_a_worker_that_is_killed_loses_nothing(database: Database, tmp_path: Pat
     assert [(row.number, row.state) for row in table(database, study)] == [(n, "completed") for n in range(16)]
 
 
-def test_a_point_that_kills_every_worker_is_told_and_takes_no_other_with_it(database: Database, tmp_path: Path) -> None:
+def test_a_point_that_kills_every_worker_is_reported_and_affects_no_other(database: Database, tmp_path: Path) -> None:
     study = begun(database)
     assert run_study(database, study, with_work(studying.die_always, tmp_path))
     rows = table(database, study)
@@ -155,7 +155,7 @@ def test_another_version_computes_no_row_of_a_study(database: Database, monkeypa
         point.run_point(StudyBase("", "", "", {}, {}, software="1.0"), point.Point(0, {}, {}))
 
 
-def test_what_failed_or_was_lost_is_computed_anew_when_that_is_asked(database: Database, tmp_path: Path) -> None:
+def test_failed_and_lost_points_are_recomputed_on_request(database: Database, tmp_path: Path) -> None:
     study = begun(database)
     rows = [StudyPoint(number, state, "", None, {}, {}) for number, state in enumerate((FAILED, LOST, REFUSED))]
     with database.session() as session:
@@ -166,7 +166,7 @@ def test_what_failed_or_was_lost_is_computed_anew_when_that_is_asked(database: D
     assert [row.state for row in table(database, study)] == ["completed"] * 2 + [REFUSED] + ["completed"] * 13
 
 
-def test_a_stop_that_was_asked_before_holds_until_somebody_resumes(database: Database, tmp_path: Path) -> None:
+def test_a_requested_stop_holds_until_the_study_is_resumed(database: Database, tmp_path: Path) -> None:
     study = begun(database)
     Studies(database).request_stop(study)
     assert not run_study(database, study, with_work(studying.quick, tmp_path))
@@ -240,7 +240,7 @@ def test_the_time_left_may_be_more_than_a_day(seconds: float, text: str) -> None
     assert _format_duration(seconds) == text
 
 
-def test_the_command_tells_a_study_to_programs(tmp_path: Path) -> None:
+def test_the_command_prints_a_study_as_json(tmp_path: Path) -> None:
     file = tmp_path / "study.yaml"
     file.write_text(studying.SHORT.replace("draws: 2\nseeds: 2", ""))
     data = ("--data", str(tmp_path / "data"), "--json")

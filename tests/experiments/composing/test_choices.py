@@ -1,4 +1,4 @@
-"""Parts that a setting chooses: those of its value are played, and none of its values is without parts."""
+"""Parts selected by a setting: each value has its parts, and only those are executed."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Expressions come to what arithmetic says, and nothing else is taken for one."""
+"""Expressions have their arithmetic value; other texts are rejected."""
 
 import math
 from contextlib import suppress
@@ -32,7 +32,7 @@ KNOWN: Names = {"hold_s": 3.0, "count": 4, "profile": "hand", "on": True}
         ("1e-3", 0.001),
     ],
 )
-def test_an_expression_is_the_number_that_arithmetic_says(expression: float | str, expected: float) -> None:
+def test_an_expression_has_its_arithmetic_value(expression: float | str, expected: float) -> None:
     assert evaluate_number(expression, KNOWN) == pytest.approx(expected, rel=1e-15)
 
 
@@ -113,7 +113,7 @@ def test_what_is_no_small_expression_is_not_taken_whatever_asks(expression: str)
         ("hold_s if 1 < 2 else hold", "'hold' is not known here"),
     ],
 )
-def test_an_expression_without_a_number_says_why(expression: str, told: str) -> None:
+def test_an_expression_without_a_value_has_a_reason(expression: str, told: str) -> None:
     with pytest.raises(ExpressionError, match=r".") as refused:
         evaluate_number(expression, KNOWN)
     assert told in str(refused.value)

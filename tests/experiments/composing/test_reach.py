@@ -1,4 +1,4 @@
-"""Whether a plant may be brought where an experiment asks: to its bounds and no further, with line and bound."""
+"""References outside the bounds of the plant are rejected with line and bound."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Recorded references made into parts: what these play is what was recorded, tick by tick, within what is stated."""
+"""Parts built from recorded references reproduce them within the reported deviations."""
 
 from typing import Any
 
@@ -60,7 +60,7 @@ def test_steps_holds_and_ramps_come_back_as_they_were_written() -> None:
     assert [part["duration_s"] for part in parts] == [segment.duration_s for segment in STEPS_AND_RAMPS]
 
 
-def test_a_way_that_begins_with_a_jump_is_off_by_what_is_told() -> None:
+def test_a_ramp_after_a_step_has_the_reported_deviation() -> None:
     way = np.linspace(0.3, 0.6, 1000)
     found = approximate_columns(way, np.full(1000, 10.0))
     replayed = again(found.parts)
@@ -128,7 +128,7 @@ def test_a_smooth_push_is_followed_within_its_bound() -> None:
     assert off == pytest.approx(found.deviation_F_N, abs=1e-9)
 
 
-def test_a_push_is_left_out_while_the_references_move_and_that_is_told() -> None:
+def test_a_push_is_left_out_while_the_references_move_and_reported() -> None:
     F = np.zeros(4000)
     F[500:3500] = 6.0
     q_ref = np.full(4000, 0.1)

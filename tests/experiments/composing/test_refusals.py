@@ -1,4 +1,4 @@
-"""What cannot be is refused before anything moves, with the line and the bound."""
+"""Invalid experiments are rejected before any motion, with line and bound."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -150,9 +150,7 @@ def test_a_part_that_cannot_be_played_is_refused_with_its_line(own: OwnExperimen
         ("title: Wobble", "titel: Wobble", 3, "it is not known here"),
     ],
 )
-def test_what_stands_around_the_parts_is_looked_over_too(
-    own: OwnExperiments, old: str, new: str, line: int, told: str
-) -> None:
+def test_keys_outside_the_parts_are_checked_too(own: OwnExperiments, old: str, new: str, line: int, told: str) -> None:
     assert old in WOBBLE
     refused = refusal(own, WOBBLE.replace(old, new, 1))
     assert told in str(refused)
@@ -200,14 +198,14 @@ def test_what_is_no_experiment_at_all_is_refused_in_a_sentence(own: OwnExperimen
     assert str(refusal(own, text))
 
 
-def test_a_rule_of_the_settings_says_what_does_not_hold(own: OwnExperiments) -> None:
+def test_a_violated_rule_is_named(own: OwnExperiments) -> None:
     rules = "rules:\n  - {that: depth>0.3, remedy: swing further}\n"
     refused = refusal(own, WOBBLE.replace("phases:", f"{rules}phases:", 1))
     assert refused.line == 7
     assert "depth>0.3 does not hold (depth is 0.2): swing further" in str(refused)
 
 
-def test_nothing_is_kept_of_what_is_refused(own: OwnExperiments, tmp_path: Path) -> None:
+def test_a_rejected_experiment_is_not_stored(own: OwnExperiments, tmp_path: Path) -> None:
     with pytest.raises(ExperimentError):
         own.check_and_store(
             with_parts("{do: hold, duration_s: -1}"), "A. Operator", load_parameters("lab"), TuningSettings()
@@ -232,7 +230,7 @@ def test_nothing_oscillates_around_what_is_not_known(own: OwnExperiments, part: 
 
 
 @pytest.mark.parametrize("measure", ["compliance", "disturbance", "pushes"])
-def test_what_is_measured_from_rest_takes_no_push_beside_a_motion(own: OwnExperiments, measure: str) -> None:
+def test_a_measure_from_rest_rejects_a_push_during_a_motion(own: OwnExperiments, measure: str) -> None:
     parts, more = (LEAD_IN, "{do: step, q_ref: 0.1, duration_s: 1, F_push: 2}"), f"measures: [steps, {measure}]\n"
     told = str(refusal(own, with_parts(*parts, more=more)))
     assert told == f"line 9: phases 1, parts 2, F_push: {measure} measures pushes from rest: take a part `do: push`"

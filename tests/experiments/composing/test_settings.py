@@ -1,4 +1,4 @@
-"""The settings that an experiment declares are settings like all others; what cannot be one is refused."""
+"""Settings declared by an experiment; invalid declarations are rejected."""
 
 import math
 from typing import Any
@@ -112,7 +112,7 @@ def test_rules_hold_or_say_which_values_break_them() -> None:
 
 
 @pytest.mark.parametrize(("that", "bounds"), [("low < high", (None, 0.8)), ("low >= 2 * high", (1.6, None))])
-def test_whoever_gave_a_value_is_told_at_that_value(that: str, bounds: tuple[float | None, float | None]) -> None:
+def test_a_rejection_names_the_setting_that_was_given(that: str, bounds: tuple[float | None, float | None]) -> None:
     low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
     asked = experiment(low, high, rules=(Rule(that=that, remedy="mind the gap"),))
     with pytest.raises(OutOfRangeError, match="mind the gap") as refused:

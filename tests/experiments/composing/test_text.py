@@ -1,4 +1,4 @@
-"""An experiment as a text: what is read, where each part stands, what is written."""
+"""Parsing and serialization of experiments, with the lines of their parts."""
 
 import json
 from contextlib import suppress
@@ -96,7 +96,7 @@ def test_a_plain_word_is_no_number_and_no_truth(word: str) -> None:
         lambda title: escape_line(title) == title and title.strip() != ""
     )
 )
-def test_a_title_is_the_same_in_the_text_that_a_run_keeps(title: str) -> None:
+def test_a_title_is_the_same_in_the_text_stored_with_a_run(title: str) -> None:
     experiment = of(Hold(do="hold", duration_s=1.0), title=title)
     assert parse_canonical(to_canonical_text(experiment)) == experiment
 
@@ -150,7 +150,7 @@ def test_equal_experiments_have_equal_texts() -> None:
         ("title: Small", "title: Small\n---\nname: other", 5, "it is neither YAML nor JSON"),
     ],
 )
-def test_what_is_not_taken_is_told_with_its_line(old: str, new: str, line: int, told: str) -> None:
+def test_an_unsupported_construct_is_rejected_with_its_line(old: str, new: str, line: int, told: str) -> None:
     assert SMALL.count(old) == 1
     with pytest.raises(ExperimentError) as refused:
         parse_experiment(SMALL.replace(old, new))

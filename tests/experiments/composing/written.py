@@ -1,4 +1,4 @@
-"""Experiments as somebody might write them."""
+"""Texts of experiments for tests."""
 
 from backend.experiments.parser import parse_experiment
 from backend.experiments.plans import ExperimentPlan, build_experiment_plan

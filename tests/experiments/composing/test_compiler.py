@@ -1,4 +1,4 @@
-"""What the parts of an experiment come to, segment by segment."""
+"""Segments that the parts of an experiment compile to."""
 
 import math
 
@@ -47,7 +47,7 @@ def test_excitations_go_around_the_references_and_leave_them_where_they_were() -
     assert held == Segment(1.0, 0.1, 10.0)
 
 
-def test_a_sine_that_ends_on_its_way_goes_on_from_there() -> None:
+def test_a_part_after_an_incomplete_sine_starts_from_its_end() -> None:
     _, held = after_lead_in("{do: sine, q_amplitude: 0.2, period_s: 4, duration_s: 1}", "{do: hold, duration_s: 1}")
     assert held.q_ref == pytest.approx(0.1 + 0.2 * math.sin(math.pi / 2))
 

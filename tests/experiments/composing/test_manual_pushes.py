@@ -1,4 +1,4 @@
-"""Pushes like a person's: within their bounds, and the same for the same seed."""
+"""Random manual pushes stay within their bounds and are reproducible by their seed."""
 
 import math
 

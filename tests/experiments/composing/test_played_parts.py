@@ -1,4 +1,4 @@
-"""What is told of each part against what the program plays."""
+"""Times and references of played parts, compared with the program."""
 
 from backend.experiments.compiler import list_played_parts
 from backend.experiments.parser import parse_experiment
@@ -20,7 +20,7 @@ phases:
 """
 
 
-def test_each_part_is_told_with_its_place_its_times_and_from_where_to_where() -> None:
+def test_each_played_part_has_path_times_and_references() -> None:
     experiment, lines = parse_experiment(WRITTEN)
     step, ramp, pulse = list_played_parts(ExperimentPlan(experiment, {}, lines=lines).compiled)
     assert step.path == ("phases", 0, "parts", 0)

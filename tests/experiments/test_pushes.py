@@ -1,4 +1,4 @@
-"""Each push beside what the loops and the stiffness let expect: against the simulator, and against what is written."""
+"""Measured and predicted deviations of pushes, on the simulator and for known signals."""
 
 from typing import Any
 
@@ -50,7 +50,7 @@ def columns(plan: ExperimentPlan, q: Any = 0.0) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def test_steps_ramps_and_impulses_are_told_apart_and_a_ramp_ends_where_its_force_is_none() -> None:
+def test_steps_ramps_and_impulses_are_distinguished_and_a_ramp_ends_at_zero_force() -> None:
     found = find_push_windows(plan_of(PUSHED).program())
     assert [(one.shape, one.pushed.start, one.pushed.stop, one.until) for one in found] == [
         ("step", 6000, 7000, 12000),
@@ -134,7 +134,7 @@ def test_how_soon_the_joint_is_back_and_why_that_is_not_known() -> None:
     )
 
 
-def test_what_cannot_be_predicted_is_measured_and_says_so() -> None:
+def test_a_push_without_prediction_is_measured_with_a_reason() -> None:
     law = "{name: by, kind: choice, symbol: law, meaning: law, default: single-loop, choices: [single-loop]}"
     chosen = f"settings:\n  - {law}\n"
     plan = plan_of(with_parts(HELD, STEP, REST, settings=chosen, more="law: by\nmeasures: [pushes]\n"))

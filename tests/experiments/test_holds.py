@@ -1,4 +1,4 @@
-"""Rest, against stretches whose swing and whose counts are written out."""
+"""Metrics of holds, for signals with known swing and counts."""
 
 from typing import Any
 
@@ -34,7 +34,7 @@ def columns(plan: ExperimentPlan) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def test_what_follows_a_move_and_stands_is_held_and_nothing_else_is() -> None:
+def test_only_constant_references_after_a_move_are_a_hold() -> None:
     push, sine = (
         "{do: push, F_push: 3.0, duration_s: 2.0}",
         "{do: sine, q_amplitude: 0.1, period_s: 2.0, duration_s: 2.0}",
