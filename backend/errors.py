@@ -9,10 +9,10 @@ from typing import Any
 from backend.units import (
     DIGITS,
     AngleUnit,
-    append_unit,
+    append_marked_unit,
     convert_to_display,
+    convert_to_text,
     format_number,
-    format_quantity,
     get_display_unit,
 )
 from plant import ErrorCode as ErrorCode
@@ -159,15 +159,15 @@ def describe_out_of_range(
     value: float, minimum: float | None, maximum: float | None, unit: str, angles: AngleUnit
 ) -> tuple[str, str]:
     """Return the message that a value is outside its range, and a general remedy."""
-    given, read_in = format_quantity(value, unit, angles), get_display_unit(unit, angles).unit
+    given, read_in = append_marked_unit(*convert_to_text(value, unit, angles)), get_display_unit(unit, angles).unit
     if minimum is not None and maximum is not None:
         ends = " to ".join(format_bounds(minimum, maximum, unit, angles))
-        return f"{given} is outside {append_unit(ends, read_in)}", "choose a value between the two"
+        return f"{given} is outside {append_marked_unit(ends, read_in)}", "choose a value between the two"
     if maximum is not None:
-        most = append_unit(format_bound(maximum, unit, angles, upper=True), read_in)
+        most = append_marked_unit(format_bound(maximum, unit, angles, upper=True), read_in)
         return f"{given} is more than {most}", f"choose {most} at most"
     if minimum is not None:
-        least = append_unit(format_bound(minimum, unit, angles, upper=False), read_in)
+        least = append_marked_unit(format_bound(minimum, unit, angles, upper=False), read_in)
         return f"{given} is less than {least}", f"choose {least} at least"
     return f"{given} is not a finite number", "choose a finite one"
 

@@ -10,6 +10,7 @@ from threading import Lock
 from typing import Literal
 
 from backend.plain_text import escape_line, escape_lines
+from backend.units import AngleUnit, format_text
 
 LINES_PER_WINDOW = 5
 WINDOW_S = 30.0
@@ -71,7 +72,7 @@ class _EscapingFormatter(logging.Formatter):
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # as its parent calls it
         """Return the line of a record, without its traceback."""
-        record.message = escape_line(record.message)
+        record.message = escape_line(format_text(record.message, AngleUnit.RADIANS))
         return super().formatMessage(record)
 
     def format(self, record: logging.LogRecord) -> str:

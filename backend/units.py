@@ -11,6 +11,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 
+from plant import ESCAPE, PREFIXED, UNIT_MARK
+
 DIGITS = 6
 """Significant digits of a displayed number."""
 
@@ -38,21 +40,19 @@ _IN_DEGREES = {
 }
 _WRITTEN = {AngleUnit.DEGREES: "°", AngleUnit.RADIANS: " rad"}
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_PREFIXED = ("V", "N", "s", "m", "A")
-"""Units that take a prefix when a number is small."""
-
 _NUMBER = r"[-+−]?(?:\d+\.?\d*|\.\d+)(?:e[-+−]?\d+)?"
 _QUANTITY = re.compile(
-    r"(?P<quoted>“[^”]*”)"
-    rf"|(?<![\w.·])(?P<low>{_NUMBER})(?:(?P<to> to | … )(?P<high>{_NUMBER}))?"
-    r" (?P<unit>rad|deg)(?P<rate>/s)?(?![\w/(·²³⁴])"
-    rf"|(?<![\w.·])(?P<small>[-+−]?\d+\.?\d*e[-−]\d+) (?P<of>{'|'.join(_PREFIXED)})(?![\w/(·²³⁴])"
+    rf"(?<![\w.·])(?P<low>{_NUMBER})(?:(?P<to> to | … )(?P<high>{_NUMBER}))?"
+    rf"{UNIT_MARK}(?!{ESCAPE})(?:(?P<angle>rad|deg|°)(?P<rate>/s)?|(?P<unit>{'|'.join(PREFIXED)}))(?![\w/(·²³⁴])"
 )
-"""Quantities in a text that are displayed in another form than they are stored.
+"""A marked quantity that is displayed differently: an angle, an angular speed, a range of them, or a small number."""
 
-These are an angle, an angular speed, a range of either, and a small number with exponent. Text between “ and ” is
-quoted from a person and stays unchanged, as does what is in ° already: it may be a phase.
-"""
+_UNMARKED = re.compile(
+    r"(?P<quoted>“[^”]*”)"
+    rf"|(?<![\w.·])(?P<number>(?:{_NUMBER}(?: to | … ))?{_NUMBER}) (?P<unit>(?:rad|deg)(?:/s)?)(?![\w/(·²³⁴])"
+    rf"|(?<![\w.·])(?P<small>[-+−]?\d+\.?\d*e[-−]\d+) (?P<of>{'|'.join(PREFIXED)})(?![\w/(·²³⁴])"
+)
+_ESCAPED = re.compile(f"{UNIT_MARK}({ESCAPE}*)")
 
 
 def format_count(count: float, noun: str) -> str:
@@ -101,13 +101,18 @@ def append_unit(number: str, unit: str) -> str:
     return f"{number}{unit}" if unit.startswith("°") else f"{number} {unit}"
 
 
+def append_marked_unit(number: str, unit: str) -> str:
+    """Return a displayed number with its unit; ``format_text`` converts an angle for a person with another unit."""
+    return f"{number}{UNIT_MARK}{unit}" if unit.startswith(("°", "rad")) else append_unit(number, unit)
+
+
 def choose_display_unit(largest: float, unit: str, angles: AngleUnit) -> DisplayUnit:
     """Return the display unit of a quantity by its largest value in SI.
 
     Small values get the prefix µ or n.
     """
     size = abs(largest)
-    if unit not in _PREFIXED or not 0.0 < size < 1e-3:
+    if unit not in PREFIXED or not 0.0 < size < 1e-3:
         return get_display_unit(unit, angles)
     return DisplayUnit(f"µ{unit}", 1e6) if size >= 1e-6 else DisplayUnit(f"n{unit}", 1e9)
 
@@ -133,13 +138,18 @@ def count_range_digits(values: Collection[float], least: int = 4) -> int:
 
 
 def format_quantity(value: float, unit: str, angles: AngleUnit) -> str:
-    """Format a quantity in SI in its display unit: "120°"."""
+    """Return a quantity in SI with the unit in which it is displayed: "120°"."""
+    return append_unit(*convert_to_text(value, unit, angles))
+
+
+def convert_to_text(value: float, unit: str, angles: AngleUnit) -> tuple[str, str]:
+    """Return the displayed number and unit of a quantity in SI: ("120", "°")."""
     try:
-        reading = choose_display_unit(float(value), unit, angles)
-        shown = value if reading.factor == 1.0 else float(value) * reading.factor
+        display = choose_display_unit(float(value), unit, angles)
+        shown = value if display.factor == 1.0 else float(value) * display.factor
     except OverflowError:  # beyond any float in either unit
-        reading, shown = get_display_unit(unit, angles), value
-    return append_unit(_with_power(format_number(shown)), reading.unit)
+        display, shown = get_display_unit(unit, angles), value
+    return _with_power(format_number(shown)), display.unit
 
 
 def _with_power(number: str) -> str:
@@ -147,22 +157,31 @@ def _with_power(number: str) -> str:
     return f"{plain}·10{str(int(power)).translate(_RAISED)}" if e and power.lstrip("+-").isdigit() else number
 
 
-def format_angles(text: str, angles: AngleUnit) -> str:
-    """Return ``text`` with every angle in the unit ``angles``.
+def format_text(text: str, angles: AngleUnit) -> str:
+    """Return a text of the service with its marked quantities as one person reads them.
 
-    Texts for several people (marks, faults, ends of runs) are stored in SI and converted here. A number keeps its
-    number of digits, at least four.
+    Marks, faults and ends of runs are stored once, in SI (`plant/quantity.py`). An angle keeps its number of digits,
+    four at least. Small numbers get a prefix. What a person has written in the text stays as it is.
     """
-    return _QUANTITY.sub(lambda found: _turned(found, angles), text)
+    converted = _QUANTITY.sub(lambda found: _convert_quantity(found, angles), text)
+    return _ESCAPED.sub(lambda found: UNIT_MARK + found[1][1:] if found[1] else " ", converted)
 
 
-def _turned(found: re.Match[str], angles: AngleUnit) -> str:
-    if found["quoted"]:
-        return found[0]
-    if found["small"]:
-        return _prefixed(found["small"], found["of"])
+def mark_quantities(text: str) -> str:
+    """Return a text that no person has entered, such as a document of Sinew, with its quantities marked.
+
+    Texts between quotation marks and units in a fraction, such as N·m/rad, stay as they are.
+    """
+    return _UNMARKED.sub(lambda found: UNIT_MARK.join(part for part in found.groups() if part), text)
+
+
+def _convert_quantity(found: re.Match[str], angles: AngleUnit) -> str:
     numbers = [number for number in (found["low"], found["high"]) if number]
-    if found["unit"] != angles:
+    if found["unit"]:
+        if len(numbers) == 1 and "e" in numbers[0]:
+            return _prefixed(numbers[0], found["unit"])
+        return f"{(found['to'] or '').join(numbers)} {found['unit']}"
+    if (found["angle"] == "rad") != (angles is AngleUnit.RADIANS):
         factor = 180.0 / math.pi if angles is AngleUnit.DEGREES else math.pi / 180.0
         numbers = [_as_fine(number, factor) for number in numbers]
     return f"{(found['to'] or '').join(numbers)}{_WRITTEN[angles]}{found['rate'] or ''}"

@@ -88,6 +88,7 @@ from .parameters import (
     load_parameters,
     parse_parameters,
 )
+from .quantity import ESCAPE, PREFIXED, UNIT_MARK, Angle, Quantity, escape_quantities, quote
 from .replay import RecordedSamples, Replay, Signal, load_replay
 from .safety_card import WATCHDOG_S, Card, CardState, Stillness, WatchdogDeadError, WatchdogExpiredError
 from .simulator import (
@@ -109,6 +110,7 @@ __all__ = [
     "CACHE",
     "DEFAULT_WIRING",
     "DELAY_SLOTS",
+    "ESCAPE",
     "FILE_NAME_MAX",
     "K_LEAST",
     "NAME_MAX",
@@ -118,6 +120,7 @@ __all__ = [
     "NO_LOAD",
     "NO_RAW",
     "ONLY_OF_A_CARD",
+    "PREFIXED",
     "SATURATED_V",
     "SHIPPED",
     "SIDES",
@@ -125,8 +128,10 @@ __all__ = [
     "SIMULATOR",
     "STRICT",
     "SUBSTEPS",
+    "UNIT_MARK",
     "WATCHDOG_S",
     "ZERO_VOLTS",
+    "Angle",
     "Asymmetry",
     "Breakage",
     "Broken",
@@ -157,6 +162,7 @@ __all__ = [
     "PlantParameters",
     "PlantState",
     "PrecompiledCall",
+    "Quantity",
     "Raw",
     "RawReading",
     "RecordedSamples",
@@ -190,6 +196,7 @@ __all__ = [
     "compiled_run",
     "elongation_A",
     "elongation_B",
+    "escape_quantities",
     "find_root",
     "friction_torque",
     "is_limit_exceeded",
@@ -204,6 +211,7 @@ __all__ = [
     "make_plant",
     "make_sensor_model",
     "parse_parameters",
+    "quote",
     "read_driver_version",
     "require_available",
     "require_possible_wall",

@@ -29,6 +29,7 @@ from plant.interface import (
     T_s,
 )
 from plant.parameters import PlantParameters
+from plant.quantity import Angle, Quantity
 
 # Check types ---------------------------------------------------------------------------------------
 #
@@ -156,11 +157,11 @@ def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> 
     missing = [name for name, value in reported.items() if not math.isfinite(value)]
     require(not missing, f"no finite number: {', '.join(missing)}")
     q_max, F_max = parameters.geometry.q_max, parameters.safety.F_max
-    require(abs(m.q) <= 1.1 * q_max, f"q = {m.q:g}, beyond {q_max:.3g} rad: is it in rad?")
+    require(abs(m.q) <= 1.1 * q_max, f"q = {m.q:g}, beyond {Angle(q_max):.3g}: is it in rad?")
     for name, F in (("F_A", m.F_A), ("F_B", m.F_B)):
         require(-0.1 * F_max <= F <= F_max, f"{name} = {F:g}, outside 0 to {F_max:g} N: is it in N, and tared?")
     for name, theta in (("theta_A", m.theta_A), ("theta_B", m.theta_B)):
-        require(abs(theta) <= 100.0, f"{name} = {theta:g}, beyond 100 rad: is it in rad at the gearbox outlet?")
+        require(abs(theta) <= 100.0, f"{name} = {theta:g}, beyond {Angle(100.0)}: is it in rad at the gearbox outlet?")
     require(m.safety_trip in (0.0, 1.0), f"safety_trip = {m.safety_trip:g}, it has to be 0 or 1")
     require(len(plant.raw) == 5, "raw has to be a RawReading, of nan where there is no card")
 
@@ -184,7 +185,7 @@ def require_at_rest(first: Measurement, m: Measurement) -> None:
     for name in ("q", "theta_A", "theta_B"):
         travel = abs(getattr(m, name) - getattr(first, name))
         if not travel <= RESTING_RAD:
-            raise BrokenPromiseError(f"{name} moved by {travel:.2g} rad at zero volts")
+            raise BrokenPromiseError(f"{name} moved by {Angle(travel):.2g} at zero volts")
 
 
 # Conformance ---------------------------------------------------------------------------------------
@@ -239,7 +240,7 @@ def _reads_in_si(subject: Subject) -> str:
         m = plant.read()
         check_reading(plant, m, subject.parameters)
         require(isinstance(plant.raw, RawReading), "raw has to be a RawReading")
-    return f"q = {m.q:.4g} rad, F_A = {m.F_A:.3g} N, F_B = {m.F_B:.3g} N"
+    return f"q = {Angle(m.q):.4g}, F_A = {Quantity(m.F_A, 'N'):.3g}, F_B = {Quantity(m.F_B, 'N'):.3g}"
 
 
 @promise("At zero volts joint and motors stay where they are, and every reading of a second is in order.")
@@ -265,9 +266,9 @@ def _a_voltage_acts(subject: Subject) -> str:
         turned = last.theta_A - first.theta_A, last.theta_B - first.theta_B
         own, other = turned[side], turned[1 - side]
         letter = "AB"[side]
-        require(own > MOVED_RAD, f"{volts:g} V on motor {letter} turned it by {own:.2g} rad: sign, or too little?")
-        require(abs(other) < own, f"{volts:g} V on motor {letter} turned the other one by {other:.2g} rad: swapped?")
-        moved.append(f"{letter} by {own:.3g} rad")
+        require(own > MOVED_RAD, f"{volts:g} V on motor {letter} turned it by {Angle(own):.2g}: sign, or too little?")
+        require(abs(other) < own, f"{volts:g} V on motor {letter} turned the other one by {Angle(other):.2g}: swapped?")
+        moved.append(f"{letter} by {Angle(own):.3g}")
     return f"{volts:g} V turned {', '.join(moved)}"
 
 
@@ -296,7 +297,7 @@ def _keeps_to_its_voltages(subject: Subject) -> str:
         except PlantError as error:
             return f"refused: {error}"
     for excess in (beyond.theta_A - at_bound.theta_A, beyond.theta_B - at_bound.theta_B):
-        require(excess < MOVED_RAD, f"at {100.0 * u_max:g} V it went {excess:.2g} rad further than at {u_max:g} V")
+        require(excess < MOVED_RAD, f"at {100.0 * u_max:g} V it went {Angle(excess):.2g} further than at {u_max:g} V")
     return f"held at {u_max:g} V"
 
 

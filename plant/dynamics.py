@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from plant.compilation import compiled
 from plant.interface import NO_LOAD, PlantError, ShaftLoad
+from plant.quantity import Angle, Quantity
 
 # Friction ------------------------------------------------------------------------------------------
 #
@@ -472,7 +473,7 @@ def require_possible_wall(obstacle: Obstacle, joint: Joint, F_max: float, q_max:
         ("damping of the wall", obstacle.c_wall, 0.0, c_max, "s/m", "the simulator's steps resolve no stronger one"),
     ):
         if not (math.isfinite(value) and low <= value <= high):
-            raise PlantError(f"{words}: {value:g} {unit} is outside {low:.6g} to {high:.6g} {unit}; {remedy}")
+            raise PlantError(f"{words}: {Quantity(value, unit):g} is outside {Quantity(low, unit, high)}; {remedy}")
 
 
 def require_free(obstacle: Obstacle, q: float) -> None:
@@ -483,8 +484,8 @@ def require_free(obstacle: Obstacle, q: float) -> None:
     if not obstacle.side * (q - obstacle.q_wall) <= 0.0:
         where = "above" if obstacle.side < 0.0 else "below"
         raise PlantError(
-            f"the joint stands at {q:.4g} rad, in a wall at {obstacle.q_wall:.4g} rad: bring it {where} that first, "
-            "or put the wall elsewhere"
+            f"the joint stands at {Angle(q):.4g}, in a wall at {Angle(obstacle.q_wall):.4g}: bring it {where} that "
+            "first, or put the wall elsewhere"
         )
 
 

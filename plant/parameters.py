@@ -26,6 +26,7 @@ from plant.dynamics import (
 )
 from plant.errors import ErrorCode, SinewError
 from plant.interface import FILE_NAME_MAX, T_s
+from plant.quantity import Quantity
 
 # Parameter entries ---------------------------------------------------------------------------------
 #
@@ -115,7 +116,7 @@ def _number(label: str, value: Any, entry: "Field[Any]") -> float:
         raise ParameterError(f"{label} = {value!r} is not a finite number")
     low, high, unit = entry.metadata["minimum"], entry.metadata["maximum"], entry.metadata["unit"]
     if not low <= value <= high:
-        raise ParameterError(f"{label} = {value:g} {unit} is outside {low:g} to {high:g} {unit}")
+        raise ParameterError(f"{label} = {Quantity(value, unit):g} is outside {Quantity(low, unit, high):g}")
     return float(value)
 
 

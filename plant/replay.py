@@ -19,6 +19,7 @@ from plant.interface import (
     T_s,
     require_numbers,
 )
+from plant.quantity import Quantity
 
 # Recording -----------------------------------------------------------------------------------------
 #
@@ -197,7 +198,7 @@ def _check_values(path: Path, columns: dict[str, Signal]) -> None:
             at = int(np.nanargmax(np.abs(values)))
             raise _make_replay_error(
                 path,
-                f"{name} is {values[at]:g} at t = {t[at]:.3f} s, beyond {_LARGEST[name]:.4g} {unit}: "
+                f"{name} is {values[at]:g} at t = {t[at]:.3f} s, beyond {Quantity(_LARGEST[name], unit):.4g}: "
                 f"the column has to be in {unit}",
             )
 
@@ -272,7 +273,7 @@ class Replay:
 
     def _describe_end(self) -> str:
         volts, output, t = self.difference
-        difference = f"the voltages differed by at most {volts:.3g} V, {output} at t = {t:.3f} s"
+        difference = f"the voltages differed by at most {Quantity(volts, 'V'):.3g}, {output} at t = {t:.3f} s"
         return f"the recording has ended after {self.samples} samples; {difference}"
 
     def write(self, command: MotorCommand) -> None:

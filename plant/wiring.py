@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from plant.errors import ErrorCode, SinewError
 from plant.interface import FILE_NAME_MAX
+from plant.quantity import Quantity
 
 # Wiring errors -------------------------------------------------------------------------------------
 #
@@ -313,8 +314,8 @@ class _Reader:
             return math.nan
         low, high, unit = metadata["minimum"], metadata["maximum"], metadata["unit"]
         if not low <= value <= high:
-            bounds = f"choose {low:g} to {high:g} {unit}"
-            self.add_problem(section, declared.name, f"{value:g} {unit} is out of bounds", bounds)
+            bounds = f"choose {Quantity(low, unit, high):g}"
+            self.add_problem(section, declared.name, f"{Quantity(value, unit):g} is out of bounds", bounds)
         if value == 0.0 and declared.name in ("gain", "slope", "direction"):
             self.add_problem(section, declared.name, "0 tells nothing", "give what was measured, with its sign")
         if declared.name == "direction" and abs(value) != 1.0:

@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 from backend.units import (
     AngleUnit,
     convert_to_display,
-    format_angles,
     format_count,
     format_percent,
     format_quantity,
+    format_text,
+    mark_quantities,
     parse_quantity,
 )
+from plant.quantity import ESCAPE, UNIT_MARK, Angle, Quantity, escape_quantities, quote
 
 DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 
@@ -53,32 +55,65 @@ def test_what_was_typed_in_degrees_is_read_again(parse_quantity: Fraction) -> No
     ("text", "degrees"),
     [
         (
-            "q = 1.602 rad; the bound is 1.571 rad to either side",
+            "q = 1.602~rad; the bound is 1.571~rad to either side",
             "q = 91.79°; the bound is 90.01° to either side",
         ),
-        ("outside -1.4 to 1.4 rad; choose another", "outside -80.21 to 80.21°; choose another"),
-        ("q_ref 0.5236 rad, S_ref 10.00 N·m/rad", "q_ref 30°, S_ref 10.00 N·m/rad"),
-        ("theta_A turned by −0.9 rad", "theta_A turned by −51.57°"),
+        ("outside -1.4 to 1.4~rad; choose another", "outside -80.21 to 80.21°; choose another"),
+        ("q_ref 0.5236~rad, S_ref 10.00~N·m/rad", "q_ref 30°, S_ref 10.00 N·m/rad"),
+        ("theta_A turned by −0.9~rad", "theta_A turned by −51.57°"),
         (
-            "60 rad/s, K_m 1.06 rad/(V·s), K_S 2 N·m/rad per rad",
+            "60~rad/s, K_m 1.06~rad/(V·s), K_S 2~N·m/rad per rad",
             "3438°/s, K_m 1.06 rad/(V·s), K_S 2 N·m/rad per rad",
         ),
-        ("a grade of 3 radishes, 2 rad²", "a grade of 3 radishes, 2 rad²"),
-        ("30 deg already", "30° already"),
-        ("a push of 7.019e-05 N, 3.357e-06 V off, 2e-09 N·m/rad", "a push of 70.19 µN, 3.357 µV off, 2e-09 N·m/rad"),
-        ("“turned 1.0 rad, 3e-06 V” was 0.5236 rad", "“turned 1.0 rad, 3e-06 V” was 30°"),
+        ("2~rad², 8~N, 2 to 3~V", "2 rad², 8 N, 2 to 3 V"),
+        ("30~deg already, phase 47°", "30° already, phase 47°"),
+        ("a push of 7.019e-05~N, 3.357e-06~V off, 2e-09~N·m/rad", "a push of 70.19 µN, 3.357 µV off, 2e-09 N·m/rad"),
     ],
 )
-def test_angles_in_a_text_are_turned_and_nothing_else(text: str, degrees: str) -> None:
-    """Marks, faults and ends of runs are kept in SI; whoever reads radians reads them as they are kept."""
-    assert format_angles(text, DEG) == degrees
+def test_marked_quantities_of_a_text_are_converted(text: str, degrees: str) -> None:
+    """Marks, faults and ends of runs are stored in SI."""
+    marked = text.replace("~", UNIT_MARK)
+    assert format_text(marked, DEG) == degrees
     if not re.search(r"deg|e-", text):
-        assert format_angles(text, RAD) == text
+        assert format_text(marked, RAD) == text.replace("~", " ")
 
 
 def test_a_text_in_degrees_can_be_read_in_radians() -> None:
-    """Somebody who changes the unit while a refusal stands reads it in the new one."""
-    assert format_angles("120 deg is outside -100 to 100 deg", RAD) == "2.094 rad is outside -1.745 to 1.745 rad"
+    """Somebody who changes the unit while a refusal is shown reads it in the new one."""
+    marked = "120~deg is outside -100 to 100~°".replace("~", UNIT_MARK)
+    assert format_text(marked, RAD) == "2.094 rad is outside -1.745 to 1.745 rad"
+
+
+@given(
+    st.text(alphabet=st.sampled_from("0123456789.e- “”VNs°") | st.sampled_from((UNIT_MARK, ESCAPE)) | st.characters())
+    | st.sampled_from(("keep it below 1 rad", "30 deg", f"1{UNIT_MARK}rad", f"2{UNIT_MARK}{ESCAPE}deg")),
+    st.sampled_from(AngleUnit),
+)
+def test_a_persons_text_comes_back_as_it_was_written(text: str, angles: AngleUnit) -> None:
+    around = f"{Angle(math.pi / 6)} {quote(text)} {Angle(math.pi / 6)}"
+    number = "30°" if angles is DEG else "0.523599 rad"
+    assert format_text(around, angles) == f"{number} “{text}” {number}"
+    assert format_text(escape_quantities(text), angles) == text
+
+
+def test_quantities_are_written_with_their_unit() -> None:
+    assert f"{Angle(0.5):.3f}" == f"0.500{UNIT_MARK}rad"
+    assert f"{Angle(-1.0, 1.0):g}" == f"-1 to 1{UNIT_MARK}rad"
+    assert f"{Quantity(2.0, '1')}" == "2"
+    assert f"{Quantity(1 / 3, 'N')}" == "0.333333 N"
+    assert f"{Quantity(2e-9, 'N')}" == f"2e-09{UNIT_MARK}N"
+
+
+@pytest.mark.parametrize(
+    ("text", "marked"),
+    [
+        ("by 0.1 rad, 9 N and 1.5 rad/s", "by 0.1~rad, 9 N and 1.5~rad/s"),
+        ("-1 to 2 rad, “3 rad”, 4 N·m/rad, 5 rad/(V·s)", "-1 to 2~rad, “3 rad”, 4 N·m/rad, 5 rad/(V·s)"),
+        ("7e-05 N of 3 radishes", "7e-05~N of 3 radishes"),
+    ],
+)
+def test_quantities_of_a_document_are_marked(text: str, marked: str) -> None:
+    assert mark_quantities(text) == marked.replace("~", UNIT_MARK)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from backend.errors import InvalidValueError, OutOfRangeError, RequestRejectedEr
 from backend.experiments.library import build_ready_plan, find_experiment
 from backend.experiments.parser import ExperimentError
 from backend.models.settings import SettingError
-from backend.units import AngleUnit
+from backend.units import AngleUnit, format_text
 from plant.errors import ErrorCode
 
 DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
@@ -33,7 +33,7 @@ def test_a_segment_is_named_as_it_was_numbered() -> None:
         "segment 3, position reference: 120° is outside -80.2 to 80.2°; choose a value between the two"
     )
     assert said(refused.value, RAD).startswith("segment 3, position reference: 2.0944 rad is outside -1.4 to 1.4 rad; ")
-    assert str(refused.value) == said(refused.value, RAD)
+    assert format_text(str(refused.value), RAD) == said(refused.value, RAD)
 
 
 def test_a_setting_is_named_as_its_form_labels_it() -> None:

@@ -26,7 +26,14 @@ from backend.analysis.step_metrics import (
 from backend.faults import Limit
 from backend.realtime import Program, Shape
 from backend.tuning import INPUTS, OUTPUTS, disturbance_response, make_sampled_loop
-from plant import SIDES, PlantParameters, Side, T_s
+from plant import (
+    SIDES,
+    Angle,
+    PlantParameters,
+    Quantity,
+    Side,
+    T_s,
+)
 
 # Compliance ----------------------------------------------------------------------------------------
 #
@@ -168,7 +175,7 @@ class DisturbanceMetrics(WholeMetrics):
     push_back_s: float | None = declare_metric(
         "s",
         "Back after a push",
-        f"longest time from the end of a push until |q − q_ref| stays below {REST_TOLERANCES['q']} rad",
+        f"longest time from the end of a push until |q − q_ref| stays below {Angle(REST_TOLERANCES['q'])}",
     )
     reasons: Mapping[str, str] = field(default_factory=dict)
 
@@ -193,8 +200,8 @@ def compute_disturbance_metrics(columns: Columns, program: Program) -> Disturban
         away = np.flatnonzero(~(after <= REST_TOLERANCES["q"]))
         if away.size and away[-1] == after.size - 1:
             reasons["push_back_s"] = (
-                f"after the push that ended at {push.stop * T_s:g} s the joint was still {after[-1]:.3g} rad off when "
-                f"something moved again after {after.size * T_s:g} s"
+                f"after the push that ended at {push.stop * T_s:g} s the joint was still {Angle(after[-1]):.3g} off "
+                f"when something moved again after {after.size * T_s:g} s"
             )
             continue
         times.append(0.0 if away.size == 0 else float(away[-1] + 1) * T_s)
@@ -518,7 +525,8 @@ def pair_hits(hits: Sequence[Hit]) -> tuple[tuple[tuple[Hit, Hit], ...], str]:
         if not alike:
             return (
                 (),
-                f"beside the hit at {hit.S_ref:.4g} N·m/rad and {hit.speed:.3g} rad/s there is none without reaction",
+                f"beside the hit at {hit.S_ref:.4g} N·m/rad and {Quantity(hit.speed, 'rad/s'):.3g} there is none "
+                "without reaction",
             )
         other = min(alike, key=lambda other: abs(other.speed - hit.speed))
         left.remove(other)
@@ -541,7 +549,10 @@ def _pair_by_stiffness(hits: Sequence[Hit]) -> tuple[list[tuple[Hit, Hit]], str]
         return [], f"{len(soft)} hits were soft and {len(stiff)} stiff: they are compared one by one"
     for item, other in zip(soft, stiff, strict=True):
         if not _is_equally_fast(item, other):
-            return [], f"hits at {item.speed:.3g} and {other.speed:.3g} rad/s cannot be compared"
+            return (
+                [],
+                f"hits at {Quantity(item.speed, 'rad/s'):.3g} and {Quantity(other.speed, 'rad/s'):.3g} cannot be compared",
+            )
     return list(zip(soft, stiff, strict=True)), ""
 
 
@@ -615,7 +626,7 @@ class PushMetrics(WholeMetrics):
     pushed_back_s: float | None = declare_metric(
         "s",
         "Back after a push",
-        f"longest time from a push's end until |q − q_ref| stays below {REST_TOLERANCES['q']} rad",
+        f"longest time from a push's end until |q − q_ref| stays below {Angle(REST_TOLERANCES['q'])}",
     )
     pushed_off_percent: float | None = declare_metric(
         "%", "Peaks off their prediction", "largest |measured/predicted − 1| of the peaks of q, gains in use"
@@ -730,7 +741,7 @@ def _find_return_time(off: Array, stop: int) -> tuple[float | None, str]:
     away = np.flatnonzero(~(off <= REST_TOLERANCES["q"]))
     if away.size and away[-1] == off.size - 1:
         return None, (
-            f"after the push that ended at {stop * T_s:g} s the joint was still {off[-1]:.3g} rad off when "
+            f"after the push that ended at {stop * T_s:g} s the joint was still {Angle(off[-1]):.3g} off when "
             f"something moved again after {off.size * T_s:g} s"
         )
     return (0.0 if away.size == 0 else float(away[-1] + 1) * T_s), ""

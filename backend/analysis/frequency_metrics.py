@@ -22,7 +22,10 @@ from backend.control import cascade
 from backend.faults import Limit
 from backend.realtime import Program
 from backend.tuning import INPUTS, OUTPUTS, decoupling_matrix, make_sampled_loop, planned_response
-from plant import T_s
+from plant import (
+    Quantity,
+    T_s,
+)
 
 # Response ------------------------------------------------------------------------------------------
 #
@@ -528,5 +531,5 @@ def _find_active_limit(columns: Columns, window: slice, planned: bool) -> str:
             continue
         ticks = int(np.count_nonzero(flags & int(limit)))
         if ticks:
-            return f"{words} for {ticks * T_s:.3g} s: take a smaller amplitude"
+            return f"{words} for {Quantity(ticks * T_s, 's'):.3g}: take a smaller amplitude"
     return ""

@@ -80,7 +80,13 @@ from backend.plain_text import PlainTextError, check_plain_text, check_single_li
 from backend.realtime import Excitation
 from backend.recording import Columns, count_missing_ticks, read_recorded_columns
 from backend.storage import Database, EndState, NewIdentification, Run, RunKind
-from plant import SIDES, PlantParameters, Side, T_s
+from plant import (
+    SIDES,
+    Angle,
+    PlantParameters,
+    Side,
+    T_s,
+)
 
 # Actuator identification ---------------------------------------------------------------------------
 
@@ -275,7 +281,7 @@ class MotorMetrics:
     u_c_B: float = declare_metric(
         "V", "Coulomb voltage of motor B", "part of the voltage that only overcomes dry friction"
     )
-    turn_rad: float = declare_metric("rad", "Largest turn", "largest |θ| of both motors, of ±15.7 rad")
+    turn_rad: float = declare_metric("rad", "Largest turn", f"largest |θ| of both motors, of ±{Angle(15.7)}")
     load_N: float = declare_metric("N", "Largest load", "largest tendon force of both load cells during the steps")
     peak_voltage_V: float = declare_metric("V", "Peak voltage", "largest step of both motors")
 

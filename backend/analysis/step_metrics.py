@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from backend.models import Phase, RunCriterion
 from backend.realtime import Program, Segment, Shape, final_references
-from plant import SIDES, ErrorCode, Side, SinewError, T_s
+from plant import (
+    SIDES,
+    ErrorCode,
+    Quantity,
+    Side,
+    SinewError,
+    T_s,
+)
 
 # Criteria ------------------------------------------------------------------------------------------
 #
@@ -106,7 +113,8 @@ def check_other_at_rest(signal: str, deviation: Array) -> str:
     if off <= REST_TOLERANCES[signal]:
         return ""
     return (
-        f"{signal} was {off:.2f} {_UNITS[signal]} from its reference as this step began: the motion before was not over"
+        f"{signal} was {Quantity(off, _UNITS[signal]):.2f} from its reference as this step began: "
+        "the motion before was not over"
     )
 
 

@@ -29,8 +29,11 @@ from backend.server import (
     replay_body,
     require_valid_body,
 )
-from backend.units import format_number
-from plant import ErrorCode
+from plant import (
+    ErrorCode,
+    Quantity,
+    escape_quantities,
+)
 
 # Authentication ------------------------------------------------------------------------------------
 #
@@ -191,8 +194,7 @@ def _describe_value(name: str, value: object) -> str:
     if isinstance(value, bool):
         return f"{name} {'yes' if value else 'no'}"
     if isinstance(value, int | float):
-        unit = UNITS.get(name, "1")
-        return f"{name} {format_number(value)}" + ("" if unit == "1" else f" {unit}")
+        return f"{name} {Quantity(value, UNITS.get(name, '1'))}"
     if isinstance(value, str) and value.isprintable() and 0 < len(value) <= _MAX_VALUE_LENGTH:
-        return f"{name} {value}"
+        return f"{name} {escape_quantities(value)}"
     return ""

@@ -41,6 +41,7 @@ from backend.cli.output import (
 from backend.plain_text import escape_line, escape_lines
 from backend.settings import Settings
 from backend.units import format_count
+from plant import Quantity
 
 if TYPE_CHECKING:
     from backend.banks import TuningSettings
@@ -438,8 +439,8 @@ def check(file: File, params: ParameterSet = None, data: DataFolder = None, as_j
     text = f"{checked.name} can be run: {checked.duration_s:.6g} s in {segments}{changes}"
     console.print(text, highlight=False, markup=False)
     if checked.peak_voltage_V is not None and checked.min_tension_N is not None and checked.max_tension_N is not None:
-        tensions = f"tensions {checked.min_tension_N:.3g} to {checked.max_tension_N:.3g} N"
-        text = f"on the simulator: {checked.peak_voltage_V:.3g} V at most, {tensions}"
+        tensions = f"tensions {Quantity(checked.min_tension_N, 'N', checked.max_tension_N):.3g}"
+        text = f"on the simulator: {Quantity(checked.peak_voltage_V, 'V'):.3g} at most, {tensions}"
         console.print(text, highlight=False, markup=False)
 
 

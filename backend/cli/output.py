@@ -19,7 +19,7 @@ from rich.table import Table
 
 from backend.execution import RunPhase
 from backend.plain_text import escape_line, escape_lines, format_json
-from backend.units import AngleUnit, convert_to_display, format_angles, get_display_unit
+from backend.units import AngleUnit, convert_to_display, format_text, get_display_unit
 
 if TYPE_CHECKING:
     from backend.models import MeasuredFigure, RunCriterion
@@ -55,7 +55,7 @@ def fail(*messages: str, status: int = 1) -> NoReturn:
     """Print each message on one line of standard error and exit with ``status``."""
     for message in messages:
         error_console.print(
-            f"sinew: {format_angles(' '.join(message.split()), angle_unit())}",
+            f"sinew: {' '.join(format_text(message, angle_unit()).split())}",
             style="red",
             highlight=False,
             soft_wrap=True,
@@ -180,7 +180,7 @@ def _print_metrics(metrics: "Sequence[MeasuredFigure]") -> None:
             item.label,
             _convert_metric(item.value, item.unit),
             get_display_unit(item.unit, angle_unit()).unit,
-            format_angles(item.reason or "measured", angle_unit()),
+            format_text(item.reason or "measured", angle_unit()),
         )
         for item in metrics
     ]
@@ -196,7 +196,7 @@ def _print_criteria(criteria: "Sequence[RunCriterion]", verdict: str) -> None:
             _convert_metric(item.figure, item.unit),
             f"{item.relation} {convert_to_display(item.bound, item.unit, angle_unit()):g}",
             get_display_unit(item.unit, angle_unit()).unit,
-            format_angles(_describe_verdict(item), angle_unit()),
+            format_text(_describe_verdict(item), angle_unit()),
         )
         for item in criteria
     ]
@@ -217,7 +217,7 @@ def _convert_metric(value: float | None, unit: str) -> float | str:
 
 
 def _print_text(text: str, style: str = "") -> None:
-    console.print(format_angles(text, angle_unit()), highlight=False, markup=False, style=style)
+    console.print(format_text(text, angle_unit()), highlight=False, markup=False, style=style)
 
 
 # Garbage collection --------------------------------------------------------------------------------

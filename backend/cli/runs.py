@@ -15,7 +15,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_run, print_settings, print_table
-from backend.units import convert_to_display, format_angles, get_display_unit
+from backend.units import convert_to_display, format_text, get_display_unit
 
 if TYPE_CHECKING:
     from backend.schemas import ComparedValue, RunView
@@ -174,7 +174,7 @@ def compare(
         at = f" at {run.station}" if run.station else ""
         console.print(
             f"run {run.id}{at}{marked}: {run.title}, {run.started:%Y-%m-%d %H:%M} UTC. "
-            f"{format_angles(run.verdict, angle_unit())}",
+            f"{format_text(run.verdict, angle_unit())}",
             highlight=False,
             markup=False,
         )
@@ -243,10 +243,10 @@ def lineage(
     rows = [
         (
             node.title,
-            format_angles(node.detail, angle_unit()),
-            node.sha256[:_SHOWN_HASH_DIGITS] if node.sha256 else format_angles(node.no_sha256, angle_unit()),
+            format_text(node.detail, angle_unit()),
+            node.sha256[:_SHOWN_HASH_DIGITS] if node.sha256 else format_text(node.no_sha256, angle_unit()),
             ", ".join(titles[origin] for origin in node.origins),
-            format_angles(node.out_of_date, angle_unit()),
+            format_text(node.out_of_date, angle_unit()),
         )
         for node in found.nodes
     ]
@@ -330,7 +330,7 @@ def _describe_end(run: "RunView") -> str:
 
 def _format_comparison(value: "ComparedValue", unit: str) -> str:
     if value.value is None:
-        return f"not measured: {format_angles(value.reason, angle_unit())}"
+        return f"not measured: {format_text(value.reason, angle_unit())}"
     text = f"{convert_to_display(value.value, unit, angle_unit()):.4g}"
     if not value.difference:
         return text

@@ -46,7 +46,17 @@ from backend.realtime import (
 )
 from backend.realtime import TENSION_MAX_N as HOMING_TENSION_MAX_N
 from backend.sample import INDEX
-from plant import SATURATED_V, SIDES, CellCalibration, ManualInput, Side, T_s, load_cell_line, spring_elongation
+from plant import (
+    SATURATED_V,
+    SIDES,
+    Angle,
+    CellCalibration,
+    ManualInput,
+    Side,
+    T_s,
+    load_cell_line,
+    spring_elongation,
+)
 
 # Directions ----------------------------------------------------------------------------------------
 #
@@ -156,8 +166,8 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
         return [f"motor {motor} did not turn: look at motor_{motor}.channel, its amplifier and the drive-enable line"]
     if not (abs(response.F) >= TENSION_MIN_N and abs(response.q) >= JOINT_MIN_RAD):
         return [
-            f"motor {motor}: joint ({response.q:.4f} rad) and tensions ({response.F:.2f} N) do not go together: look "
-            "at encoder_q and the load cells with the wiring test"
+            f"motor {motor}: joint ({Angle(response.q):.4f}) and tensions ({response.F:.2f} N) do not go together: "
+            "look at encoder_q and the load cells with the wiring test"
         ]
     wound = response.F > 0.0
     moved = "A" if (response.q > 0.0) is wound else "B"
@@ -204,7 +214,7 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
     await context.request_action(
         "Turn the joint by hand near to its middle, slacken the tendons, take your hands off, and confirm: the drives "
         f"come on, and with {HOMING_MAX_V:g} V at most the motors drive the joint to its end switch at "
-        f"{position:.4g} rad, by {compute_switch_travel(position):.4g} rad at most"
+        f"{Angle(position):.4g}, by {Angle(compute_switch_travel(position)):.4g} at most"
     )
     await context.release_rig()
     await context.switch_drives_on()
@@ -235,7 +245,7 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
         MeasuredNumber("largest voltage", to_finite(float(np.abs(motion[:, [INDEX["u_A"], INDEX["u_B"]]]).max())), "V"),
         MeasuredNumber("joint position now", to_finite(float(rows[-1, INDEX["q"]])), "rad"),
     )
-    return StepFinding(True, f"the joint's encoder counts from the end switch at {position:.4g} rad", figures)
+    return StepFinding(True, f"the joint's encoder counts from the end switch at {Angle(position):.4g}", figures)
 
 
 def _describe_end(cause: Why) -> str:
@@ -502,7 +512,8 @@ def find_uncut_drive(volts: Signal, turned: Signal) -> str:
         if not angle <= -TURNED_BACK_MIN_RAD:
             return (
                 f"motor {motor} did not let go while it was given {u:.2f} V for {DRIVE_TIME_S:g} s more (it turned by "
-                f"{angle:.4f} rad, {-TURNED_BACK_MIN_RAD:g} rad are letting go): look at how the module cuts the drives"
+                f"{Angle(angle):.4f}, {Angle(-TURNED_BACK_MIN_RAD):g} are letting go): "
+                "look at how the module cuts the drives"
             )
     return ""
 
@@ -609,9 +620,9 @@ _CELLS = (
 _MOVED_FRACTION = 0.4
 """Fraction of ``least`` from which a sensor counts as moved."""
 
-_WIND = f"Turn motor {{}} by hand by {_ENCODERS[1].least:g} rad or more so that it winds its tendon, and confirm"
+_WIND = f"Turn motor {{}} by hand by {Angle(_ENCODERS[1].least):g} or more so that it winds its tendon, and confirm"
 _MOVEMENTS = (
-    (_Q, f"Turn the joint by hand towards +q by {_Q.least:g} rad or more, and confirm", ManualInput(q=0.15)),
+    (_Q, f"Turn the joint by hand towards +q by {Angle(_Q.least):g} or more, and confirm", ManualInput(q=0.15)),
     (_ENCODERS[1], _WIND.format("A"), ManualInput(theta_A=0.5)),
     (_ENCODERS[2], _WIND.format("B"), ManualInput(theta_B=0.5)),
     (_CELLS[0], "Pull at load cell A with some 7 N, and confirm", ManualInput(pull_A=7.0)),
@@ -701,8 +712,8 @@ async def set_zero(context: ProcedureContext) -> StepFinding:
         out = -abs(position) * context.parameters.geometry.r_j / context.parameters.geometry.r_m
         manual_input = ManualInput(q=1.02 * position, theta_A=out, theta_B=out)
         await context.request_action(
-            f"Slacken both tendons, turn the joint slowly by hand onto its end switch at {position:.4g} rad, hold it "
-            "there, and confirm",
+            f"Slacken both tendons, turn the joint slowly by hand onto its end switch at {Angle(position):.4g}, hold "
+            "it there, and confirm",
             manual_input,
         )
     else:
@@ -715,7 +726,7 @@ async def set_zero(context: ProcedureContext) -> StepFinding:
     q = math.nan if newest is None else float(newest[INDEX["q"]])
     if not abs(q - position) <= ZERO_TOLERANCE_RAD:
         raise StepFailedError(
-            f"the joint reads {q:.4f} rad after it was set to {position:.4f}: hold it still and try again"
+            f"the joint reads {Angle(q):.4f} after it was set to {position:.4f}: hold it still and try again"
         )
     if homing:
         await context.request_action("Turn the joint back to its middle, and confirm", SLACK)

@@ -39,7 +39,16 @@ from backend.realtime import (
     final_references,
 )
 from backend.response_docs import describe_field
-from plant import K_LEAST, SUBSTEPS, Obstacle, PlantError, PlantParameters, T_s, require_possible_wall
+from plant import (
+    K_LEAST,
+    SUBSTEPS,
+    Angle,
+    Obstacle,
+    PlantError,
+    PlantParameters,
+    T_s,
+    require_possible_wall,
+)
 
 # Manual pushes -------------------------------------------------------------------------------------
 #
@@ -177,7 +186,7 @@ class NumberReader:
         """Return the amplitudes, after checking that the references stay within their bounds in both directions."""
         margin_q = max(Q_REF_MAX - abs(self._q), 0.0)  # a previous crest may lie beyond the bound
         margin_S = max(min(S_REF_MAX - self._S, self._S - S_REF_MIN), 0.0)
-        about = f"around {self._q:.6g} rad" if self._q else ""
+        about = f"around {Angle(self._q):.6g}" if self._q else ""
         amplitude_q = self._read_number(
             name="q_amplitude",
             expression=q,
@@ -580,7 +589,7 @@ class _Compiler(NumberReader):
         side = 1.0 if part.side == "above" else -1.0
         q_wall = self._read_number("q_wall", part.q_wall, -Q_REF_MAX, Q_REF_MAX, "rad")
         if side * (self._q - q_wall) >= 0.0:
-            why = f"the joint is asked to be at {self._q:.4g} rad, not before a wall at {q_wall:.4g} rad"
+            why = f"the joint is asked to be at {Angle(self._q):.4g}, not before a wall at {Angle(q_wall):.4g}"
             raise self._build_error(f"{why}: bring it away from there first", (*self._path, "q_wall"))
         k_wall = self._read_number("k_wall", part.k_wall, K_LEAST, _K_WALL_MAX, "N/m")
         self._add_wall_change(

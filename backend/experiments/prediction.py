@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from backend.control import build_decoupler, equilibrium, stiffness
 from backend.experiments.plans import ActuatorIdentificationPlan, MotorIdentificationPlan, SpringIdentificationPlan
 from backend.identification import MIN_COUNTS, turn_from_rest
-from plant import SIDES, PlantParameters, T_s, spring_elongation, tendon_tension
+from plant import (
+    SIDES,
+    Angle,
+    PlantParameters,
+    Quantity,
+    T_s,
+    spring_elongation,
+    tendon_tension,
+)
 
 # Actuator identification ---------------------------------------------------------------------------
 #
@@ -152,7 +160,8 @@ def predict_motor(plan: MotorIdentificationPlan, parameters: PlantParameters) ->
             f"the step to {plan.u_high:g} V ends after {min(lengths):.2f} s, before its speed is steady "
             f"({LAGS_NEEDED:g} T_m = {LAGS_NEEDED * T_m:.2f} s): lower u_high, or raise travel_rad and step_s"
         )
-    message = f"both motors will reach {speed:.4g} rad/s with slack tendons, turning by {plan.travel_rad:g} rad a step"
+    speeds = f"both motors will reach {Quantity(speed, 'rad/s'):.4g} with slack tendons"
+    message = f"{speeds}, turning by {Angle(plan.travel_rad):g} a step"
     return PredictedRun(figures, not problem, problem or message)
 
 

@@ -34,7 +34,10 @@ from backend.schemas import (
     WallView,
 )
 from backend.storage import EndState
-from plant import SinewError
+from plant import (
+    Quantity,
+    SinewError,
+)
 
 # Terms ---------------------------------------------------------------------------------------------
 
@@ -117,7 +120,7 @@ def _build_field_term(form: str, name: str, field: FieldInfo) -> GlossaryTerm:
     unit = str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else ""
     meaning = str(field.description).removesuffix(f" [{unit}]")
     low, high = read_bounds(field)
-    accepted = () if low is None or high is None else (("Accepted", f"{low:g} to {high:g} {unit}".strip()),)
+    accepted = () if low is None or high is None else (("Accepted", f"{Quantity(low, unit, high):g}"),)
     words = QUANTITY_LABELS.get(name, name.replace("_", " "))
     return GlossaryTerm(TermKind.SETTING, f"{form}.{name}", words, meaning, "" if unit == "1" else unit, more=accepted)
 

@@ -16,6 +16,7 @@ from backend.identification.models import (
     simulate_response,
 )
 from backend.identification.records import NoStartError, Record, RecordError, Signal, UnstableModelError
+from plant import Quantity
 
 # Linearisation -------------------------------------------------------------------------------------
 #
@@ -105,7 +106,9 @@ class FitEvaluation:
         self.parameters = parameters
         dead_time_s = problem.structure.dead_time(parameters)
         if not dead_time_s <= problem.first * problem.record.period_s:
-            raise UnstableModelError(f"a dead time of {dead_time_s:.3g} s is longer than what is looked for")
+            raise UnstableModelError(
+                f"a dead time of {Quantity(dead_time_s, 's'):.3g} is longer than what is looked for"
+            )
         self._from_rest = problem.whiten(problem.simulate(parameters, problem.record.u))
         if not np.all(np.isfinite(self._from_rest)):
             raise UnstableModelError("the simulation leaves the range of numbers")

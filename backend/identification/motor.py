@@ -46,6 +46,7 @@ from backend.identification.validation import (
     whiteness,
 )
 from backend.units import format_percent
+from plant import Quantity
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -524,9 +525,9 @@ def _identify(record: Record, y_resolution: float | None) -> MotorRecord:
     reasons = [
         *(words for grade, words in findings if words and grade is not Grade.USABLE),
         f"K_m and T_m known to ±{spread:.2g} %" if np.isfinite(spread) else "errors of K_m and T_m not measured",
-        f"dry friction takes {u_c:.3g} V" if u_c > 0.0 else "no dry friction found",
+        f"dry friction takes {Quantity(u_c, 'V'):.3g}" if u_c > 0.0 else "no dry friction found",
         f"dead time of {1e3 * t_d:.3g} ms" if t_d > 0.0 else "no dead time found",
-        *([f"input offset of {u_0:.3g} ± {found.std_errors[4]:.2g} V"] if u_0 else []),
+        *([f"input offset of {Quantity(u_0, 'V'):.3g} ± {Quantity(found.std_errors[4], 'V'):.2g}"] if u_0 else []),
         *([] if rests else [f"fit of {format_percent(fit)} % on unseen data" if np.isfinite(fit) else _NO_FIT]),
     ]
     errors = dict.fromkeys(_ORDER, 0.0) | {

@@ -7,7 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plant import ErrorCode, SinewError
+from plant import (
+    ErrorCode,
+    Quantity,
+    SinewError,
+)
 
 # Errors --------------------------------------------------------------------------------------------
 #
@@ -35,10 +39,9 @@ class RecordError(IdentificationError):
         unit: str,
         remedy: str,
     ) -> None:
-        bounds = [f"at least {minimum:.6g}"] if minimum is not None else []
-        bounds += [f"at most {maximum:.6g}"] if maximum is not None else []
-        shown_unit = "" if unit == "1" else f" {unit}"
-        super().__init__(f"{quantity} is {value:.6g}{shown_unit}, must be {' and '.join(bounds)}{shown_unit}: {remedy}")
+        bounds = [f"at least {Quantity(minimum, unit)}"] if minimum is not None else []
+        bounds += [f"at most {Quantity(maximum, unit)}"] if maximum is not None else []
+        super().__init__(f"{quantity} is {Quantity(value, unit)}, must be {' and '.join(bounds)}: {remedy}")
         self.quantity = quantity
         self.value = value
         self.minimum = minimum

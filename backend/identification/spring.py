@@ -10,6 +10,7 @@ from numpy.polynomial import Polynomial
 
 from backend.identification.records import DataFileError, FileFault, RecordError, Signal
 from backend.identification.tables import Columns, DecimalMark, read_csv
+from plant import Quantity
 
 ORDERS = (2, 3, 5)
 MIN_POINTS_PER_ORDER = 2
@@ -172,7 +173,7 @@ def _recommend(fits: tuple[SpringFit, ...]) -> tuple[int, str]:
     for fit in fits[1:]:
         if fit.rising and fit.cross_validation_N < (1.0 - MIN_IMPROVEMENT) * chosen.cross_validation_N:
             chosen = fit
-    errors = ", ".join(f"{fit.cross_validation_N:.3g} N (order {fit.order})" for fit in fits)
+    errors = ", ".join(f"{Quantity(fit.cross_validation_N, 'N'):.3g} (order {fit.order})" for fit in fits)
     if chosen is fits[0]:
         return chosen.order, (
             f"order {chosen.order}: higher orders do not predict points left out {100 * MIN_IMPROVEMENT:.0f} % better"

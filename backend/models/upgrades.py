@@ -28,6 +28,7 @@ from backend.models.run import (
     StoredLoopSettings,
     complete_motion,
 )
+from backend.units import mark_quantities
 from plant import SIDES
 
 NO_STORED_REASON = "evaluated by an older version, which kept no reason; evaluate the run again to have one"
@@ -51,17 +52,37 @@ def upgrade_record(kind: str, document: Mapping[str, Any]) -> dict[str, Any]:
     """Return a record of a kind with its documents in the current form."""
     match kind:
         case "run":
-            changed = {"settings": upgrade_run_settings(document["settings"])}
+            changed = {
+                "settings": upgrade_run_settings(document["settings"]),
+                **_mark_texts(document, "end_detail", "evaluation_problem"),
+            }
         case "result":
             changed = {
                 "metrics": upgrade_metrics(document["metrics"]),
                 "criteria": upgrade_criteria(document["criteria"]),
             }
         case "identification":
-            changed = {"quality": upgrade_quality(document["kind"], document["model"], document["quality"])}
+            changed = {
+                "quality": upgrade_quality(document["kind"], document["model"], document["quality"]),
+                **_mark_texts(document, "verdict"),
+            }
         case _:
             changed = {}
     return {**document, **changed}
+
+
+def mark_text(text: str, _kind: str = "") -> str:
+    """Return a text of the service with its quantities marked, which no text had before version 0.2."""
+    return mark_quantities(text)
+
+
+def mark_event(text: str, kind: str) -> str:
+    """Return the text of an event with its quantities marked; a note may be a person's, apart from those on walls."""
+    return text if kind == "note" and not text.startswith("wall ") else mark_quantities(text)
+
+
+def _mark_texts(document: Mapping[str, Any], *texts: str) -> dict[str, str]:
+    return {name: mark_quantities(document[name]) for name in texts if isinstance(document.get(name), str)}
 
 
 def upgrade_run_settings(document: Any) -> Any:
@@ -187,9 +208,14 @@ def _return_if_readable(codec: DocumentCodec[Any], upgraded: Any, document: Any)
 
 
 def _add_reason(item: Any, measured: str) -> Any:
-    """Return a metric or criterion with a reason; it was not measured if the entry ``measured`` is None."""
-    if not isinstance(item, Mapping) or "reason" in item:
+    """Return a metric or criterion with a reason, its quantities marked.
+
+    It was not measured if the entry ``measured`` is None.
+    """
+    if not isinstance(item, Mapping):
         return item
+    if "reason" in item:
+        return {**item, **_mark_texts(item, "reason")}
     return {**item, "reason": NO_STORED_REASON if item.get(measured) is None else ""}
 
 

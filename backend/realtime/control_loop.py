@@ -64,10 +64,10 @@ from backend.realtime.ring_buffer import Ring, SampleRing
 from backend.realtime.shared_state import StepContext
 from backend.sample import FIELDS
 from backend.tuning import TuningParameters, collect_plant_knowledge
-from backend.units import format_number
 from plant import (
     NO_RAW,
     ZERO_VOLTS,
+    Angle,
     Handled,
     HasLimitSwitch,
     InvariantError,
@@ -76,6 +76,7 @@ from plant import (
     Plant,
     PlantError,
     PlantParameters,
+    Quantity,
     RawReading,
     Simulator,
     SupportsDirectionCheck,
@@ -297,16 +298,16 @@ def describe_fault(
     """
     side, unchanged = fault.which, fault.still
     if fault.verdict == fault_detection.JUMPED:
-        change = f"{previous[side]:.3f} to {raw[side]:.3f} {_UNITS[side]}"
+        change = f"{Quantity(previous[side], _UNITS[side], raw[side]):.3f}"
         return Fault.SENSOR_JUMP, f"{_NAMES[side]} went from {change}"
     theta, F = _NAMES[1 + side], _NAMES[3 + side]
     if fault.verdict == fault_detection.REVERSED:
         return Fault.MOTOR_REVERSED, f"{theta} runs away from {command[side]:.1f} V, faster and faster"
     if fault.verdict == fault_detection.UNMOVED:
-        text = f"{theta} stands at {raw[1 + side]:.3f} rad although its motor gets {command[side]:.1f} V"
+        text = f"{theta} stands at {Angle(raw[1 + side]):.3f} although its motor gets {command[side]:.1f} V"
         return Fault.SENSOR_STUCK, text
     if fault.verdict == fault_detection.STUCK:
-        condition = f"although its motor turned by {fault_detection.TURNED_RAD:g} rad"
+        condition = f"although its motor turned by {Angle(fault_detection.TURNED_RAD):g}"
         return Fault.SENSOR_STUCK, f"{F} stands at {raw[3 + side]:.2f} N {condition}"
     difference = (
         f"{F} = {m[3 + side]:.1f} N, but the encoders stretch that spring to {m[3 + side] - fault.excess:.1f} N"
@@ -377,11 +378,8 @@ class FaultDescriber:
             beyond, within = _format_tensions(m, lambda F: bounds.F_max < F)
             return Fault.FORCE_LIMIT, f"{beyond} above the bound of {bounds.F_max:g} N{within}"
         if abs(m.q) > bounds.q_trip:
-            q, q_trip = (
-                format_number(m.q),
-                format_number(bounds.q_trip),
-            )  # all digits, so that a conversion to degrees gives 90
-            return Fault.JOINT_LIMIT, f"q = {q} rad; the bound is {q_trip} rad to either side"
+            bound = Angle(bounds.q_trip)  # six digits, so that a conversion to degrees gives 90
+            return Fault.JOINT_LIMIT, f"q = {Angle(m.q)}; the bound is {bound} to either side"
         return Fault.NONE, ""
 
 
@@ -389,7 +387,7 @@ def _format_reading(name: str, value: float, digits: str, unit: str) -> str:
     """Return a reading as text; one that is not finite has no unit."""
     if not math.isfinite(value):
         return f"no number from {name}"
-    return f"{name} = {format(value, digits) if digits else format_number(value)} {unit}"
+    return f"{name} = {Quantity(value, unit):{digits}}"
 
 
 def _format_tensions(m: Measurement, is_beyond: Callable[[float], bool]) -> tuple[str, str]:

@@ -19,7 +19,10 @@ from backend.recording.flight import Quota, compute_sample_time, enforce_quota, 
 from backend.sample import COMBINED_SIGNAL_BY_NAME, INDEX, STORED_COLUMNS, STORED_NAMES, UNIT_BY_SIGNAL
 from backend.storage import TRIGGER, Database, Document, EventKind, NewFlight, StorageError, events, flights, settings
 from backend.supervision import Part
-from plant import T_s
+from plant import (
+    Quantity,
+    T_s,
+)
 
 # Condition -----------------------------------------------------------------------------------------
 #
@@ -102,11 +105,10 @@ class Condition:
 
     def describe(self) -> str:
         """Return a description of the condition in SI units."""
-        shown = "" if self.unit == "1" else f" {self.unit}"
         if self.kind in WINDOWS:
-            return f"{self.signal} {self.kind} {self.level:.6g} to {self._upper:.6g}{shown}"
+            return f"{self.signal} {self.kind} {Quantity(self.level, self.unit, self._upper)}"
         through = " through" if self.kind in EDGES else ""
-        return f"{self.signal} {self.kind}{through} {self.level:.6g}{shown}"
+        return f"{self.signal} {self.kind}{through} {Quantity(self.level, self.unit)}"
 
 
 # Trigger -------------------------------------------------------------------------------------------

@@ -38,7 +38,7 @@ from backend.reports.provenance import definitions_facts, judge_stored_run
 from backend.reports.run_data import RunData, load_source
 from backend.reports.timing import timing_section
 from backend.storage import Database, EndState, RunKind
-from backend.units import AngleUnit, format_angles
+from backend.units import AngleUnit, format_text
 
 # Build ---------------------------------------------------------------------------------------------
 #
@@ -92,9 +92,9 @@ def format_report_angles(report: Report, angles: AngleUnit) -> Report:
     """
     return replace(
         report,
-        verdict=format_angles(report.verdict, angles),
+        verdict=format_text(report.verdict, angles),
         facts=tuple(
-            fact if fact.quoted else replace(fact, text=format_angles(fact.text, angles)) for fact in report.facts
+            fact if fact.quoted else replace(fact, text=format_text(fact.text, angles)) for fact in report.facts
         ),
         sections=tuple(
             replace(section, blocks=tuple(_format_block_angles(block, angles) for block in section.blocks))
@@ -106,22 +106,22 @@ def format_report_angles(report: Report, angles: AngleUnit) -> Report:
 def _format_block_angles(block: Block, angles: AngleUnit) -> Block:
     match block:
         case Paragraph(text):
-            return Paragraph(format_angles(text, angles))
+            return Paragraph(format_text(text, angles))
         case Table(caption, columns, rows):
             formatted = tuple(
                 tuple(
-                    cell if column.quoted else format_angles(cell, angles)
+                    cell if column.quoted else format_text(cell, angles)
                     for column, cell in zip(columns, row, strict=True)
                 )
                 for row in rows
             )
             if any(NO_FIGURE in row for row in rows):
                 caption += f" {NO_FIGURE} means: there is no such figure."
-            return Table(format_angles(caption, angles), columns, formatted)
+            return Table(format_text(caption, angles), columns, formatted)
         case Figure(name, svg, caption):
-            return Figure(name, svg, format_angles(caption, angles))
+            return Figure(name, svg, format_text(caption, angles))
         case Code(caption, text):
-            return Code(format_angles(caption, angles), text)
+            return Code(format_text(caption, angles), text)
 
 
 # Files ---------------------------------------------------------------------------------------------

@@ -66,7 +66,10 @@ from backend.reports.provenance import (
 from backend.reports.run_data import RunData
 from backend.storage import Identification, read_method_name
 from backend.units import AngleUnit, format_quantity
-from plant import SIDES
+from plant import (
+    SIDES,
+    Angle,
+)
 
 # Actuator identification ---------------------------------------------------------------------------
 #
@@ -146,7 +149,7 @@ def _point(found: Identification | None) -> tuple[Fact, ...]:
     if found is None:
         return ()
     q, S = found.actuator.model.q_nominal, found.actuator.model.S_nominal
-    at = "" if q is None else f"q = {q:.6g} rad, "
+    at = "" if q is None else f"q = {Angle(q):.6g}, "
     return (Fact("Point", f"{at}S = {format_measured(S, 4)} N·m/rad at rest before the excitation"),)
 
 

@@ -53,7 +53,11 @@ from backend.reports.provenance import format_figure
 from backend.reports.run_data import RunData
 from backend.storage import Identification, RunKind
 from backend.units import AngleUnit, convert_to_display, get_display_unit
-from plant import SIDES, T_s
+from plant import (
+    SIDES,
+    Angle,
+    T_s,
+)
 
 # Bode ----------------------------------------------------------------------------------------------
 #
@@ -618,7 +622,7 @@ def push_table(found: Sequence[MeasuredPush], angles: AngleUnit) -> Table:
     )
     caption = (
         "Pushes: largest deviation of q and S, the peak that was expected, the measured one over it less one, r_j F/S, "
-        "and the time from the end of the push until q stays within 0.01 rad of its reference."
+        f"and the time from the end of the push until q stays within {Angle(0.01)} of its reference."
     )
     return Table(caption, columns, rows)
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, Tag
 from pydantic.fields import FieldInfo
 
 from backend.errors import QUANTITY_LABELS, InvalidValueError, Path, describe_out_of_range
-from backend.units import AngleUnit, format_angles, get_display_unit
+from backend.units import AngleUnit, get_display_unit
 from plant import SinewError
 
 # Base ----------------------------------------------------------------------------------------------
@@ -260,9 +260,7 @@ def build_error_detail(error: SinewError, angles: AngleUnit = AngleUnit.DEGREES)
     fields = error.fields
     if "value" in fields:
         fields["value"] = limit_rejected_value(fields["value"])
-    message = (
-        error.format_message(angles) if isinstance(error, InvalidValueError) else format_angles(str(error), angles)
-    )
+    message = error.format_message(angles) if isinstance(error, InvalidValueError) else str(error)
     return ErrorDetail(message=message, **fields)
 
 

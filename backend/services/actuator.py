@@ -46,7 +46,14 @@ from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import Database, EndState, NewRun, RunKind, runs
 from backend.supervision import Part, SupervisedTask, Supervision
 from backend.units import format_number
-from plant import Broken, ErrorCode, Obstacle, PlantKind, PlantParameters
+from plant import (
+    Angle,
+    Broken,
+    ErrorCode,
+    Obstacle,
+    PlantKind,
+    PlantParameters,
+)
 
 # Legality ------------------------------------------------------------------------------------------
 #
@@ -414,7 +421,7 @@ class ActuatorService:
         check_range("S_ref", S_ref, bounds.S_min, bounds.S_max, "N·m/rad")
         self.contact.sweep.abort("other references were set", who)
         accepted = await self._send(commands.SetReferences(q_ref, S_ref))
-        text = f"q_ref {format_number(q_ref)} rad, S_ref {format_number(S_ref, 4)} N·m/rad"
+        text = f"q_ref {Angle(q_ref)}, S_ref {format_number(S_ref, 4)} N·m/rad"
         self._event_log.add_mark(MarkKind.REFERENCES, text, accepted.tick, who)
         self.publish_change()
         return References(q_ref=q_ref, S_ref=S_ref)

@@ -38,7 +38,11 @@ from backend.schemas import ContactView, MarkKind, SweepView, TouchOrder, TouchP
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
 from backend.units import format_number
-from plant import ErrorCode, T_s
+from plant import (
+    ErrorCode,
+    Quantity,
+    T_s,
+)
 
 # Rest ----------------------------------------------------------------------------------------------
 #
@@ -496,8 +500,8 @@ def _require_calibrated(points: list[TouchPoint], contact_N: float) -> None:
     if not math.isfinite(noise) or contact_N < SIGMAS * noise:
         raise RequestRejectedError(
             ErrorCode.NOT_NOW,
-            f"a contact from {contact_N:g} N on is refused: the estimate itself moves by {noise:.4g} N (standard "
-            f"deviation), and {SIGMAS:g} times that is the least",
+            f"a contact from {contact_N:g} N on is refused: the estimate itself moves by {Quantity(noise, 'N'):.4g} "
+            f"(standard deviation), and {SIGMAS:g} times that is the least",
         )
 
 

@@ -106,7 +106,15 @@ from backend.storage import (
 )
 from backend.storage import search as run_search
 from backend.workers import WorkerProcess
-from plant import ErrorCode, Obstacle, ParameterError, T_s, parse_parameters
+from plant import (
+    Angle,
+    ErrorCode,
+    Obstacle,
+    ParameterError,
+    Quantity,
+    T_s,
+    parse_parameters,
+)
 
 # Evaluations ---------------------------------------------------------------------------------------
 
@@ -336,7 +344,7 @@ class _RunConversion:
         for begin, end in found.unpushed:
             force, begins, ends = F_push[begin], self._t[begin], self._t[min(end, len(self._t) - 1)]
             why = "the references move meanwhile, and a push holds them"
-            self.left_out.append(f"push of {force:.3g} N from {begins:.3f} s to {ends:.3f} s: {why}")
+            self.left_out.append(f"push of {Quantity(force, 'N'):.3g} from {begins:.3f} s to {ends:.3f} s: {why}")
 
     def _limit_count(self, changes: list[ReferenceChange], most: int, what: str) -> list[ReferenceChange]:
         if len(changes) > most:
@@ -391,8 +399,8 @@ class _RunConversion:
             q_ref = float(self._columns["q_ref"][min(tick, len(self._t)) - 1])
             if wall is not None and stored.side * (q_ref - stored.q_wall) >= 0.0:
                 self.left_out.append(
-                    f"wall at {stored.q_wall:.4g} rad from {self._t[tick]:.3f} s: "
-                    f"q_ref is beyond it, at {q_ref:.4g} rad"
+                    f"wall at {Angle(stored.q_wall):.4g} from {self._t[tick]:.3f} s: "
+                    f"q_ref is beyond it, at {Angle(q_ref):.4g}"
                 )
                 wall = None
             if wall is not None:

@@ -69,6 +69,7 @@ from backend.services.tuning_state import ActiveTuning, ResolvedTuning, build_ch
 from plant import (
     K_LEAST,
     SUBSTEPS,
+    Angle,
     CardState,
     Obstacle,
     PlantChoice,
@@ -337,7 +338,7 @@ def describe_wall(wall: Obstacle | None) -> str:
     if wall is None:
         return "no wall"
     side = "above" if wall.side > 0.0 else "below"
-    return f"wall {side} {wall.q_wall:.4g} rad, {wall.k_wall:.4g} N/m, {wall.c_wall:.4g} s/m"
+    return f"wall {side} {Angle(wall.q_wall):.4g}, {wall.k_wall:.4g} N/m, {wall.c_wall:.4g} s/m"
 
 
 def build_wall_view(wall: Obstacle | None) -> WallView | None:

@@ -35,7 +35,10 @@ from backend.services.tuning_state import ActiveTuning, ResolvedTuning, TuningSt
 from backend.storage import Bank, Database, StoredSetting, settings
 from backend.supervision import Supervision
 from backend.tuning import DEVIATIONS, UNSEEN_F
-from plant import ErrorCode
+from plant import (
+    ErrorCode,
+    Quantity,
+)
 
 # Tuning service ------------------------------------------------------------------------------------
 #
@@ -297,8 +300,9 @@ class TuningService:
         if not noise <= UNSEEN_F / DEVIATIONS:
             raise RequestRejectedError(
                 ErrorCode.NOT_NOW,
-                f"a rejection is refused: the estimate itself moves by {noise:.4g} N (standard deviation), and what is "
-                f"left to the position loop, {UNSEEN_F:g} N, has to be {DEVIATIONS:g} times that",
+                "a rejection is refused: "
+                f"the estimate itself moves by {Quantity(noise, 'N'):.4g} (standard deviation), "
+                f"and what is left to the position loop, {UNSEEN_F:g} N, has to be {DEVIATIONS:g} times that",
             )
 
     async def _retry_restore(self, what: str, tuning: ActiveTuning, restore: Callable[[], Awaitable[None]]) -> None:

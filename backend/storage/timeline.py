@@ -18,8 +18,8 @@ from backend.storage.orm import EventRow, FlightRow, RemarkRow, RunIndexRow, Run
 from backend.storage.search import Condition
 from backend.storage.stations import session_station
 from backend.storage.tags import read_tag
-from backend.units import AngleUnit, format_angles
-from plant import ErrorCode
+from backend.units import AngleUnit, format_text
+from plant import UNIT_MARK, ErrorCode
 
 NOTE_MAX = 2000
 TAGS_MAX = 20
@@ -157,7 +157,7 @@ def _query_entries(
 
     def matches(found: tuple[LogEntry, str]) -> bool:
         one, beside = found
-        turned = (format_angles(text, asked.angles) for text in (one.text, beside))
+        turned = (format_text(text, asked.angles) for text in (one.text, beside))
         read = [_normalise_text(place) for place in (*turned, one.who, one.note, *one.tags)]
         read += [place.replace("°", " deg") for place in read]
         return all(word == str(one.run) or any(word in place for place in read) for word in words)
@@ -179,7 +179,7 @@ def _normalise_text(text: str) -> str:
 
 
 def _with_angle(place: InstrumentedAttribute[str]) -> list[Condition]:
-    return [place.contains(" rad"), place.contains(" deg")]
+    return [place.contains(f"{UNIT_MARK}rad"), place.contains(f"{UNIT_MARK}deg")]
 
 
 def _events(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:

@@ -23,7 +23,15 @@ from backend.control import (
     trajectory,
 )
 from backend.errors import check_range
-from plant import ErrorCode, PlantParameters, Side, SinewError, T_s, smooth_friction
+from plant import (
+    ErrorCode,
+    PlantParameters,
+    Quantity,
+    Side,
+    SinewError,
+    T_s,
+    smooth_friction,
+)
 
 # Formulas ------------------------------------------------------------------------------------------
 #
@@ -223,7 +231,7 @@ def make_single_loop_tuning(parameters: PlantParameters, lambdas: TuningParamete
     K_m, T_m = 0.5 * (A.K_m + B.K_m), 0.5 * (A.T_m + B.T_m)
     for symbol, lam in (("λ_q", lambdas.lam_q), ("λ_S", lambdas.lam_S)):
         if not lam < LARGEST_PER_LAG * T_m:
-            bound = f"{LARGEST_PER_LAG:g} T_m = {LARGEST_PER_LAG * T_m:.4g} s"
+            bound = f"{LARGEST_PER_LAG:g} T_m = {Quantity(LARGEST_PER_LAG * T_m, 's'):.4g}"
             raise TuningError(f"single-loop needs {symbol} below {bound}; it is {lam:g} s: choose a smaller {symbol}")
     q_per_theta, S_per_theta = d.r_m / d.r_j, 2.0 * stiffness_slope(d, S_NOMINAL_20_N)
     gains = baselines.SingleLoopGains(

@@ -28,7 +28,18 @@ from backend.tuning.gains import (
     stiffness_gains,
     true_motor_model,
 )
-from plant import NO_LOAD, SIDES, Dynamics, Motor, PlantParameters, PlantState, T_s, state_derivative, tendon_tension
+from plant import (
+    NO_LOAD,
+    SIDES,
+    Dynamics,
+    Motor,
+    PlantParameters,
+    PlantState,
+    Quantity,
+    T_s,
+    state_derivative,
+    tendon_tension,
+)
 
 if TYPE_CHECKING:
     import control
@@ -464,7 +475,8 @@ def common_lambda_range(motors: Iterable[MotorModel]) -> tuple[float, float]:
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low > high:
         raise TuningError(
-            f"no λ_motor is robust for both motors: one needs {low:.3g} s at least, one {high:.3g} s at most"
+            f"no λ_motor is robust for both motors: one needs {Quantity(low, 's'):.3g} at least, one "
+            f"{Quantity(high, 's'):.3g} at most"
         )
     return low, high
 
@@ -480,8 +492,8 @@ def motor_lambda(motor: MotorModel, M_s: float) -> float:
     highest, lowest = _peak(motor, low), _peak(motor, end)
     if not lowest <= M_s <= highest:
         raise TuningError(
-            f"M_s = {M_s:g} is out of reach of the motor loop: choose {lowest:.3f} (λ = {end:.3g} s) "
-            f"to {highest:.3f} (λ = {low:.3g} s)"
+            f"M_s = {M_s:g} is out of reach of the motor loop: choose {lowest:.3f} (λ = {Quantity(end, 's'):.3g}) "
+            f"to {highest:.3f} (λ = {Quantity(low, 's'):.3g})"
         )
     return float(brentq(lambda lam: _peak(motor, lam) - M_s, low, end, xtol=1e-7))
 

@@ -9,6 +9,7 @@ import httpx
 import pytest
 from websockets.sync.client import ClientConnection, connect
 
+from plant.quantity import UNIT_MARK
 from tests.e2e.service import Service, running_service
 
 T = TypeVar("T")
@@ -113,9 +114,11 @@ def until(asked: Callable[[], T | None]) -> T:
 
 
 def problem(response: httpx.Response) -> dict[str, Any]:
-    """Body of a refusal, after checking that it is one."""
+    """Body of a refusal, after checking that it is one; its message as the page shows it to the reader."""
     assert response.status_code >= 400, response.text
-    return dict(response.json()["error"])
+    error = dict(response.json()["error"])
+    shown = str(error["message"]).replace(f"{UNIT_MARK}°", "°").replace(UNIT_MARK, " ")
+    return error | {"message": shown}
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ from backend.storage.banks import BankEntry
 from backend.storage.database import Database, open_database
 from backend.storage.identifications import NewIdentification
 from backend.storage.runs import EndState, NewRun, RunKind
-from backend.units import AngleUnit, format_angles
+from backend.units import AngleUnit, format_text
 from tests.api.conftest import until, wait_for
 from tests.models.earlier_identifications import ACTUATOR
 
@@ -37,7 +37,7 @@ def test_a_session_tells_its_origin_and_what_happened_in_it(running: httpx.Clien
         return [mark for mark in marks if mark["text"].startswith("q_ref ")]
 
     [mark] = until(about_references)  # the journal writes by itself, the samples follow
-    assert format_angles(mark["text"], AngleUnit.DEGREES) == "q_ref 15°, S_ref 10.25 N·m/rad"
+    assert format_text(mark["text"], AngleUnit.DEGREES) == "q_ref 15°, S_ref 10.25 N·m/rad"
     assert 0.0 <= mark["t"] < 60.0
     assert mark["who"] == "operator"
     lineage = running.get(f"/api/runs/{run}/lineage").raise_for_status().json()

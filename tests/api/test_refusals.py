@@ -15,6 +15,7 @@ from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_
 from backend.storage import events
 from backend.storage.database import Database, open_database
 from backend.storage.events import EventKind
+from plant.quantity import Angle
 from tests.api.conftest import problem, until
 
 
@@ -94,7 +95,7 @@ def test_a_long_reason_is_cut_and_characters_that_nobody_sees_are_written_out(da
     ("asked", "said"),
     [
         ({"mode": "run"}, "mode run"),
-        ({"q_ref": 1.0472, "S_ref": 9.5}, "q_ref 1.0472 rad, S_ref 9.5 N·m/rad"),
+        ({"q_ref": 1.0472, "S_ref": 9.5}, f"q_ref {Angle(1.0472)}, S_ref 9.5 N·m/rad"),
         ({"learn": True, "bias": None, "parts": [1]}, "learn yes"),
         ({"text": 100 * "x", "name": "a\nb", "not a name": 1}, ""),
         ([1, 2], ""),

@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
+from plant.quantity import Angle
 from tests.api.conftest import client_with, problem, until, until_state, wait_for
 from tests.e2e.service import running_service
 
@@ -37,7 +38,7 @@ def test_a_capture_has_the_samples_asked_for_around_the_tick_at_which_the_refere
     assert (told["phase"], told["captured"], told["says"], told["unit"]) == (
         "armed",
         0,
-        "q_ref rising through 0.1 rad",
+        f"q_ref rising through {Angle(0.1)}",
         "rad",
     )
     assert viewer.get("/api/state").json()["trigger"]["phase"] == "armed"
@@ -48,7 +49,7 @@ def test_a_capture_has_the_samples_asked_for_around_the_tick_at_which_the_refere
     assert (record["fault"], record["who"], record["text"]) == (
         "trigger",
         "operator",
-        "trigger: q_ref rising through 0.1 rad, 1 of 2",
+        f"trigger: q_ref rising through {Angle(0.1)}, 1 of 2",
     )
     assert [record["before_s"], record["after_s"]] == pytest.approx([0.25, 0.5])
     assert record["run"] == viewer.get("/api/state").json()["recording_run"]
@@ -76,7 +77,7 @@ def test_a_trigger_waits_on_a_formula_as_it_was_when_it_was_armed(disarmed: http
     disarmed.put("/api/references", json={"q_ref": 0.0, "S_ref": 10.0}).raise_for_status()
     wait_for(disarmed, "references", {"q_ref": 0.0, "S_ref": 10.0, "in_force": True})
     told = arm(disarmed, signal="shifted", level=2.2, before_s=0.1, after_s=0.1).raise_for_status().json()
-    assert (told["says"], told["unit"]) == ("shifted rising through 2.2 rad", "rad")
+    assert (told["says"], told["unit"]) == (f"shifted rising through {Angle(2.2)}", "rad")
     disarmed.delete("/api/formulas/shifted").raise_for_status()
     disarmed.put("/api/references", json={"q_ref": 0.2, "S_ref": 10.0}).raise_for_status()
     until_state(viewer, lambda state: state["trigger"]["captured"] == 1, "nothing was captured")

@@ -19,6 +19,7 @@ from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle
 from plant.interface import PlantChoice, PlantKind
 from plant.parameters import load_parameters
+from plant.quantity import Angle
 from tests.api.conftest import problem, wait_for
 from tests.api.stepped_service import Parts, stepped
 from tests.api.test_push import in_run
@@ -54,14 +55,14 @@ def test_it_is_put_up_in_flight_shown_noted_and_taken_away(database: Database) -
         await set_obstacle(parts.actuator, WallOrder(wall=None), "Ana")
         await parts.supervisor.advance(0.2)
         assert (pressed(parts), parts.state().wall) == (0.0, None)
-        with pytest.raises(RequestRejectedError, match=r"in a wall at 0\.05 rad: bring it below that first"):
+        with pytest.raises(RequestRejectedError, match=r"in a wall at 0\.05\srad: bring it below that first"):
             await set_obstacle(parts.actuator, UP, "Ana")
         assert parts.live_state.wall is None
 
     stepped(database, load_parameters("ideal"), session)
     with database.reading() as session_of_database:
         told = [event.text for event in events.find(session_of_database)]
-    assert "wall above 0.05 rad, 2e+04 N/m, 1 s/m" in told
+    assert f"wall above {Angle(0.05)}, 2e+04 N/m, 1 s/m" in told
     assert "no wall" in told
 
 

@@ -21,6 +21,7 @@ from backend.sample import NAMES
 from backend.tuning.gains import TuningParameters
 from plant.interface import T_s
 from plant.parameters import load_parameters
+from plant.quantity import Quantity
 from plant.simulator import Simulator
 from tests.plant.test_dynamics import own_rate
 from tests.realtime.bench_top import BenchTop
@@ -173,7 +174,10 @@ def test_hits_with_reaction_and_none_like_them_without_are_compared_with_nothing
     figures = compute_impact_metrics(seen | {"F_ext_hat": seen["F_wall"], "limits": felt}, program)
     assert figures.gave_way_after_s == 0.0
     assert figures.reaction_impulse is None
-    assert "beside the hit at 12 N·m/rad and 0.3 rad/s there is none" in figures.reasons["reaction_impulse"]
+    assert (
+        f"beside the hit at 12 N·m/rad and {Quantity(0.3, 'rad/s')} there is none"
+        in figures.reasons["reaction_impulse"]
+    )
     assert figures.reasons["soft_to_stiff_peak"] == "all hits were at 8 N·m/rad"
 
 
@@ -221,7 +225,10 @@ def test_a_hit_has_its_peak_its_impulse_with_all_bounces_and_its_speed() -> None
     [
         (((8.0, 0.3, 4.0), (8.0, 0.3, 5.0)), "all hits were at 8 N·m/rad"),
         (((8.0, 0.3, 4.0), (8.0, 0.4, 4.0), (15.0, 0.3, 5.0)), "2 hits were soft and 1 stiff"),
-        (((8.0, 0.3, 4.0), (15.0, 0.4, 5.0)), "hits at 0.3 and 0.4 rad/s cannot be compared"),
+        (
+            ((8.0, 0.3, 4.0), (15.0, 0.4, 5.0)),
+            f"hits at {Quantity(0.3, 'rad/s')} and {Quantity(0.4, 'rad/s')} cannot be compared",
+        ),
     ],
 )
 def test_hits_that_are_not_alike_are_not_compared_and_say_why(

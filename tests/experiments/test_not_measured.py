@@ -16,6 +16,7 @@ from backend.analysis.step_metrics import (
 from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import ExperimentPlan
 from backend.models.run import RunCriterion
+from plant.quantity import Angle
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria, tracking_criteria
 from tests.experiments.test_compliance import R_J, pushed
 from tests.experiments.test_metrics import T_s, double_lag, step, tracked
@@ -86,7 +87,7 @@ def test_what_is_left_of_the_motion_before_is_no_coupling() -> None:
     assert first.cross_coupling is None
     just_before = np.searchsorted(columns["t"], first.step.start_s - 0.1 - 1e-9)
     left = abs(columns["q"][just_before] - columns["q_ref"][just_before])
-    assert f"q was {left:.2f} rad from its reference" in first.reasons["cross_coupling"]
+    assert f"q was {Angle(left):.2f} from its reference" in first.reasons["cross_coupling"]
     assert all(item.cross_coupling is not None and item.cross_coupling < 0.01 for item in rest)
     assert metrics.overall.deviation_q == max(item.cross_coupling or 0.0 for item in rest)
     assert metrics.reasons["deviation_q"].startswith("1 of 5 steps was not measured")

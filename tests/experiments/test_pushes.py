@@ -16,6 +16,7 @@ from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from backend.tuning.simulation import INPUTS, OUTPUTS, make_sampled_loop
 from plant.interface import T_s
 from plant.parameters import load_parameters
+from plant.quantity import Angle
 from tests.experiments.composing.written import plan_of, with_parts
 
 IDEAL = load_parameters("ideal")
@@ -126,7 +127,9 @@ def test_how_soon_the_joint_is_back_and_why_that_is_not_known() -> None:
     seen["q"][13000:18000] = 0.05
     figures = compute_push_metrics(seen, plan.program(), of(plan))
     assert figures.pushed_back_s is None
-    assert "after the push that ended at 13 s the joint was still 0.05 rad off" in figures.reasons["pushed_back_s"]
+    assert (
+        f"after the push that ended at 13 s the joint was still {Angle(0.05)} off" in figures.reasons["pushed_back_s"]
+    )
     tight = plan_of(with_parts(HELD, STEP))
     assert (
         "nothing was held after"

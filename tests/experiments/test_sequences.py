@@ -90,7 +90,7 @@ def test_one_that_begins_with_a_sine_or_swings_far_is_read_and_only_the_second_n
 
     first, far = written(KNOWN["programs"][1]["segments"]), written(KNOWN["programs"][2]["segments"])
     assert start(first) == first.program()
-    with pytest.raises(ExperimentError, match="parts 2: position reference: 3 rad is outside"):
+    with pytest.raises(ExperimentError, match=r"parts 2: position reference: 3\srad is outside"):
         start(far)
 
 

@@ -1,5 +1,6 @@
 """The schema made by the migrations is the one the models describe, from any earlier state, all or nothing."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
 from backend.storage import database as migrate
-from backend.storage import queue, recordings, runs
+from backend.storage import events, queue, recordings, runs
 from backend.storage.database import (
     SCRIPTS,
     SchemaError,
@@ -21,6 +22,7 @@ from backend.storage.database import (
     sqlite_url,
     upgrade,
 )
+from plant.quantity import UNIT_MARK
 from tests.storage.test_lineage import NEW_RUN
 
 REBUILDING = '''
@@ -223,3 +225,48 @@ def test_a_failing_migration_changes_nothing(
 
 def test_the_newest_revision_is_the_one_that_alembic_finds() -> None:
     assert newest_revision() == ScriptDirectory(str(SCRIPTS)).get_current_head()
+
+
+def test_quantities_in_texts_of_the_service_are_marked_and_a_persons_words_are_left(tmp_path: Path) -> None:
+    """Up, down and up again: the texts of version 0.1, which had a space before each unit."""
+    texts = {
+        "fault": ("q = 1.6 rad, F_A = 7e-05 N", "q = 1.6~rad, F_A = 7e-05~N"),
+        "note": ("keep it below 1 rad", "keep it below 1 rad"),
+        "references": ("q_ref -1 to 0.5 rad at 10 N·m/rad", "q_ref -1 to 0.5~rad at 10 N·m/rad"),
+        "bank": ("bank “1 rad bench” at 2 rad/s", "bank “1 rad bench” at 2~rad/s"),
+    }
+    judged = {"title": "Back", "relation": "<", "bound": 1.0, "figure": None, "unit": "s", "passed": None}
+    criteria = [{"name": "back", **judged, "reason": "still 0.02 rad off"}]
+    database = open_database(tmp_path)
+    with database.session() as session:
+        run = runs.create(session, NEW_RUN).id
+        runs.end(session, run, runs.EndState.TRIPPED, "joint_limit: q = 1.6 rad")
+        for kind, (before, _) in texts.items():
+            events.add(session, events.EventKind(kind), before)
+        session.execute(
+            text(
+                "INSERT INTO result (run_id, metrics, criteria, software, created_at) VALUES (:run, '{}', :c, '', :at)"
+            ),
+            {"run": run, "c": json.dumps(criteria), "at": "2026-01-01 00:00:00"},
+        )
+    database.close()
+    engine = connect_database(sqlite_url(tmp_path))
+
+    def stored() -> list[str]:
+        with engine.connect() as connection:
+            found = [str(one) for one in connection.scalars(text("SELECT text FROM event ORDER BY id"))]
+            found += [str(one) for one in connection.scalars(text("SELECT end_detail FROM run"))]
+            (criteria,) = connection.scalars(text("SELECT criteria FROM result"))
+            return [*found, json.loads(criteria)[0]["reason"]]
+
+    before = [*(old for old, _ in texts.values()), "joint_limit: q = 1.6 rad", "still 0.02 rad off"]
+    after = [*(new for _, new in texts.values()), "joint_limit: q = 1.6~rad", "still 0.02~rad off"]
+    for change, revision, expected in (
+        (command.downgrade, "0017_sequences", before),
+        (command.upgrade, "0018_quantities", after),
+        (command.downgrade, "0017_sequences", before),
+    ):
+        with engine.connect() as connection, migrate._free_to_rebuild_tables(connection), connection.begin():
+            change(migrate._configuration(connection), revision)
+        assert stored() == [one.replace("~", UNIT_MARK) for one in expected]
+    engine.dispose()

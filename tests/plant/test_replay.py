@@ -199,7 +199,7 @@ def each(change: Callable[[np.ndarray], np.ndarray], *names: str) -> Callable[[C
         (at("t", 3, np.nan), "sample 4 has no time t"),
         (at("u_A", 7, 10.1), r"u_A is 10\.1 at t = 0\.007 s, beyond 10 V"),
         (at("u_B", 8, -10.1), r"u_B is -?10\.1 at t = 0\.008 s, beyond 10 V"),
-        (each(np.degrees, "q"), r"q is 5\.7\d* at t = 0\.000 s, beyond 3\.142 rad: the column has to be in rad"),
+        (each(np.degrees, "q"), r"q is 5\.7\d* at t = 0\.000 s, beyond 3\.142\srad: the column has to be in rad"),
         (each(lambda values: 10.0 * values, "t"), "its period is 10 ms, it has to be 1 ms"),
         (
             each(lambda values: np.delete(values, slice(60, 72))),

@@ -16,6 +16,7 @@ from backend.realtime.program import Law, Program, TensionLeg, VoltageStep
 from backend.tuning.gains import TuningParameters, make_cascade_tuning
 from plant.interface import Breakage, Broken, Measurement, Sensor
 from plant.parameters import PlantParameters, load_parameters
+from plant.quantity import Angle
 from tests.realtime.bench_top import BenchTop
 
 STEPS = Program(
@@ -128,8 +129,8 @@ def test_programs_out_of_bounds_start_nothing(ideal: PlantParameters) -> None:
     for program, said in (
         (Program(Law.MOTOR_STEPS), "at least one step"),
         (Program(Law.TENSION_SWEEP), "at least one leg"),
-        (replace(STEPS, steps=(VoltageStep(-20.0, 1.0, 1.0, 1.0),)), ": -20 rad is outside"),
-        (replace(STEPS, steps=(VoltageStep(2.0, 1.0, 1.0, 1.0),)), ": 2 rad is outside"),
+        (replace(STEPS, steps=(VoltageStep(-20.0, 1.0, 1.0, 1.0),)), f": {Angle(-20.0)} is outside"),
+        (replace(STEPS, steps=(VoltageStep(2.0, 1.0, 1.0, 1.0),)), f": {Angle(2.0)} is outside"),
         (replace(STEPS, steps=(VoltageStep(-2.0, 12.0, 1.0, 1.0),)), ": 12 V is outside"),
         (replace(SWEEP, legs=(TensionLeg(60.0, 1.0),)), ": 60 N is outside"),
         (replace(SWEEP, tension_N=0.2), ": 0.2 N is outside"),

@@ -9,7 +9,7 @@ from backend.control.motion_types import make_voltage_limit_flags
 from backend.faults import Fault, Limit
 from backend.realtime.commands import ApplyPush, SetReferences
 from backend.realtime.control_loop import FaultDescriber
-from backend.units import AngleUnit, format_angles
+from backend.units import AngleUnit, format_text
 from plant.interface import Measurement
 from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop
@@ -47,7 +47,7 @@ def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
     checks = FaultDescriber(load_parameters("ideal"))
     fault, seen = checks.find_static_fault(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
     assert fault is Fault.JOINT_LIMIT
-    told, bound = format_angles(seen, AngleUnit.DEGREES).split("; ")
+    told, bound = format_text(seen, AngleUnit.DEGREES).split("; ")
     assert bound == "the bound is 90° to either side"
     assert float(told.removeprefix("q = ").removesuffix("°")) == pytest.approx(-91.25, abs=5e-4)
 

@@ -14,6 +14,7 @@ from backend.sample import NAMES
 from backend.tuning.gains import TuningParameters
 from plant.interface import Measurement
 from plant.parameters import PlantParameters, load_parameters
+from plant.quantity import Angle
 from plant.simulator import Simulator
 from tests.realtime.bench_top import BenchTop
 
@@ -82,7 +83,7 @@ def test_references_out_of_bounds_change_nothing(ideal: PlantParameters) -> None
     bench.advance(0.05)
     before = bench.column("q_ref")[-1], bench.column("S_ref")[-1]
     for q_ref, S_ref, words in (
-        (2.0, 10.0, "position reference: 2 rad"),
+        (2.0, 10.0, f"position reference: {Angle(2.0)}"),
         (0.0, 16.0, "stiffness reference: 16 N"),
         (math.nan, 10.0, "position reference"),
     ):

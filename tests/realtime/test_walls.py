@@ -11,6 +11,7 @@ from backend.realtime.modes import Mode
 from backend.realtime.program import MAX_WALLS, Law, Program, Segment, Shape, TensionLeg
 from plant.dynamics import Obstacle
 from plant.parameters import PlantParameters, load_parameters
+from plant.quantity import Angle
 from plant.simulator import Simulator
 from tests.realtime.bench_top import BenchTop
 
@@ -63,7 +64,7 @@ def test_what_cannot_stand_is_refused_with_its_reason_and_nothing_trips(ideal: P
     for wall, told in (
         (ABOVE._replace(q_wall=-0.1), "the joint stands at"),
         (ABOVE._replace(k_wall=1e6), "1e+06 N/m is outside 100 to"),
-        (ABOVE._replace(q_wall=math.nan), "angle of the wall: nan rad"),
+        (ABOVE._replace(q_wall=math.nan), f"angle of the wall: {Angle(math.nan)}"),
     ):
         refused = bench.send(Obstruct(wall))
         assert isinstance(refused, Refused)
@@ -134,7 +135,7 @@ def test_a_program_whose_wall_meets_the_joint_trips_and_says_what_to_do(ideal: P
     bench.advance(2.2)
     stop = next(event for event in bench.events if isinstance(event, Stopped))
     assert stop.fault is Fault.PLANT_ERROR
-    assert "in a wall at 0.15 rad: bring it below that first" in stop.detail
+    assert f"in a wall at {Angle(0.15)}: bring it below that first" in stop.detail
     assert standing(bench) is None
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from backend.experiments.parser import parse_derived_signal
 from backend.recording.trigger import Condition, ConditionKind
 from backend.sample import INDEX, NAMES
+from plant.quantity import Angle
 
 T_s = 1e-3
 TIMES = np.arange(4000) * T_s
@@ -110,5 +111,5 @@ def test_a_formula_is_computed_for_each_sample_and_told_in_its_unit() -> None:
 
 def test_it_is_told_with_its_unit() -> None:
     assert condition(ConditionKind.RISING, 20.0).describe() == "F_A rising through 20 N"
-    assert Condition("q", ConditionKind.INSIDE, -0.1, 0.2).describe() == "q inside -0.1 to 0.2 rad"
+    assert Condition("q", ConditionKind.INSIDE, -0.1, 0.2).describe() == f"q inside {Angle(-0.1, 0.2)}"
     assert Condition("mode", ConditionKind.ABOVE, 1.5).describe() == "mode above 1.5"

@@ -14,14 +14,15 @@ from backend.reports.build import build_report
 from backend.reports.model import Code, Figure, Paragraph, Report, Table
 from backend.reports.plotting import forget_drawings
 from backend.reports.run_data import RunData
-from backend.units import AngleUnit
+from backend.units import AngleUnit, format_text
+from plant.quantity import Angle
 
 DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 NUMBER = re.compile(r"(?<![\w.])[-−]?\d+\.?\d*(?![\w.:])")
 BARE_RADIAN = re.compile(r"(?<![/·\w])m?rad\b(?!/\(|/rad)")
 """A radian that is not part of a gain (N·m/rad, rad/(V·s), rad/rad, "per rad") or of an angular frequency."""
 
-TRIP = "q = 1.60207 rad; the bound is 1.5708 rad to either side"
+TRIP = f"q = {Angle(1.60207)}; the bound is {Angle(1.5708)} to either side"
 
 
 def tripped(source: RunData) -> RunData:
@@ -112,7 +113,7 @@ def test_figures_settings_steps_and_reasons_are_converted(tracking_source: RunDa
     first = next(row for row in table(degrees, "Every step") if row["Step"].startswith("q"))
     assert (first["Step"], first["to"]) == ("q [°]", "60.0")
     assert any("q = 91.7918°; the bound is 90°" in fact.text for fact in degrees.facts)
-    assert any(TRIP in fact.text for fact in radians.facts)
+    assert any(format_text(TRIP, RAD) in fact.text for fact in radians.facts)
 
 
 def test_what_somebody_wrote_or_named_stays_as_it_was_written(tracking_source: RunData) -> None:

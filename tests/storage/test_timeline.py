@@ -110,15 +110,17 @@ def test_words_kinds_and_times_narrow_it(database: Database) -> None:
 
 
 SHOWN = {
-    **dict.fromkeys((("60", "deg"), ("60°",), ("60", "°"), ("60deg",)), (["q_ref 1.0472 rad, S_ref 10 N·m/rad"], [])),
-    ("q_ref", "60"): (["q_ref 1.0472 rad, S_ref 10 N·m/rad"], []),
-    ("1.0472",): ([], ["q_ref 1.0472 rad, S_ref 10 N·m/rad"]),
-    ("17.19",): (["wall moved by 0.3 rad"], []),
-    ("wall", "20"): (["wall above 0.349066 rad, 2e+04 N/m"], []),
-    ("0.349",): ([], ["wall above 0.349066 rad, 2e+04 N/m"]),
-    ("−30",): (["q_ref -0.523599 rad, S_ref 9 N·m/rad"], []),
-    ("-30",): (["q_ref -0.523599 rad, S_ref 9 N·m/rad"], []),
-    ("n·m/rad", "10"): (["q_ref 1.0472 rad, S_ref 10 N·m/rad"],) * 2,
+    **dict.fromkeys(
+        (("60", "deg"), ("60°",), ("60", "°"), ("60deg",)), (["q_ref 1.0472\u202frad, S_ref 10 N·m/rad"], [])
+    ),
+    ("q_ref", "60"): (["q_ref 1.0472\u202frad, S_ref 10 N·m/rad"], []),
+    ("1.0472",): ([], ["q_ref 1.0472\u202frad, S_ref 10 N·m/rad"]),
+    ("17.19",): (["wall moved by 0.3\u202frad"], []),
+    ("wall", "20"): (["wall above 0.349066\u202frad, 2e+04 N/m"], []),
+    ("0.349",): ([], ["wall above 0.349066\u202frad, 2e+04 N/m"]),
+    ("−30",): (["q_ref -0.523599\u202frad, S_ref 9 N·m/rad"], []),
+    ("-30",): (["q_ref -0.523599\u202frad, S_ref 9 N·m/rad"], []),
+    ("n·m/rad", "10"): (["q_ref 1.0472\u202frad, S_ref 10 N·m/rad"],) * 2,
     ("mara",): (["push of 12.5 N for 1.0 s"],) * 2,
     ("12.5",): (["push of 12.5 N for 1.0 s"],) * 2,
 }
@@ -129,10 +131,10 @@ SHOWN = {
 def test_what_is_read_is_what_is_found(database: Database, angles: AngleUnit) -> None:
     texts = (
         ("push of 12.5 N for 1.0 s", "Mara Stein"),
-        ("q_ref 1.0472 rad, S_ref 10 N·m/rad", "Ana"),
-        ("q_ref -0.523599 rad, S_ref 9 N·m/rad", "Ana"),
-        ("wall above 0.349066 rad, 2e+04 N/m", "Bo"),
-        ("wall moved by 0.3 rad", "Bo"),
+        ("q_ref 1.0472\u202frad, S_ref 10 N·m/rad", "Ana"),
+        ("q_ref -0.523599\u202frad, S_ref 9 N·m/rad", "Ana"),
+        ("wall above 0.349066\u202frad, 2e+04 N/m", "Bo"),
+        ("wall moved by 0.3\u202frad", "Bo"),
     )
     with database.session() as session:
         for number, (text, who) in enumerate(texts):
@@ -154,7 +156,7 @@ def test_a_search_for_an_angle_has_its_pages_too(database: Database) -> None:
     with database.session() as session:
         for number in range(30):
             angle = 1.0472 if number % 3 == 0 else 0.5
-            events.add(session, EventKind.REFERENCES, f"q_ref {angle} rad", at=after(number))
+            events.add(session, EventKind.REFERENCES, f"q_ref {angle}\u202frad", at=after(number))
     asked = LogQuery(words=["60", "deg"])
     with database.reading() as session:
         first, more = timeline.find(session, asked, 4)
@@ -167,7 +169,7 @@ def test_a_run_is_found_by_its_number_and_by_the_angle_that_it_ended_at(database
     with database.session() as session:
         record(session, 0.0, 0, 1000)
         second = runs.create(session, NEW).id
-        runs.end(session, second, runs.EndState.TRIPPED, "joint_limit: q = 1.0472 rad")
+        runs.end(session, second, runs.EndState.TRIPPED, "joint_limit: q = 1.0472\u202frad")
     assert {one.run for one in all_of(database, LogQuery(words=["run", str(second)]))} == {second}
     assert {one.run for one in all_of(database, LogQuery(words=["60", "deg"]))} == {second}
     assert all_of(database, LogQuery(words=["1.0472"])) == []

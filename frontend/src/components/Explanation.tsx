@@ -2,7 +2,7 @@
 
 import { useEffect, useId, useLayoutEffect, useMemo, useRef } from "react";
 import { createPortal } from "react-dom";
-import { localizeAngles, readingOf } from "../samples/quantity";
+import { localizeText, readingOf } from "../samples/quantity";
 import { useAngleUnit } from "../service/api/preferences";
 import { useDescribedBy } from "../service/forms/refusals";
 import {
@@ -38,14 +38,14 @@ export function EntryText({ entry, listed = false }: { entry: Entry; listed?: bo
           <span className={styles.kind}>{KIND_TITLES[entry.kind]}</span>
         )}
       </div>
-      <p className={styles.meaning}>{localizeAngles(meaning, angles)}</p>
+      <p className={styles.meaning}>{localizeText(meaning, angles)}</p>
       {equation && <p className={styles.equation}>{equation}</p>}
       {more && (
         <dl className={styles.more}>
           {more.map(([heading, text]) => (
             <div key={heading}>
               <dt>{heading}</dt>
-              <dd>{localizeAngles(text, angles)}</dd>
+              <dd>{localizeText(text, angles)}</dd>
             </div>
           ))}
         </dl>

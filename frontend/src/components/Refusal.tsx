@@ -4,7 +4,7 @@ import { Button, type ButtonProps } from "@mantine/core";
 import { useMutation } from "@tanstack/react-query";
 import type { ReactNode } from "react";
 import { useLive } from "../live/react";
-import { localizeAngles } from "../samples/quantity";
+import { localizeText } from "../samples/quantity";
 import { useAngleUnit } from "../service/api/preferences";
 import { useWhyNoControl } from "../service/control/control";
 import { isAboutControl, useErrorLifetime, useShownAtField } from "../service/forms/refusals";
@@ -60,14 +60,14 @@ export function Refusal({ error, about, id, text, forFields = false, hint = "", 
   const refused = said !== null && said !== undefined;
   const noControl = useWhyNoControl();
   const offersControl = standing === null ? refused && said === noControl : isAboutControl(standing);
-  const reason = refused ? localizeAngles(said, angles) : undefined;
+  const reason = refused ? localizeText(said, angles) : undefined;
   return (
     <output
       id={id}
       className={styles.refusal}
       aria-label="Refusal"
       data-refused={refused}
-      title={refused ? localizeAngles(standing?.message ?? said, angles) : undefined}
+      title={refused ? localizeText(standing?.message ?? said, angles) : undefined}
     >
       {refused ? reason : hint}
       {offersControl && (

@@ -10,7 +10,7 @@ import {
   TbUrgent,
 } from "react-icons/tb";
 import { heading } from "../samples/format";
-import { localizeAngles } from "../samples/quantity";
+import { localizeText } from "../samples/quantity";
 import { useAngleUnit } from "../service/api/preferences";
 import { entryOf } from "../service/glossary";
 import type { Experiment, Run } from "../wire/types";
@@ -53,7 +53,7 @@ export function RunState({
       data-state={state}
     >
       <Icon size={15} aria-hidden="true" />
-      <Explained of={of && { ...of, more: why === "" ? [] : [["Here", localizeAngles(why, angles)]] }} quiet>
+      <Explained of={of && { ...of, more: why === "" ? [] : [["Here", localizeText(why, angles)]] }} quiet>
         {heading(state)}
         {lacksResult && ", not evaluated"}
       </Explained>

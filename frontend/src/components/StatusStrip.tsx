@@ -6,7 +6,7 @@ import { Link } from "wouter";
 import { age_ms, type Health, health } from "../live/link";
 import { useLive, useNow } from "../live/react";
 import { age, capital, clockTime, duration, fixed, pluralized, spacedName } from "../samples/format";
-import { localizeAngles } from "../samples/quantity";
+import { localizeText } from "../samples/quantity";
 import { useReset } from "../service/api/actuator";
 import { useAngleUnit } from "../service/api/preferences";
 import { flightOf, flightsQuery } from "../service/api/recordings";
@@ -289,7 +289,7 @@ function FlightLink() {
 function Message({ status, instead }: { status: Status; instead: string | undefined }) {
   const angles = useAngleUnit();
   const fault = useLive((live) => live.state?.fault ?? null);
-  const told = (text: string) => localizeAngles(text, angles);
+  const told = (text: string) => localizeText(text, angles);
   const content = (
     <>
       <strong>

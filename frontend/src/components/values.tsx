@@ -1,6 +1,6 @@
 import type { ReactNode } from "react";
 import { MINUS } from "../samples/format";
-import { localizeAngles, readingNear } from "../samples/quantity";
+import { localizeText, readingNear } from "../samples/quantity";
 import { useAngleUnit } from "../service/api/preferences";
 import { entryOf, symbolEntries } from "../service/glossary";
 import { Explained } from "./Explained";
@@ -9,7 +9,7 @@ import styles from "./Metric.module.css";
 /** A text of the service, with the angles in it as this person reads them. */
 
 export function LocalizedText({ text }: { text: string }) {
-  return <>{localizeAngles(text, useAngleUnit())}</>;
+  return <>{localizeText(text, useAngleUnit())}</>;
 }
 
 /** A signal's name as it is written in the paper: q_ref with a lowered "ref"; it says what it means when asked. */

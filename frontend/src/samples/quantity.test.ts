@@ -5,7 +5,7 @@ import {
   boxText,
   formatWithUnit,
   inSI,
-  localizeAngles,
+  localizeText,
   offeredDefault,
   rangeText,
   readingNear,
@@ -20,6 +20,8 @@ function* someAngles(): Generator<number> {
     yield Number(((state / 2 ** 31 - 0.5) * 720).toFixed(count % 7));
   }
 }
+
+const MARK = "\u202f";
 
 describe("a box", () => {
   it("shows 1.0471975511965976 rad as 60 and sends it again", () => {
@@ -105,7 +107,7 @@ it("offers a default as it is where few digits would leave its range", () => {
 it("writes no number of a person with an exponent in letters", () => {
   expect(formatWithUnit(3.357e-6, "V", "deg")).toBe("3.357 µV");
   expect(formatWithUnit(3.357e-9, "N·m/rad", "deg")).toBe("3.357·10⁻⁹ N·m/rad");
-  expect(localizeAngles("7.019e-05 N at 3e-06 V, 2e-09 N·m/rad", "deg")).toBe(
+  expect(localizeText(`7.019e-05${MARK}N at 3e-06${MARK}V, 2e-09${MARK}N·m/rad`, "deg")).toBe(
     "70.19 µN at 3 µV, 2e-09 N·m/rad",
   );
   expect(inSI(boxText(3.3e-7, "V", "deg"), "V", "deg")).toBe(3.3e-7);
@@ -121,23 +123,33 @@ it("tells a quantity with its unit", () => {
 });
 
 it.each([
-  ["q = 1.602 rad; the bound is 1.571 rad to either side", "q = 91.79°; the bound is 90.01° to either side"],
-  ["outside -1.4 to 1.4 rad; choose another", "outside -80.21 to 80.21°; choose another"],
-  ["q_ref 0.5236 rad, S_ref 10.00 N·m/rad", "q_ref 30°, S_ref 10.00 N·m/rad"],
-  ["turned by −0.9 rad", "turned by −51.57°"],
-  ["60 rad/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad", "3438°/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad"],
-  ["3 radishes, 2 rad²", "3 radishes, 2 rad²"],
-  ["“turned 1.0 rad” was 0.5236 rad", "“turned 1.0 rad” was 30°"],
-])("reads the angles in %j and nothing else", (text, degrees) => {
-  expect(localizeAngles(text, "deg")).toBe(degrees);
-  expect(localizeAngles(text, "rad")).toBe(text);
+  ["q = 1.602~rad; the bound is 1.571~rad to either side", "q = 91.79°; the bound is 90.01° to either side"],
+  ["outside -1.4 to 1.4~rad; choose another", "outside -80.21 to 80.21°; choose another"],
+  ["q_ref 0.5236~rad, S_ref 10.00~N·m/rad", "q_ref 30°, S_ref 10.00 N·m/rad"],
+  ["turned by −0.9~rad", "turned by −51.57°"],
+  ["60~rad/s, K_m 1.06~rad/(V·s), 2~N·m/rad per rad", "3438°/s, K_m 1.06 rad/(V·s), 2 N·m/rad per rad"],
+  ["2~rad² for 8~N and 2 to 3~V", "2 rad² for 8 N and 2 to 3 V"],
+])("reads the marked angles in %j and nothing else", (text, degrees) => {
+  expect(localizeText(text.replaceAll("~", MARK), "deg")).toBe(degrees);
+  expect(localizeText(text.replaceAll("~", MARK), "rad")).toBe(text.replaceAll("~", " "));
 });
 
-it("reads a text in degrees in radians, where somebody changes the unit while it stands", () => {
-  for (const unit of [" deg", "°"]) {
+it("leaves a person's text as it is, with the mark of a quantity in it too", () => {
+  for (const angles of ["deg", "rad"] as const) {
+    expect(localizeText("keep it below 1 rad, 30 deg or 3e-6 V", angles)).toBe(
+      "keep it below 1 rad, 30 deg or 3e-6 V",
+    );
+    expect(localizeText(`“1${MARK}\u2060rad ${MARK}\u2060\u2060”`, angles)).toBe(
+      `“1${MARK}rad ${MARK}\u2060”`,
+    );
+  }
+});
+
+it("reads a text in degrees in radians, where somebody changes the unit while it is shown", () => {
+  for (const unit of ["deg", "°"].map((one) => MARK + one)) {
     const text = `120${unit} is outside -100 to 100${unit}; phase margin 47°`;
-    expect(localizeAngles(text, "rad")).toBe("2.094 rad is outside -1.745 to 1.745 rad; phase margin 47°");
-    expect(localizeAngles(text, "deg")).toBe("120° is outside -100 to 100°; phase margin 47°");
+    expect(localizeText(text, "rad")).toBe("2.094 rad is outside -1.745 to 1.745 rad; phase margin 47°");
+    expect(localizeText(text, "deg")).toBe("120° is outside -100 to 100°; phase margin 47°");
   }
 });
 

@@ -165,29 +165,39 @@ export function angleWithUnit(value: number, decimals: number, angles: AngleUnit
 /** Further decimals that an angle needs in radians to be told as finely as in degrees. */
 export const FINER = 2;
 
+/** Separates the number and the unit of a quantity that the service has written, as `plant/quantity.py`. */
+const UNIT_MARK = "\u202f";
+/** Follows a mark that a person has written: nothing converts it. */
+const ESCAPE = "\u2060";
+
 const NUMBER = String.raw`[-+−]?(?:\d+\.?\d*|\.\d+)(?:e[-+−]?\d+)?`;
 const QUANTITY = new RegExp(
-  String.raw`(?<quoted>“[^”]*”)` +
-    String.raw`|(?<![\w.·])(?<low>${NUMBER})(?:(?<to> to | … )(?<high>${NUMBER}))?` +
-    String.raw`(?: (?<unit>rad|deg)|(?<!phase[^,;:]*)°)(?<rate>/s)?(?![\w/(·²³⁴])` +
-    String.raw`|(?<![\w.·])(?<small>[-+−]?\d+\.?\d*e[-−]\d+) (?<of>[VNsmA])(?![\w/(·²³⁴])`,
+  String.raw`(?<![\w.·])(?<low>${NUMBER})(?:(?<to> to | … )(?<high>${NUMBER}))?` +
+    String.raw`${UNIT_MARK}(?!${ESCAPE})(?:(?<angle>rad|deg|°)(?<rate>/s)?|(?<unit>[VNsmA]))(?![\w/(·²³⁴])`,
   "g",
 );
+const ESCAPED = new RegExp(`${UNIT_MARK}(${ESCAPE}*)`, "g");
 
 /**
- * A text of the service (a mark, a fault, a refusal) with the angles in it as they are read; everybody is sent the same
- * text. A number keeps as many digits as it came with, four at least; what somebody named, between “ and ”, stays.
+ * A text of the service (a mark, a fault, a refusal) with its marked quantities as one person reads them; everybody is
+ * sent the same text. An angle keeps its number of digits, four at least. What a person has written stays as it is.
  */
-export function localizeAngles(text: string, angles: AngleUnit): string {
-  return text.replace(QUANTITY, (found: string, ...more: unknown[]) => {
-    const named = more[more.length - 1] as Readonly<Record<string, string | undefined>>;
-    if (named.quoted !== undefined) return found;
-    if (named.small !== undefined) return prefixed(named.small, named.of ?? "");
-    const factor = angles === "deg" ? TO_DEGREES : TO_RADIANS;
-    const numbers = [named.low, named.high].filter((number) => number !== undefined);
-    const read = (named.unit ?? "deg") === angles ? numbers : numbers.map((number) => asFine(number, factor));
-    return `${read.join(named.to)}${WRITTEN[angles]}${named.rate ?? ""}`;
-  });
+export function localizeText(text: string, angles: AngleUnit): string {
+  return text
+    .replace(QUANTITY, (_, ...more: unknown[]) => {
+      const named = more[more.length - 1] as Readonly<Record<string, string | undefined>>;
+      const numbers = [named.low, named.high].filter((number) => number !== undefined);
+      if (named.unit !== undefined) {
+        const [number = ""] = numbers;
+        if (numbers.length === 1 && number.includes("e")) return prefixed(number, named.unit);
+        return `${numbers.join(named.to)} ${named.unit}`;
+      }
+      const factor = angles === "deg" ? TO_DEGREES : TO_RADIANS;
+      const read =
+        (named.angle === "rad") === (angles === "rad") ? numbers : numbers.map((one) => asFine(one, factor));
+      return `${read.join(named.to)}${WRITTEN[angles]}${named.rate ?? ""}`;
+    })
+    .replace(ESCAPED, (_, escapes: string) => (escapes === "" ? " " : UNIT_MARK + escapes.slice(1)));
 }
 
 function prefixed(number: string, unit: string): string {

@@ -48,15 +48,18 @@ def test_what_is_refused_below_would_be_taken_but_for_one_thing(own: OwnExperime
 @pytest.mark.parametrize(
     ("part", "told"),
     [
-        ("{do: step, q_ref: 1.5, duration_s: 1}", "phases 1, parts 2, q_ref: position reference: 1.5 rad is outside"),
+        (
+            "{do: step, q_ref: 1.5, duration_s: 1}",
+            "phases 1, parts 2, q_ref: position reference: 1.5\u202frad is outside",
+        ),
         ("{do: step, S_ref: 16, duration_s: 1}", "stiffness reference: 16 N·m/rad is outside 8 to 15 N·m/rad"),
-        ("{do: sine, q_amplitude: 1.45, period_s: 1, duration_s: 1}", "1.45 rad is outside"),
+        ("{do: sine, q_amplitude: 1.45, period_s: 1, duration_s: 1}", "1.45\u202frad is outside"),
         ("{do: sine, S_amplitude: 3, period_s: 1, duration_s: 1}", "3 N·m/rad is outside -2 to 2 N·m/rad"),
         (
             "{do: sine, q_amplitude: 0.1, q_ref: 0.1, period_s: 1, duration_s: 1}",
             "q_amplitude: its crest is said twice, by the reference as well",
         ),
-        ("{do: sine, q_ref: 1.5, period_s: 1, duration_s: 1}", "q_ref: position reference: 1.5 rad is outside"),
+        ("{do: sine, q_ref: 1.5, period_s: 1, duration_s: 1}", "q_ref: position reference: 1.5\u202frad is outside"),
         ("{do: ramp, q_ref: 0.1, duration_s: 1, F_push: 31}", "31 N is outside -30 to 30 N"),
         ("{do: hold, duration_s: -1}", "duration_s: time: -1 s is outside 0.01 to 600 s"),
         ("{do: hold, duration_s: 601}", "601 s is outside 0.01 to 600 s"),
@@ -141,7 +144,7 @@ def test_a_part_that_cannot_be_played_is_refused_with_its_line(own: OwnExperimen
         ("name: wobble", "name: 2nd try", 2, "a name has letters, digits and _"),
         ("format: 1", "format: 2", 1, "2 is not known: this Sinew reads format 1"),
         ("name: depth", "name: lam_q", 5, "'lam_q' is taken: by the tuning, the seed or another setting"),
-        ("default: 0.2", "default: 0.9", 5, "0.9 rad is outside 0.01 to 0.5 rad"),
+        ("default: 0.2", "default: 0.9", 5, "0.9\u202frad is outside 0.01 to 0.5\u202frad"),
         ("name: depth", "name: u_max", 5, "'u_max' is taken"),
         ("name: depth,", "name: depth, kind: integer,", 5, "the default 0.2 is not a whole number"),
         ("maximum: 0.5}", "}", 5, "depth needs a minimum and a maximum"),

@@ -48,7 +48,7 @@ def test_values_that_are_not_named_are_the_defaults_and_words_are_read() -> None
     ("values", "error", "told"),
     [
         ({"width": 1}, SettingError, "unknown setting; known are depth, turns, how, sure"),
-        ({"depth": 2.0}, OutOfRangeError, "amplitude: 2 rad is outside 0 to 1.57"),
+        ({"depth": 2.0}, OutOfRangeError, "amplitude: 2\u202frad is outside 0 to 1.57"),
         ({"depth": float("nan")}, OutOfRangeError, "amplitude"),
         ({"depth": float("inf")}, OutOfRangeError, "amplitude"),
         ({"depth": "wide"}, SettingError, "it needs a number"),

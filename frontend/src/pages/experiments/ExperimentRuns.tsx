@@ -8,13 +8,7 @@ import { Outcome, RunState, unevaluated, Verdict } from "../../components/RunSta
 import { LocalizedText, Unit } from "../../components/values";
 import { useLive } from "../../live/react";
 import { dateTime, duration, measured, NOT_MEASURED } from "../../samples/format";
-import {
-  type AngleUnit,
-  formatWithUnit,
-  localizeAngles,
-  readingNear,
-  readingOf,
-} from "../../samples/quantity";
+import { type AngleUnit, formatWithUnit, localizeText, readingNear, readingOf } from "../../samples/quantity";
 import { experimentQuery } from "../../service/api/experiments";
 import { isRunning } from "../../service/api/polling";
 import { useAngleUnit } from "../../service/api/preferences";
@@ -191,7 +185,7 @@ export function Reason({ text, seen }: { text: string; seen?: string | undefined
   return (
     <div className={pageStyles.dim}>
       {seen === undefined ? "" : `${seen}: `}
-      {localizeAngles(text, angles)}
+      {localizeText(text, angles)}
     </div>
   );
 }

@@ -16,7 +16,7 @@ import {
   angleText,
   boxText,
   labelWith,
-  localizeAngles,
+  localizeText,
   offeredDefault,
   rangeText,
   readingOf,
@@ -466,7 +466,7 @@ export function PredictionView({ prediction, problem }: LocalizedText) {
                 <dd>{duration(prediction.duration_s)}</dd>
               </dl>
             </div>
-            <Verdict good={prediction.enough_motion}>{localizeAngles(prediction.message, angles)}</Verdict>
+            <Verdict good={prediction.enough_motion}>{localizeText(prediction.message, angles)}</Verdict>
           </>
         )}
       </output>

@@ -6,7 +6,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { Refusal } from "../../components/Refusal";
 import { LocalizedText } from "../../components/values";
 import { fixed, instant } from "../../samples/format";
-import { localizeAngles } from "../../samples/quantity";
+import { localizeText } from "../../samples/quantity";
 import { type LogKind, useRemark } from "../../service/api/log";
 import { useAngleUnit } from "../../service/api/preferences";
 import { isPlainRecord, isText, useDraft } from "../../service/forms/drafts";
@@ -217,7 +217,7 @@ function RemarkLine({ entry }: { entry: LogEntry }) {
           size={20}
           variant="subtle"
           color="gray"
-          aria-label={`Say something of: ${localizeAngles(entry.text, angles)}`}
+          aria-label={`Say something of: ${localizeText(entry.text, angles)}`}
           onClick={() => setWriting(true)}
         >
           <TbPencil size={13} />

@@ -10,7 +10,7 @@ import { following, held, LIVE, SPANS_S, useViewport, withSpan } from "../../cha
 import { plantWord } from "../../components/Header";
 import { useLive, useLiveStore, useSampleAge } from "../../live/react";
 import { age, fixed, short } from "../../samples/format";
-import { type AngleUnit, localizeAngles, readingOf } from "../../samples/quantity";
+import { type AngleUnit, localizeText, readingOf } from "../../samples/quantity";
 import { useAngleUnit, usePreferences } from "../../service/api/preferences";
 import { usePanels } from "../../theme/useLayouts";
 import { PERIOD_S } from "../../wire/sample.gen";
@@ -154,7 +154,7 @@ function spanChoices(span_s: number): { value: string; label: string }[] {
 function placed(mark: Mark, angles: AngleUnit): PlacedMark {
   return {
     time_s: mark.tick * PERIOD_S,
-    text: localizeAngles(mark.text, angles),
+    text: localizeText(mark.text, angles),
     fault: mark.kind === "fault" || mark.kind === "trip",
     mode: mark.kind === "mode",
   };

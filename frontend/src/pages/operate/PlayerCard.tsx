@@ -9,7 +9,7 @@ import { Refusal } from "../../components/Refusal";
 import { ValueBox } from "../../components/ValueBox";
 import { useLive, useNow } from "../../live/react";
 import { clockTime } from "../../samples/format";
-import { localizeAngles } from "../../samples/quantity";
+import { localizeText } from "../../samples/quantity";
 import { useAngleUnit } from "../../service/api/preferences";
 import { playedQuery, usePlayerCommand } from "../../service/api/recordings";
 import { useMayCommand, useWhyNoControl } from "../../service/control/control";
@@ -141,7 +141,7 @@ function Marks({ at_s, locked, onGo }: MarksProps) {
         // biome-ignore lint/suspicious/noArrayIndexKey: two marks may say the same at one time, and none is moved
         <li key={place} aria-current={place === passed ? "true" : undefined}>
           <button type="button" disabled={locked} onClick={() => onGo(Math.max(0, mark.t))}>
-            <span>{clockTime(mark.t, 0.1)}</span> {localizeAngles(mark.text, angles)}
+            <span>{clockTime(mark.t, 0.1)}</span> {localizeText(mark.text, angles)}
           </button>
         </li>
       ))}

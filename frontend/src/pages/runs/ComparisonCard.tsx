@@ -9,7 +9,7 @@ import { Explained } from "../../components/Explained";
 import { DebouncedNumberField } from "../../components/fields";
 import { Unit } from "../../components/values";
 import { dateTime, fixed, measured, significant } from "../../samples/format";
-import { type AngleUnit, localizeAngles, readingOf } from "../../samples/quantity";
+import { type AngleUnit, localizeText, readingOf } from "../../samples/quantity";
 import { useAngleUnit } from "../../service/api/preferences";
 import { type ComparisonAsked, comparisonFile, comparisonQuery, runsQuery } from "../../service/api/runs";
 import { figureEntry } from "../../service/glossary";
@@ -65,7 +65,7 @@ export function ComparisonCard({ asked, signal, told: data, error }: ComparisonC
                     <Table.Th
                       key={run.id}
                       className={pageStyles.number}
-                      title={localizeAngles(run.verdict, angles)}
+                      title={localizeText(run.verdict, angles)}
                     >
                       <Link href={`/runs/${run.id}`}>Run {run.id}</Link>
                       <div className={pageStyles.dim}>{run.title}</div>

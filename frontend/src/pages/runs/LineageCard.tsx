@@ -6,7 +6,7 @@ import { TbCheck, TbCopy } from "react-icons/tb";
 import { Link } from "wouter";
 import { Card } from "../../components/Card";
 import { Verdict } from "../../components/RunState";
-import { localizeAngles } from "../../samples/quantity";
+import { localizeText } from "../../samples/quantity";
 import { parametersQuery } from "../../service/api/identifications";
 import { useAngleUnit } from "../../service/api/preferences";
 import { lineageQuery } from "../../service/api/runs";
@@ -152,8 +152,8 @@ function Arrow({ from, to }: { from: Placed; to: Placed }) {
 function Box({ placed: { node, x, y }, self }: { placed: Placed; self: boolean }) {
   const angles = useAngleUnit();
   const address = self ? null : addressOfNode(node);
-  const outdated = localizeAngles(node.out_of_date, angles);
-  const detail = localizeAngles(node.detail, angles);
+  const outdated = localizeText(node.out_of_date, angles);
+  const detail = localizeText(node.detail, angles);
   const inside = (
     <>
       <title>{[node.title, detail, outdated].filter((part) => part !== "").join("\n")}</title>
@@ -226,12 +226,12 @@ function Digests({ nodes }: { nodes: readonly LineageNode[] }) {
             <Table.Td>{node.title}</Table.Td>
             <Table.Td>
               {node.sha256 === null ? (
-                localizeAngles(node.no_sha256, angles)
+                localizeText(node.no_sha256, angles)
               ) : (
                 <Digest title={node.title} sha256={node.sha256} />
               )}
             </Table.Td>
-            <Table.Td>{node.out_of_date === "" ? "no" : localizeAngles(node.out_of_date, angles)}</Table.Td>
+            <Table.Td>{node.out_of_date === "" ? "no" : localizeText(node.out_of_date, angles)}</Table.Td>
           </Table.Tr>
         ))}
       </Table.Tbody>

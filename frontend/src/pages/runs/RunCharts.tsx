@@ -18,7 +18,7 @@ import { Playhead, useViewport, type ViewControl, type Viewport, visibleRange } 
 import { plantWord } from "../../components/Header";
 import { useLive } from "../../live/react";
 import { significant } from "../../samples/format";
-import { type AngleUnit, localizeAngles } from "../../samples/quantity";
+import { type AngleUnit, localizeText } from "../../samples/quantity";
 import type { TimeRange } from "../../samples/timeSeries";
 import { banksQuery } from "../../service/api/banks";
 import { useAngleUnit } from "../../service/api/preferences";
@@ -396,7 +396,7 @@ function RecordedCharts(props: RecordedChartsProps) {
 function placed(mark: RunMark, angles: AngleUnit): PlacedMark {
   return {
     time_s: mark.t,
-    text: localizeAngles(mark.text, angles),
+    text: localizeText(mark.text, angles),
     fault: mark.kind === "fault" || mark.kind === "trip",
     mode: mark.kind === "mode",
   };

@@ -10,7 +10,7 @@ import { OperatorsOnly } from "../../components/ControlMenu";
 import { ChoiceField, NumberField } from "../../components/fields";
 import { Refusal } from "../../components/Refusal";
 import { useLive } from "../../live/react";
-import { localizeAngles, readingOf } from "../../samples/quantity";
+import { localizeText, readingOf } from "../../samples/quantity";
 import { useDerived } from "../../service/api/formulas";
 import { useAngleUnit } from "../../service/api/preferences";
 import {
@@ -72,7 +72,7 @@ export function TriggerCard() {
       aside={<Link href="/system">{captured > 0 ? "Captures in flight records" : "Flight records"}</Link>}
     >
       <output className={styles.state} aria-label="Trigger" data-phase={trigger?.phase ?? "none"}>
-        {localizeAngles(describeTrigger(trigger), angles)}
+        {localizeText(describeTrigger(trigger), angles)}
         {waits && ` (armed by ${trigger.who})`}
       </output>
       <OperatorsOnly>{waits ? <Disarm /> : <ArmForm />}</OperatorsOnly>

@@ -13,7 +13,7 @@ import {
 } from "react";
 import { useLive } from "../../live/react";
 import type { Live } from "../../live/store";
-import { localizeAngles } from "../../samples/quantity";
+import { localizeText } from "../../samples/quantity";
 import { RequestError } from "../../wire/client";
 import { heldEpoch, watchHeld } from "../../wire/control";
 import { useAngleUnit } from "../api/preferences";
@@ -151,7 +151,7 @@ export function RefusedFields({ error, foreseen, about, only, children }: Refuse
     const place = path === undefined ? null : placeIn(path, places);
     return {
       place: place ?? (only !== undefined && isOfValue(standing) ? only : null),
-      text: standing === null ? "" : localizeAngles(standing.message, angles),
+      text: standing === null ? "" : localizeText(standing.message, angles),
       error: standing,
       asked: answered !== null,
       places,

@@ -4,7 +4,7 @@ import { useEffect, useEffectEvent } from "react";
 import { useLocation } from "wouter";
 import { useLiveStore } from "../../live/react";
 import { heading, spacedName } from "../../samples/format";
-import { type AngleUnit, localizeAngles } from "../../samples/quantity";
+import { type AngleUnit, localizeText } from "../../samples/quantity";
 import { answered, api, RequestError } from "../../wire/client";
 import { PERIOD_S } from "../../wire/sample.gen";
 import type { Fault, Flight, Run, State, Task } from "../../wire/types";
@@ -90,7 +90,7 @@ export function describeRun({ id, kind, title, end_state, end_reason }: Run, ang
   return {
     tag: `sinew-run-${id}`,
     title: `${heading(kind)}, run ${id}: ${spacedName(end_state)}`,
-    body: localizeAngles(more.filter((part) => part !== "").join(" · "), angles),
+    body: localizeText(more.filter((part) => part !== "").join(" · "), angles),
   };
 }
 
@@ -101,7 +101,7 @@ export function describeTrip({ fault, starts }: Trip, angles: AngleUnit): EventT
   return {
     tag: `sinew-trip-${starts}-${fault.tick}`,
     title: fault.code === STOP ? "Stopped" : `Tripped: ${spacedName(fault.code)}`,
-    body: localizeAngles(`${fault.message} ${fault.remedy}`, angles),
+    body: localizeText(`${fault.message} ${fault.remedy}`, angles),
   };
 }
 

@@ -1,0 +1,56 @@
+"""Quantities in texts: written once in SI, converted where a person reads them.
+
+Several people read the same mark, fault or end of a run, in degrees or in radians. Such a text has a narrow no-break
+space (U+202F) between a number and its SI unit, which no keyboard types. ``backend.units.format_text`` converts these
+quantities for one reader and leaves everything else as it is, above all what a person has written.
+"""
+
+import re
+
+UNIT_MARK = "\u202f"
+"""Separates the number and the unit of a quantity that the service has written."""
+
+ESCAPE = "\u2060"
+"""Follows a mark that a person has written, so that nothing converts it."""
+
+PREFIXED = ("V", "N", "s", "m", "A")
+"""Units that take a prefix where a number is small."""
+
+_ANGLES = ("rad", "rad/s")
+_MARK = re.compile(UNIT_MARK)
+
+
+class Quantity:
+    """A value in SI with its unit, written as f"{Quantity(F, 'N'):.3g}"; ``high`` makes it a range.
+
+    Angles, and small numbers of units that take a prefix, are marked for conversion.
+    """
+
+    def __init__(self, value: float, unit: str, high: float | None = None) -> None:
+        self.value, self.unit, self.high = value, unit, high
+
+    def __format__(self, spec: str) -> str:
+        number = f"{self.value:{spec or '.6g'}}"
+        if self.high is not None:
+            number += f" to {self.high:{spec or '.6g'}}"
+        if self.unit in ("", "1"):
+            return number
+        is_converted = self.unit in _ANGLES or (self.unit in PREFIXED and "e-" in number)
+        return f"{number}{UNIT_MARK if is_converted else ' '}{self.unit}"
+
+
+class Angle(Quantity):
+    """An angle in rad; f"{Angle(q):.4g}" marks it for conversion. ``high`` makes it a range."""
+
+    def __init__(self, value: float, high: float | None = None) -> None:
+        super().__init__(value, "rad", high)
+
+
+def quote(text: str) -> str:
+    """Return what a person has written or named, in quotation marks and safe from conversion."""
+    return f"“{escape_quantities(text)}”"
+
+
+def escape_quantities(text: str) -> str:
+    """Return a person's text so that ``backend.units.format_text`` gives it back unchanged."""
+    return _MARK.sub(UNIT_MARK + ESCAPE, text)
