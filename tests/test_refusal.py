@@ -20,7 +20,7 @@ DEG, RAD = AngleUnit.DEGREES, AngleUnit.RADIANS
 
 
 def said(refused: InvalidValueError, angles: AngleUnit = DEG) -> str:
-    return refused.format_message(angles)
+    return format_text(refused.format_message(angles), angles)
 
 
 def test_a_segment_is_named_as_it_was_numbered() -> None:

@@ -17,7 +17,10 @@ from backend.auth.control_lease import CommandToken, ControlLease, LeaseHolder
 from backend.errors import RequestRejectedError
 from backend.schemas import OPEN_HANDOVERS, HandoverAnswer, HandoverStatus, HandoverView, Role
 from backend.supervision import Part
-from plant import ErrorCode
+from plant import (
+    ErrorCode,
+    escape_quantities,
+)
 
 HANDOVER_PART = Part(
     "The watch over who asks for control", "Requests that were under way are answered or asked once more."
@@ -321,5 +324,5 @@ def _require_reason(reason: str) -> str:
 
 
 def _append_reason(text: str, reason: str) -> str:
-    line = _to_one_line(reason)
+    line = escape_quantities(_to_one_line(reason))
     return f"{text}: {line}" if line else text

@@ -8,6 +8,7 @@ from backend.control.fault_detection import CLEAR, TRIPPED, FaultDetectionState
 from backend.faults import EXPLANATIONS, Fault, describe_fault
 from backend.realtime.commands import Inject, Stop, Stopped
 from backend.realtime.control_loop import FaultDescriber
+from backend.units import AngleUnit, format_text
 from plant.interface import NO_RAW, NOT_MEASURED, Breakage, Broken, MotorCommand, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from tests.realtime.test_faults import moving, until_tripped
@@ -50,7 +51,7 @@ def test_a_fault_is_one_sentence_with_units(lab: PlantParameters, broken: Broken
     bench.send(Inject(broken))
     until_tripped(bench, 2000)
     (stopped,) = (event for event in bench.events if isinstance(event, Stopped))
-    told = describe_fault(stopped.fault, stopped.detail)
+    told = format_text(describe_fault(stopped.fault, stopped.detail), AngleUnit.RADIANS)
     assert re.fullmatch(expected, told), told
     assert SENTENCE.fullmatch(told)
     assert WITHOUT_UNIT.findall(told) == []

@@ -176,7 +176,7 @@ def test_a_reference_that_this_plant_does_not_reach_is_refused_in_its_line(own: 
     short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
     text = with_parts(LEAD_IN, "{do: step, q_ref: -0.6, duration_s: 2}", part)
     assert own.check(text, lab, TuningSettings()).segments == 3
-    with pytest.raises(ExperimentError, match=r"position reference: .* rad is outside -0.83 to 0.83 rad") as refused:
+    with pytest.raises(ExperimentError, match=r"position reference: .*\srad is outside -0.83 to 0.83\srad") as refused:
         own.check(text, short, TuningSettings())
     assert refused.value.line == 10
 
@@ -185,7 +185,7 @@ def test_where_a_sine_ends_counts_for_what_swings_around_it(own: OwnExperiments)
     lab = load_parameters("lab")
     short = replace(lab, geometry=replace(lab.geometry, q_max=1.0))
     text = with_parts(LEAD_IN, AWAY, "{do: sine, q_amplitude: 0.6, period_s: 4, duration_s: 4}")
-    with pytest.raises(ExperimentError, match=r"-1 rad is outside -0.83 to 0.83 rad") as refused:
+    with pytest.raises(ExperimentError, match=r"-1\srad is outside -0.83 to 0.83\srad") as refused:
         own.check(text, short, TuningSettings())
     assert refused.value.line == 10
 
