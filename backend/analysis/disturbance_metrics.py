@@ -551,7 +551,8 @@ def _pair_by_stiffness(hits: Sequence[Hit]) -> tuple[list[tuple[Hit, Hit]], str]
         if not _is_equally_fast(item, other):
             return (
                 [],
-                f"hits at {Quantity(item.speed, 'rad/s'):.3g} and {Quantity(other.speed, 'rad/s'):.3g} cannot be compared",
+                f"hits at {Quantity(item.speed, 'rad/s'):.3g} and {Quantity(other.speed, 'rad/s'):.3g} "
+                "cannot be compared",
             )
     return list(zip(soft, stiff, strict=True)), ""
 

@@ -259,12 +259,12 @@ def test_quantities_in_texts_of_the_service_are_marked_and_a_persons_words_are_l
             (criteria,) = connection.scalars(text("SELECT criteria FROM result"))
             return [*found, json.loads(criteria)[0]["reason"]]
 
-    before = [*(old for old, _ in texts.values()), "joint_limit: q = 1.6 rad", "still 0.02 rad off"]
-    after = [*(new for _, new in texts.values()), "joint_limit: q = 1.6~rad", "still 0.02~rad off"]
+    unmarked = [*(old for old, _ in texts.values()), "joint_limit: q = 1.6 rad", "still 0.02 rad off"]
+    marked = [*(new for _, new in texts.values()), "joint_limit: q = 1.6~rad", "still 0.02~rad off"]
     for change, revision, expected in (
-        (command.downgrade, "0017_sequences", before),
-        (command.upgrade, "0018_quantities", after),
-        (command.downgrade, "0017_sequences", before),
+        (command.downgrade, "0017_sequences", unmarked),
+        (command.upgrade, "0018_quantities", marked),
+        (command.downgrade, "0017_sequences", unmarked),
     ):
         with engine.connect() as connection, migrate._free_to_rebuild_tables(connection), connection.begin():
             change(migrate._configuration(connection), revision)

@@ -1107,7 +1107,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "0.01 to 2 rad"
+        "0.01 to 2 rad"
       ]
     ]
   },
@@ -1132,7 +1132,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "4 to 12 1"
+        "4 to 12"
       ]
     ]
   },
@@ -1144,7 +1144,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Accepted",
-        "1 to 10 1"
+        "1 to 10"
       ]
     ]
   },
@@ -1576,7 +1576,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "push_back_s",
     "term": "Back after a push",
-    "meaning": "longest time from the end of a push until |q − q_ref| stays below 0.01 rad",
+    "meaning": "longest time from the end of a push until |q − q_ref| stays below 0.01 rad",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
   },
@@ -1729,7 +1729,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "pushed_back_s",
     "term": "Back after a push",
-    "meaning": "longest time from a push's end until |q − q_ref| stays below 0.01 rad",
+    "meaning": "longest time from a push's end until |q − q_ref| stays below 0.01 rad",
     "unit": "s",
     "source": "docs/how-to/experiments.md"
   },
@@ -1857,7 +1857,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "kind": "figure",
     "name": "turn_rad",
     "term": "Largest turn",
-    "meaning": "largest |θ| of both motors, of ±15.7 rad",
+    "meaning": "largest |θ| of both motors, of ±15.7 rad",
     "unit": "rad",
     "source": "docs/how-to/experiments.md"
   },
@@ -2422,7 +2422,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change in its last digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is no fault."
+        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change in its last digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is no fault."
       ],
       [
         "Reaction",
@@ -2447,7 +2447,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A reading changed by more than the rig can move in one tick: the joint by 0.1 rad, a motor by 0.09 rad, a load cell by 9 N with the shipped parameters. Torn tendons and unplugged cables cause such a jump."
+        "A reading changed by more than the rig can move in one tick: the joint by 0.1 rad, a motor by 0.09 rad, a load cell by 9 N with the shipped parameters. Torn tendons and unplugged cables cause such a jump."
       ],
       [
         "Reaction",
