@@ -2422,7 +2422,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change in its last digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is no fault."
+        "A motor encoder did not move by a count for 0.1 s although its motor was driven; or a load cell did not change in its last digit while its motor turned by 2 rad; or a reading stayed constant while tension and encoders began to contradict each other (see implausible). A constant reading without motion is no fault."
       ],
       [
         "Reaction",
@@ -2447,7 +2447,7 @@ export const GLOSSARY: Readonly<Record<string, Entry>> = {
     "more": [
       [
         "Cause",
-        "A reading changed by more than the rig can move in one tick: the joint by 0.1 rad, a motor by 0.09 rad, a load cell by 9 N with the shipped parameters. Torn tendons and unplugged cables cause such a jump."
+        "A reading changed by more than the rig can move in one tick: the joint by 0.1 rad, a motor by 0.09 rad, a load cell by 9 N with the shipped parameters. Torn tendons and unplugged cables cause such a jump."
       ],
       [
         "Reaction",
