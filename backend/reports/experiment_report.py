@@ -647,7 +647,8 @@ def _make_signal_sections(source: RunData, plan: ExperimentPlan) -> Iterator[Rep
             f"The whole experiment: {WHAT_IS_DRAWN}. References dashed. {CUT_OFF}",
         ),
     ]
-    if any(np.ptp(columns[name]) > 0.0 for name in ("lam_q", "lam_S")):  # a bank alone shows nothing
+    # A bank or a voltage limit alone shows nothing here.
+    if any(np.ptp(columns[name]) > 0.0 for name in ("lam_q", "lam_S")):
         drawn.append(
             Figure(
                 "tuning",
