@@ -63,7 +63,7 @@ def step_governor(
 
 
 CLIPPING_TIMEOUT_S = 0.1
-"""Voltage clipped for this long [s] shows that the voltage limit is too high; the rest is planned with less."""
+"""Time of clipped voltage [s] that shows a too high voltage limit; the rest of the motion uses a lower one."""
 
 BUDGET_REDUCTION = 0.9
 """Factor by which the voltage limit is then reduced."""

@@ -256,8 +256,8 @@ def _table(A: SpringParameters, B: SpringParameters, r_m: float, r_j: float) -> 
 #
 # The outer loops request an equilibrium (q_c, S_c). Both tendons then carry the tension of S_c, and an external push
 # adds half of F_A − F_B to one and subtracts it from the other. The push that the load cells measure therefore raises
-# the floor of S_c and lowers its ceiling. If they cross, the ceiling wins, because a slack tendon can be tensioned
-# again whereas a solid spring cannot be relieved.
+# the floor of S_c and lowers its ceiling. If they cross, the ceiling takes precedence, because a slack tendon can be
+# tensioned again whereas a solid spring cannot be relieved.
 
 
 FILTER_TIME_S = 0.05

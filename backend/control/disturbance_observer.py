@@ -1,6 +1,6 @@
 """Disturbance observer: external joint torque from encoders and springs.
 
-And its feed-forward, the disturbance rejection.
+Includes its feed-forward, the disturbance rejection.
 """
 
 import math

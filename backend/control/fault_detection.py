@@ -195,7 +195,7 @@ def _find_jump(
 
 @compiled
 def _is_reversed(memory: NDArray[np.float64], side: int, theta: float, driven: float) -> bool:
-    """Return whether a driven motor turned against its voltage, faster and faster.
+    """Return whether a driven motor turned against its voltage with rising speed.
 
     ``driven`` is the voltage [V], 0 if the motor is not driven. Two intervals of REVERSED_S are compared.
     """

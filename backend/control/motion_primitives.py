@@ -24,8 +24,8 @@ from plant import Measurement, T_s, compiled
 #
 # The motor loops follow a reference through four lags: with constant references the joint would move on for 0.66 s.
 # Damping the measured speed directly stops it in a fifth of that. The tendons' load makes both motors creep meanwhile,
-# by 0.3 rad/s at 20 N and both alike, so the joint stands still. No load cell is used, so a stop works with a broken
-# one.
+# by 0.3 rad/s at 20 N and both alike, so the joint stands still. No load cell is used, so a stop works with a
+# broken load cell.
 
 
 DAMPING = 1.5
@@ -183,9 +183,9 @@ class ExcitationChips(NamedTuple):
 
 
 class TensionHoldState(NamedTuple):
-    """``base_A``, ``base_B`` [rad] move to ``goal_A`` and zero.
+    """State of the tension hold.
 
-    ``tick`` counts the ticks of the excitation.
+    ``base_A``, ``base_B`` [rad] move to ``goal_A`` and zero. ``tick`` counts the ticks of the excitation.
     """
 
     F_ref: float
@@ -254,9 +254,10 @@ def step_tension_hold(
 
 
 class TensionSweepState(NamedTuple):
-    """``goals`` (n + 1, 2): theta_A, theta_B [rad] at the start and after each leg.
+    """State of the tension sweep.
 
-    ``ticks`` (n,) of the legs; ``leg`` is -1 on the way to the start.
+    ``goals`` (n + 1, 2): theta_A, theta_B [rad] at the start and after each leg. ``ticks`` (n,) of the legs; ``leg`` is
+    -1 on the way to the start.
     """
 
     goals: NDArray[np.float64]
@@ -309,7 +310,7 @@ def step_tension_sweep(
 
 
 class TravelState(NamedTuple):
-    """``theta_A``, ``theta_B`` [rad] of the goal, and time since its arrival [s]."""
+    """Goal ``theta_A``, ``theta_B`` [rad], and time since the arrival there [s]."""
 
     theta_A: float
     theta_B: float
@@ -397,10 +398,11 @@ class VoltageMargin(NamedTuple):
 
 
 class VoltageStepsState(NamedTuple):
-    """``steps`` (n, 4): start [rad], voltage [V], ticks, travel [rad]; progress.
+    """State of the voltage steps.
 
-    ``step`` is the current step, ``stage`` its stage and ``ticks`` the time since the stage began; ``began_A``,
-    ``began_B`` [rad] are the motor angles at the start of the voltage.
+    ``steps`` (n, 4): start [rad], voltage [V], ticks, travel [rad]. ``step`` is the current step, ``stage`` its stage
+    and ``ticks`` the time since the stage began; ``began_A``, ``began_B`` [rad] are the motor angles at the start of
+    the voltage.
     """
 
     margin: VoltageMargin

@@ -82,7 +82,7 @@ STEP, RAMP, SINE, SWEEP, PRBS, MULTISINE = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
 
 
 class SetpointPlayer(NamedTuple):
-    """``segments`` of a program and the position in them.
+    """Segments of a program and the position in them.
 
     ``segments`` (n, COLUMNS): shape, ticks, duration [s], q_ref [rad], S_ref [N·m/rad], F_push [N], period [s] of a
     sine, of a chip or at the start of a sweep, loads of shafts A and B [N·m], period [s] at the end of a sweep, bits of
