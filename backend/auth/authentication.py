@@ -345,10 +345,8 @@ class Authentication:
     def authenticate(self, credentials: Credentials) -> User | None:
         """Return the user that sends a request or opens a websocket.
 
-        None if not signed in.
-
-        May be called several times for one request: a wrong token counts once. Raises RequestRejectedError for a wrong
-        token.
+        None if not signed in. May be called several times for one request: a wrong token counts once. Raises
+        RequestRejectedError for a wrong token.
         """
         if self._files is None:
             return User(Role.OPERATOR, Role.OPERATOR, OPEN)

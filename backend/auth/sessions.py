@@ -217,9 +217,7 @@ class TokenFiles:
 def load_tokens(data: Path) -> Tokens:
     """Read the tokens of the folder ``data``.
 
-    Creates folder and files (mode 0600) at the first start.
-
-    Raises TokenError.
+    Creates folder and files (mode 0600) at the first start. Raises TokenError.
     """
     data.mkdir(parents=True, exist_ok=True)
     return Tokens(*(_read_or_create(data / TOKEN_FILES[role]) for role in (Role.OPERATOR, Role.VIEWER)))

@@ -156,9 +156,8 @@ RECORDED_MODES = (Mode.RUN, Mode.COMPLIANCE)
 class SessionRuns:
     """Stores session runs.
 
-    They are stored before the control loop changes the mode, so that every sample belongs to a stored run.
-
-    The methods access the database: the event loop calls them in a thread.
+    They are stored before the control loop changes the mode, so that every sample belongs to a stored run. The methods
+    access the database: the event loop calls them in a thread.
     """
 
     def __init__(self, database: Database, plant: str) -> None:
@@ -396,9 +395,8 @@ class ActuatorService:
     async def switch_drives(self, on: bool, who: str) -> None:
         """Disable the drives, or enable them in mode off.
 
-        They cannot be enabled during a commissioning step.
-
-        Raises RequestRejectedError, and LoopExitedError if the drives were to be enabled.
+        They cannot be enabled during a commissioning step. Raises RequestRejectedError, and LoopExitedError if the
+        drives were to be enabled.
         """
         # Disabling does not wait. It is sent once more in turn below, for a loop process that was starting.
         if not on:

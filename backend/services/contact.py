@@ -138,9 +138,8 @@ class BiasSweep:
     ) -> None:
         """Calibrate each point with ``calibrate_point``.
 
-        Its argument is the tick from which on samples may be used.
-
-        ``is_reaction_active`` returns whether the joint reacts to contacts, which excludes a calibration.
+        Its argument is the tick from which on samples may be used. ``is_reaction_active`` returns whether the joint
+        reacts to contacts, which excludes a calibration.
         """
         self._supervisor = supervisor
         self._live_state = live_state
@@ -335,9 +334,7 @@ class BiasDiscarded:
 class ContactService:
     """Calibrates the bias and configures the contact reaction.
 
-    Runs in the event loop of the service.
-
-    Publishes BiasDiscarded.
+    Runs in the event loop of the service. Publishes BiasDiscarded.
     """
 
     def __init__(

@@ -252,9 +252,8 @@ def list_experiment_kinds(
 ) -> list[ExperimentKind]:
     """Return experiments with their settings and those of the loop.
 
-    ``loop_settings`` are the defaults of the latter.
-
-    The ranges of λ are those that are safe with ``tuning``; the seed is fixed to that of the service.
+    ``loop_settings`` are the defaults of the latter. The ranges of λ are those that are safe with ``tuning``; the seed
+    is fixed to that of the service.
     """
     ranges = {
         "lam_q": (tuning.lam_q_min, tuning.lam_q_max),
@@ -626,9 +625,8 @@ class JobManager:
     async def complete_request(self, request: ExperimentRequest) -> ExperimentRequest:
         """Return a request with all its settings, for the queue.
 
-        A waiting experiment then does not depend on the active tuning.
-
-        Raises the errors of a start: SettingError, OutOfRangeError, UnknownRecordError, TuningError.
+        A waiting experiment then does not depend on the active tuning. Raises the errors of a start: SettingError,
+        OutOfRangeError, UnknownRecordError, TuningError.
         """
         name, plan, settings = await self._build_plan(request)
         self._require_seed(settings)
@@ -646,9 +644,7 @@ class JobManager:
     ) -> CheckedExperiment:
         """Check the text of an experiment, and predict its peaks by a dry run.
 
-        Uses the active parameters and the operator's tuning.
-
-        Raises ExperimentError.
+        Uses the active parameters and the operator's tuning. Raises ExperimentError.
         """
         checked = await self._check_text(request.text, user, is_disconnected)
         if not request.play:

@@ -127,9 +127,8 @@ Check = Callable[[ExperimentRequest], Awaitable[ExperimentRequest]]
 class ExperimentQueue:
     """The queue of experiments, which is also stored in the database.
 
-    Runs in the event loop of the service.
-
-    After a restart of the service the queue is paused, so that no experiment starts without an operator.
+    Runs in the event loop of the service. After a restart of the service the queue is paused, so that no experiment
+    starts without an operator.
     """
 
     def __init__(self, start: Start, check: Check, supervision: Supervision, database: Database) -> None:
@@ -202,9 +201,8 @@ class ExperimentQueue:
     async def run(self) -> QueueView:
         """Start the first experiment.
 
-        The others follow until the queue is empty or paused, or one does not complete.
-
-        Raises RequestRejectedError for an empty queue, and the errors of the start.
+        The others follow until the queue is empty or paused, or one does not complete. Raises RequestRejectedError for
+        an empty queue, and the errors of the start.
         """
         if not self._items:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "the queue is empty: add an experiment first")

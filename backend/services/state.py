@@ -155,9 +155,8 @@ def read_fault(sample: Sample | None) -> Fault:
 def read_references(sample: Sample | None) -> ReferencesView:
     """Return the active references.
 
-    Without them the measured position and stiffness, from which a mode would start.
-
-    S_ref is None while the tendons are slack, because the stiffness is then unknown.
+    Without them the measured position and stiffness, from which a mode would start. S_ref is None while the tendons are
+    slack, because the stiffness is then unknown.
     """
     if sample is None:
         return ReferencesView(q_ref=0.0, S_ref=None, in_force=False)
@@ -241,11 +240,9 @@ def build_downstream_links(
 ) -> tuple[ChainLinkView, ChainLinkView]:
     """Return the links of watchdog and safety module.
 
-    They act without the control loop.
-
-    Their state is read from the registers of the card. The registers of a real card are known only while its loop
-    runs. A recording needs neither, because nothing moves. Those of a hardware package cannot be read, so they are not
-    reported as good.
+    They act without the control loop. Their state is read from the registers of the card. The registers of a real card
+    are known only while its loop runs. A recording needs neither, because nothing moves. Those of a hardware package
+    cannot be read, so they are not reported as good.
     """
     tripped = fault is Fault.SAFETY_MODULE
     match plant.kind:
@@ -539,9 +536,8 @@ class LiveState:
     def build_view(self, parts: "ServiceState") -> State:
         """Return the state that pages show.
 
-        ``parts`` supplies the views of other services.
-
-        All values come from one sample, because the control loop writes newer ones meanwhile.
+        ``parts`` supplies the views of other services. All values come from one sample, because the control loop writes
+        newer ones meanwhile.
         """
         sample = self._observation.sample()
         mode = read_mode(sample)

@@ -98,9 +98,8 @@ class TuningService:
     async def start_trial(self, request: TrialRequest, who: str) -> None:
         """Change the active tuning for a trial.
 
-        A trial during a trial reverts to the tuning before the first.
-
-        Raises OutOfRangeError and RequestRejectedError without a change.
+        A trial during a trial reverts to the tuning before the first. Raises OutOfRangeError and RequestRejectedError
+        without a change.
         """
         before = self._trial.before or self._live_state.tuning
         await self._change(request, who, self._send_tuning)
@@ -145,9 +144,8 @@ class TuningService:
     async def undo(self, who: str) -> TuningView:
         """Restore the operator's tuning from before the last change.
 
-        Each further call goes one change back.
-
-        Raises RequestRejectedError if there is nothing to undo, and OutOfRangeError if that tuning is no longer safe.
+        Each further call goes one change back. Raises RequestRejectedError if there is nothing to undo, and
+        OutOfRangeError if that tuning is no longer safe.
         """
         stack, other = self._live_state.undo_stack, self._live_state.redo_stack
         return await self._move_between_stacks(stack, other, "undone", "no change of the tuning is left to undo", who)

@@ -193,9 +193,7 @@ class ActiveTuning(ResolvedTuning):
     def with_choice(self, choice: TuningSettings, bank: Bank | None) -> "ActiveTuning":
         """Return another tuning of the same plant.
 
-        ``bank`` is the bank that ``choice`` names.
-
-        Raises OutOfRangeError if a λ is unsafe with its models.
+        ``bank`` is the bank that ``choice`` names. Raises OutOfRangeError if a λ is unsafe with its models.
         """
         return _resolve(self.parameters, choice, bank, self)
 
@@ -487,10 +485,8 @@ class TuningStore:
     def choose_for_parameters(self, now: ActiveTuning, parameters: PlantParameters) -> ActiveTuning:
         """Return the tuning for other ``parameters``.
 
-        That is the last tuning used with them, else the active λ, else the default.
-
-        A bank is used only with the parameters that its models were identified with. Raises TuningError if no tuning is
-        safe.
+        That is the last tuning used with them, else the active λ, else the default. A bank is used only with the
+        parameters that its models were identified with. Raises TuningError if no tuning is safe.
         """
         last = self._load_last_for(parameters)
         for candidate in [*([last] if last else []), ResolvedTuning(replace(now.choice, bank=0), None)]:
