@@ -164,7 +164,7 @@ def bootstrap(
         plant=settings.plant_choice,
         parameters=settings.params,
         seed=SEED,
-        tuning=tuning.command(),
+        tuning=tuning.build_command(),
         brought_up=brought_up,
         drives_off=drives_off,
         identified=identified,

@@ -25,7 +25,7 @@ from pathlib import Path
 database = open_database(Path(sys.argv[1]))
 RobustnessCache(Path(sys.argv[1])).load()
 tuning, _ = TuningStore(database).restore(load_parameters("lab"))
-tuning.view(0.0), tuning.command()
+tuning.view(0.0), tuning.build_command()
 print(*[name for name in sys.argv[2:] if name in sys.modules])
 """
 

@@ -124,10 +124,7 @@ class SafeStop:
         self._stopping: SupervisedTask | None = None
 
     def begin(self, fault: Fault) -> None:
-        """Start a soft stop with ``fault``, unless the actuator is stopped.
-
-        Does not wait for it.
-        """
+        """Start a soft stop with ``fault`` unless stopped; does not wait for it."""
         self._stopping = self._supervision.start_task(_PART, lambda: self._stop(fault))
 
     async def _stop(self, fault: Fault) -> None:
@@ -205,7 +202,7 @@ class ActuatorService:
     """Sends commands to the control loop and logs them.
 
     ``contact``, ``tuning_service`` and ``player`` have the commands of their subjects. All methods run in the event
-    loop of the service. Commands wait for each other; STOP and the soft stops do not wait.
+    loop of the service. Changes of mode, tuning and drives wait for each other; STOP and soft stops do not wait.
     """
 
     def __init__(
@@ -230,7 +227,7 @@ class ActuatorService:
         self.live_state = live_state
         self._database = database
         self._supervisor, self._session_runs, self._event_log = supervisor, session_runs, event_log
-        self._on_new_ring = on_ring_changed
+        self._on_ring_changed = on_ring_changed
         self._supervision, self._drive_lockout = supervision, drive_lockout
         self._pushed = False
         self._requested_mode: tuple[Mode, str] | None = None
@@ -353,12 +350,12 @@ class ActuatorService:
         self.contact.discard("the control loop was started anew")
         self.publish_change()
         await self._supervisor.restart(purpose)
-        self._on_new_ring(self._supervisor.ring)
+        self._on_ring_changed(self._supervisor.ring)
         self.live_state.starts += 1
         self._event_log.add_mark(MarkKind.NOTE, text, 0, who)
 
     async def set_mode(self, mode: Mode, who: str) -> None:
-        """Change the mode; RECORDED_MODES are recorded as session runs.
+        """Change the mode; records a session run in RECORDED_MODES.
 
         Raises RequestRejectedError.
         """

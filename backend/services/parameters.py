@@ -302,7 +302,9 @@ class ParameterService:
             live_state.set_parameters(parameters, tuning)
             live_state.reset_undo(self._tuning_store.load_previous(tuning))
             identified = build_identified_sections(applied)
-            self._supervisor.setup = replace(self._supervisor.setup, identified=identified, tuning=tuning.command())
+            self._supervisor.setup = replace(
+                self._supervisor.setup, identified=identified, tuning=tuning.build_command()
+            )
             self._events.publish(ParametersApplied(parameters))
 
         self._require_idle(before)  # also before it waits for the restart

@@ -310,13 +310,13 @@ class WallBounds(NamedTuple):
     """
 
     k_min: float
-    """N/m"""
+    """Smallest stiffness [N/m]."""
 
     k_max: float
-    """N/m"""
+    """Largest stiffness [N/m]."""
 
     c_max: float
-    """s/m"""
+    """Largest damping [s/m]."""
 
 
 NO_WALL_POSSIBLE = WallBounds(0.0, 0.0, 0.0)

@@ -174,7 +174,7 @@ class TuningService:
             stack.pop()
             other.append(before)
             self._on_change()
-            self._event_log.add_mark(MarkKind.TUNING, f"{done}: {after.difference(before)}", tick, who)
+            self._event_log.add_mark(MarkKind.TUNING, f"{done}: {after.describe_difference(before)}", tick, who)
         await self._store_active(who)
         return self._live_state.tuning.view(self._live_state.entry)
 
@@ -189,17 +189,16 @@ class TuningService:
                 raise RequestRejectedError(ErrorCode.NOT_NOW, "a tuning is on trial: keep it or revert it first")
             own = self._live_state.tuning
             if choice != own.choice:
-                wanted = await asyncio.to_thread(own.with_choice, choice, bank)
-                tick = await self._send_tuning(wanted)
-                self._event_log.add_mark(MarkKind.TUNING, f"for the run: {wanted.difference(own)}", tick, who)
+                temporary = await asyncio.to_thread(own.with_choice, choice, bank)
+                tick = await self._send_tuning(temporary)
+                self._event_log.add_mark(
+                    MarkKind.TUNING, f"for the run: {temporary.describe_difference(own)}", tick, who
+                )
             self._live_state.overridden_tuning = own
         self._on_change()
 
     async def restore_operator_tuning(self) -> None:
-        """Restore the operator's tuning after a run.
-
-        Repeats it until the control loop accepts.
-        """
+        """Restore the operator's tuning after a run; repeats it until accepted."""
         own = self._live_state.overridden_tuning
         if own is not None:
             await self._retry_restore("The operator's tuning", own, lambda: self._restore_after_run(own))
@@ -262,7 +261,7 @@ class TuningService:
             before = self._live_state.tuning
             after = await asyncio.to_thread(before.with_request, request)
             tick = await activate(after)
-            self._event_log.add_mark(MarkKind.TUNING, after.difference(before), tick, who)
+            self._event_log.add_mark(MarkKind.TUNING, after.describe_difference(before), tick, who)
         return after.view(self._live_state.entry)
 
     def _disable_rejection(self) -> None:
@@ -274,7 +273,7 @@ class TuningService:
         if live_state.tuning.choice.k_ext == 0.0:
             return
         live_state.tuning = live_state.tuning.without_rejection()
-        self._supervisor.setup = replace(self._supervisor.setup, tuning=live_state.tuning.command())
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=live_state.tuning.build_command())
         self._event_log.add_mark(
             MarkKind.TUNING, "pushes are not rejected any more: what was learned is gone", live_state.tick
         )
@@ -315,8 +314,9 @@ class TuningService:
                 except Exception as error:
                     # For example, the control loop is restarting. The tuning must be restored in any case.
                     _log.exception("The service could not restore %s yet.", what)
+                    difference = tuning.describe_difference(self._live_state.tuning)
                     self._live_state.tuning_problem = (
-                        f"{what} ({tuning.difference(self._live_state.tuning)}) is not back in force: {error}. "
+                        f"{what} ({difference}) is not back in force: {error}. "
                         f"It is tried again every {RETRY_S:g} s. If this stays, stop softly and start the service "
                         "again: it starts with the operator's tuning."
                     )
@@ -338,7 +338,9 @@ class TuningService:
                     tick = await self._send_tuning(restored) if is_alive else self._set_active(restored)
                 except LoopExitedError:
                     tick = self._set_active(restored.without_rejection())
-                self._event_log.add_mark(MarkKind.TUNING, f"after the run: {restored.difference(temporary)}", tick)
+                self._event_log.add_mark(
+                    MarkKind.TUNING, f"after the run: {restored.describe_difference(temporary)}", tick
+                )
             self._live_state.overridden_tuning = None
 
     async def _end_trial_automatically(self, before: ActiveTuning, cause: str) -> None:
@@ -352,7 +354,7 @@ class TuningService:
             restored = self._drop_unusable_rejection(before)
             tick = await self._send_tuning(restored) if self._supervisor.is_alive else self._set_active(restored)
             ended = f"trial over, {cause}" if cause else "trial over"
-            self._event_log.add_mark(MarkKind.TUNING, f"{ended}: {restored.difference(tried)}", tick, who)
+            self._event_log.add_mark(MarkKind.TUNING, f"{ended}: {restored.describe_difference(tried)}", tick, who)
 
     def _require_no_override(self) -> None:
         """Raise RequestRejectedError while a run has replaced the operator's tuning."""
@@ -365,15 +367,12 @@ class TuningService:
     async def _store_active(self, who: str) -> None:
         """Store the operator's tuning for the next start of the service.
 
-        Not for a trial or a temporary tuning.
+        Not called for a trial or a temporary tuning.
         """
         await asyncio.to_thread(self._tuning_store.save, self._live_state.tuning, who)
 
     async def _apply_permanently(self, tuning: ActiveTuning) -> int:
-        """Activate an operator's tuning and return its tick.
-
-        ``undo`` can return to the one before.
-        """
+        """Activate an operator's tuning, which ``undo`` can revert; return its tick."""
         before = self._trial.before or self._live_state.tuning
         tick = await self._send_tuning(tuning)
         if tuning.choice != before.choice:
@@ -382,27 +381,24 @@ class TuningService:
         return tick
 
     def _push_undo(self, before: ResolvedTuning) -> None:
-        """Let ``undo`` return to ``before``.
-
-        ``redo`` has nothing to restore after a change.
-        """
+        """Let ``undo`` return to ``before``, and clear what ``redo`` could restore."""
         self._live_state.undo_stack.append(before)
         self._live_state.redo_stack.clear()
 
     async def _send_tuning(self, tuning: ActiveTuning) -> int:
         self._require_known_bias(tuning)
-        accepted = await self._send(tuning.command())
+        accepted = await self._send(tuning.build_command())
         self._set_active(tuning)
         return accepted.tick
 
     def _set_active(self, tuning: ActiveTuning) -> int:
         """Store ``tuning`` as the active one, also for a restarted loop process.
 
-        Return the tick of the change.
+        Returns the tick of the change.
         """
         self._trial.clear()
         self._live_state.tuning = tuning
-        self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.command())
+        self._supervisor.setup = replace(self._supervisor.setup, tuning=tuning.build_command())
         self._on_change()
         return self._live_state.tick
 
@@ -430,7 +426,7 @@ class SavedTunings:
             stored = settings.newest(session, _get_setting_name(tuning))
         if stored is not None:
             return _read_saved(stored)
-        default = tuning.default()
+        default = tuning.compute_default()
         return SavedTuning(**list_tuning_parts(default.tuning), who=None, at=None, moved=default.moved)
 
     def save(self, tuning: ActiveTuning, who: str) -> SavedTuning:

@@ -119,7 +119,7 @@ class RobustnessCache:
         content = {key: list(values) for key, values in current.items()}
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
-            write_private(self.file, json.dumps({"figures": content, "digest": _digest(content)}))
+            write_private(self.file, json.dumps({"figures": content, "digest": _compute_digest(content)}))
         except OSError as error:
             _log.info("The service cannot write %s, so that its next start takes longer: %s", self.file, error)
         else:
@@ -133,12 +133,12 @@ def _parse(text: str) -> dict[str, tuple[float, ...]]:
     """
     document = json.loads(text)
     content = document["figures"]
-    if document["digest"] != _digest(content):
+    if document["digest"] != _compute_digest(content):
         raise ValueError("its digest is another one")
     return {str(key): tuple(map(float, values)) for key, values in content.items()}
 
 
-def _digest(content: object) -> str:
+def _compute_digest(content: object) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -178,7 +178,7 @@ class ActiveTuning(ResolvedTuning):
         """The tuning parameters λ and the weight b of the reference."""
         return self.choice.lambdas
 
-    def command(self) -> SetTuning:
+    def build_command(self) -> SetTuning:
         """Return the command that activates the tuning in the control loop."""
         return build_tuning_command(self.parameters, self.choice, self.bank)
 
@@ -208,11 +208,11 @@ class ActiveTuning(ResolvedTuning):
         """Return the tuning without disturbance rejection."""
         return replace(self, choice=replace(self.choice, k_ext=0.0))
 
-    def difference(self, before: "ActiveTuning") -> str:
+    def describe_difference(self, before: "ActiveTuning") -> str:
         """Return a description of the differences from ``before``."""
         return ", ".join(self.choice.list_differences(before.choice)) or "the same tuning again"
 
-    def default(self) -> DefaultTuning:
+    def compute_default(self) -> DefaultTuning:
         """Return the default tuning on these models.
 
         Slow if its λ_motor differs from the active one.

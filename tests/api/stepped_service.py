@@ -122,11 +122,14 @@ def stepped_service(database: Database, parameters: PlantParameters, plant: Plan
         for recorder in recorders:
             recorder.drain()
 
-    loop = SimulatedLoop(plant or Simulator(parameters, SEED), parameters, tuning.command(), record)
+    loop = SimulatedLoop(plant or Simulator(parameters, SEED), parameters, tuning.build_command(), record)
     recorder = Recorder(database, loop.ring)
     recorders.append(recorder)
     loop.listen(recorder.on_event)
-    supervisor, supervision = Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.command()), loop), Supervision()
+    supervisor, supervision = (
+        Stepped(Setup(SIMULATOR, parameters.name, SEED, tuning.build_command()), loop),
+        Supervision(),
+    )
     events = EventBus()
     live_state, event_log = LiveState(supervisor, parameters, tuning), EventLog(database, events)
     sessions = SessionRuns(database, "simulator")

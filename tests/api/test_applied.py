@@ -102,7 +102,7 @@ def test_loop_tuning_and_state_go_by_what_was_applied_until_it_is_undone(
         )
         (setup,) = restarted
         assert IDEAL.with_identified(setup.identified) == then
-        assert setup.tuning == live_state.tuning.command()
+        assert setup.tuning == live_state.tuning.build_command()
 
         undone = await applied.undo(1, "Ben")
         assert [one.number for one in undone.versions] == [2, 1, 0]
@@ -230,7 +230,7 @@ def test_a_loop_that_does_not_start_leaves_all_with_what_was_applied_and_undo_is
         assert (newest.number, newest.digest) == (1, applied_parameters.AppliedVersion(1, then).digest)
         assert heard == [then]
         assert IDEAL.with_identified(parts.supervisor.setup.identified) == then
-        assert parts.supervisor.setup.tuning == parts.live_state.tuning.command()
+        assert parts.supervisor.setup.tuning == parts.live_state.tuning.build_command()
 
         await applied.undo(1, "Ana")
         assert parts.live_state.parameters == IDEAL
@@ -274,7 +274,7 @@ def test_the_loop_process_estimates_stiffness_by_the_spring_that_was_applied(dat
     then = IDEAL.with_identified(sections)
 
     async def pulled() -> Sample:
-        tuning = make_active_tuning(then, TuningSettings()).command()
+        tuning = make_active_tuning(then, TuningSettings()).build_command()
         supervisor = Supervisor(Setup(SIMULATOR, "ideal", 0, tuning, identified=sections))
         await supervisor.start()
         try:

@@ -55,7 +55,7 @@ def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters
     tuning_store.save(chosen, "A. Operator")
     restored, said = tuning_store.restore(ideal)
     assert restored.choice == chosen.choice
-    assert restored.command() == chosen.command()
+    assert restored.build_command() == chosen.build_command()
     assert said == (
         "in force again as A. Operator left it: bank kept, version 1, "
         "λ_q 0.8 s, λ_S 0.6 s, λ_motor 0.09 s, b 0.5, interpolating between entries, "

@@ -89,7 +89,7 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
         await parts.ended()
         assert parts.live_state.tuning.choice == own(bank)
         assert parts.state().own_tuning is None
-        assert parts.supervisor.setup.tuning == parts.live_state.tuning.command()
+        assert parts.supervisor.setup.tuning == parts.live_state.tuning.build_command()
         await parts.actuator.tuning_service.apply(TuningRequest(), WHO)  # and it can be changed again
         view = parts.runs.load_experiment(run)
         assert {name: view.settings[name] for name in ASKED} == ASKED
@@ -146,7 +146,7 @@ def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, ban
         await parts.ended()
         assert parts.live_state.tuning.choice == own(bank)
         assert (
-            parts.supervisor.setup.tuning == make_active_tuning(IDEAL, own(bank), bank).command()
+            parts.supervisor.setup.tuning == make_active_tuning(IDEAL, own(bank), bank).build_command()
         )  # what a new loop gets
 
     stepped(database, IDEAL, work)

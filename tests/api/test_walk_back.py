@@ -47,7 +47,7 @@ def bank(database: Database) -> Bank:
 
 def in_force(parts: Parts) -> TuningSettings:
     """The tuning in force; what a loop that starts anew is given is the same."""
-    assert parts.supervisor.setup.tuning == parts.live_state.tuning.command()
+    assert parts.supervisor.setup.tuning == parts.live_state.tuning.build_command()
     return parts.live_state.tuning.choice
 
 
