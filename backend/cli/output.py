@@ -33,8 +33,9 @@ class SafeConsole(Console):
     """Console that prints control characters as escapes, so that no text controls the terminal."""
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print texts with control and invisible characters escaped; tables unchanged."""
-        super().print(*(escape_lines(one) if isinstance(one, str) else one for one in objects), **options)
+        """Print texts with quantities as this person reads them, control characters escaped; tables unchanged."""
+        texts = (escape_lines(format_text(one, angle_unit())) if isinstance(one, str) else one for one in objects)
+        super().print(*texts, **options)
 
 
 console = SafeConsole()
@@ -94,7 +95,7 @@ def format_cell(value: object) -> str:
     """Return the text of a table cell: numbers with four digits, a dash for nothing, texts on one line."""
     if value is None or value == "":
         return "-"
-    return f"{value:.4g}" if isinstance(value, float) else escape_line(value)
+    return f"{value:.4g}" if isinstance(value, float) else escape_line(format_text(str(value), angle_unit()))
 
 
 def _is_number(cell: str) -> bool:
@@ -180,7 +181,7 @@ def _print_metrics(metrics: "Sequence[MeasuredFigure]") -> None:
             item.label,
             _convert_metric(item.value, item.unit),
             get_display_unit(item.unit, angle_unit()).unit,
-            format_text(item.reason or "measured", angle_unit()),
+            item.reason or "measured",
         )
         for item in metrics
     ]
@@ -196,7 +197,7 @@ def _print_criteria(criteria: "Sequence[RunCriterion]", verdict: str) -> None:
             _convert_metric(item.figure, item.unit),
             f"{item.relation} {convert_to_display(item.bound, item.unit, angle_unit()):g}",
             get_display_unit(item.unit, angle_unit()).unit,
-            format_text(_describe_verdict(item), angle_unit()),
+            _describe_verdict(item),
         )
         for item in criteria
     ]
@@ -217,7 +218,7 @@ def _convert_metric(value: float | None, unit: str) -> float | str:
 
 
 def _print_text(text: str, style: str = "") -> None:
-    console.print(format_text(text, angle_unit()), highlight=False, markup=False, style=style)
+    console.print(text, highlight=False, markup=False, style=style)
 
 
 # Garbage collection --------------------------------------------------------------------------------

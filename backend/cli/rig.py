@@ -30,7 +30,7 @@ from backend.cli.output import AsJson, angle_unit, console, error_console, fail,
 from backend.commissioning import ALTERNATIVES, FURTHER_WEIGHTS, STEP, STEPS, StepId
 from backend.plain_text import escape_line
 from backend.settings import Settings
-from backend.units import append_unit, convert_to_display, format_text, get_display_unit
+from backend.units import append_unit, convert_to_display, get_display_unit
 from plant import SinewError
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Terminal:
 
 def print_message(text: str, style: str = "") -> None:
     """Print a message with angles in the chosen unit on standard error."""
-    error_console.print(format_text(text, angle_unit()), style=style, highlight=False, markup=False, soft_wrap=True)
+    error_console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 # sinew rig check -----------------------------------------------------------------------------------
@@ -387,7 +387,7 @@ def _print_steps(commissioning: _Commissioning, *, as_json: bool) -> None:
     for step in commissioning.steps:
         result = step.result
         who, at = (result.who, f"{result.at.astimezone():%Y-%m-%d %H:%M}") if result else ("", "")
-        rows.append((step.id, _STATE_LABELS[step.state], who, at, format_text(step.why, angle_unit())))
+        rows.append((step.id, _STATE_LABELS[step.state], who, at, step.why))
     print_table(("step", "stands", "by", "on", "because"), rows)
 
 

@@ -15,7 +15,7 @@ from backend.cli.options import (
     open_configured_database,
 )
 from backend.cli.output import AsJson, angle_unit, console, fail, print_json, print_run, print_settings, print_table
-from backend.units import convert_to_display, format_text, get_display_unit
+from backend.units import convert_to_display, get_display_unit
 
 if TYPE_CHECKING:
     from backend.schemas import ComparedValue, RunView
@@ -173,8 +173,7 @@ def compare(
         marked = ", the reference" if run.id == found.reference else ""
         at = f" at {run.station}" if run.station else ""
         console.print(
-            f"run {run.id}{at}{marked}: {run.title}, {run.started:%Y-%m-%d %H:%M} UTC. "
-            f"{format_text(run.verdict, angle_unit())}",
+            f"run {run.id}{at}{marked}: {run.title}, {run.started:%Y-%m-%d %H:%M} UTC. {run.verdict}",
             highlight=False,
             markup=False,
         )
@@ -243,10 +242,10 @@ def lineage(
     rows = [
         (
             node.title,
-            format_text(node.detail, angle_unit()),
-            node.sha256[:_SHOWN_HASH_DIGITS] if node.sha256 else format_text(node.no_sha256, angle_unit()),
+            node.detail,
+            node.sha256[:_SHOWN_HASH_DIGITS] if node.sha256 else node.no_sha256,
             ", ".join(titles[origin] for origin in node.origins),
-            format_text(node.out_of_date, angle_unit()),
+            node.out_of_date,
         )
         for node in found.nodes
     ]
@@ -330,7 +329,7 @@ def _describe_end(run: "RunView") -> str:
 
 def _format_comparison(value: "ComparedValue", unit: str) -> str:
     if value.value is None:
-        return f"not measured: {format_text(value.reason, angle_unit())}"
+        return f"not measured: {value.reason}"
     text = f"{convert_to_display(value.value, unit, angle_unit()):.4g}"
     if not value.difference:
         return text

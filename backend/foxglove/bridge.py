@@ -30,6 +30,7 @@ from backend import wire
 from backend.exports import ORDER, TOPIC, describe_columns, writers
 from backend.sample import STORED_NAMES
 from backend.schemas import EventMessage, LayoutMessage, MarkKind, StateMessage
+from backend.units import AngleUnit, format_text
 from plant import ErrorCode, SinewError, T_s
 
 # Message substitutes -------------------------------------------------------------------------------
@@ -342,7 +343,7 @@ class Publisher:
             return
         at_ns = self._began_ns + tick * _PERIOD_NS
         stamp = messages.Timestamp(*divmod(at_ns, 10**9))
-        entry = messages.Log(timestamp=stamp, level=level, message=words, name=name)
+        entry = messages.Log(timestamp=stamp, level=level, message=format_text(words, AngleUnit.RADIANS), name=name)
         self._log.log(self._tickets.ticket_for(entry.encode()), log_time=at_ns)
 
 

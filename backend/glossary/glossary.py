@@ -407,7 +407,8 @@ CRITERIA: dict[str, tuple[str, str, str]] = {
 GRADES: dict[Grade, tuple[str, str]] = {
     Grade.USABLE: (
         "The model may be used for tuning: no test speaks against it.",
-        f"fit ≥ {validation.GOOD_FIT_PERCENT:g} % on unseen data, K and T known to ±{validation.CAUTION_STD_PERCENT:g} %, "
+        f"fit ≥ {validation.GOOD_FIT_PERCENT:g} % on unseen data, "
+        f"K and T known to ±{validation.CAUTION_STD_PERCENT:g} %, "
         f"gain within {validation.CAUTION_GAIN_ERROR_PERCENT:g} % of geometry, no dry friction found",
     ),
     Grade.CAUTION: (
@@ -417,8 +418,9 @@ GRADES: dict[Grade, tuple[str, str]] = {
     ),
     Grade.UNUSABLE: (
         "No gains should be computed from this model; the reasons beside it say why.",
-        f"less than {validation.MIN_COUNTS:g} counts of motion, fit < {validation.MIN_FIT_PERCENT:g} %, K or T not known "
-        f"to ±{validation.MAX_STD_PERCENT:g} %, or gain more than {validation.MAX_GAIN_ERROR_PERCENT:g} % off geometry",
+        f"less than {validation.MIN_COUNTS:g} counts of motion, fit < {validation.MIN_FIT_PERCENT:g} %, "
+        f"K or T not known to ±{validation.MAX_STD_PERCENT:g} %, "
+        f"or gain more than {validation.MAX_GAIN_ERROR_PERCENT:g} % off geometry",
     ),
 }
 """Meaning and rule of each grade; a number that could not be computed never improves a grade."""
