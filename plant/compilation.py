@@ -110,7 +110,7 @@ def _copy_prepared_cache(folder: Path) -> None:
 
 
 def _list_preferred_folders() -> Iterator[Path]:
-    """Yield the preferred cache folders: NUMBA_CACHE_DIR, else the account's cache folder."""
+    """Yield the preferred cache folders: NUMBA_CACHE_DIR, then that of the account."""
     if named := os.environ.get("NUMBA_CACHE_DIR"):
         yield Path(named)
     with suppress(RuntimeError):  # an account without a home
@@ -118,7 +118,7 @@ def _list_preferred_folders() -> Iterator[Path]:
 
 
 def _list_fallback_folders() -> Iterator[Path]:
-    """Yield the fallback cache folders: in the data folder, then the account's temporary folder."""
+    """Yield the fallback cache folders: in the data folder, then a temporary one."""
     if (data := os.environ.get(FALLBACK)) and Path(data).is_dir():  # the data folder is not created here
         yield Path(data) / "cache"
     with suppress(OSError):
@@ -320,7 +320,7 @@ _Arrays = dict[int, NDArray[Any]]
 
 
 class CellType(types.Type):
-    """numba's type of a block that holds ``content``."""
+    """Type of a block that holds ``content``, for numba."""
 
     def __init__(self, content: Any) -> None:
         self.content = content

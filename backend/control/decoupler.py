@@ -265,9 +265,9 @@ FILTER_TIME_S = 0.05
 
 
 class Envelope(NamedTuple):
-    """``F_floor``, ``F_ceiling`` [N] of each tendon; ``q_max`` [rad] to either side.
+    """Limits of the equilibrium.
 
-    ``q_max`` limits the equilibrium.
+    ``F_floor``, ``F_ceiling`` [N]: tension of each tendon. ``q_max`` [rad]: equilibrium position to either side.
     """
 
     F_floor: float
@@ -276,7 +276,7 @@ class Envelope(NamedTuple):
 
 
 class EnvelopeState(NamedTuple):
-    """``force_difference``: low-pass filtered F_A − F_B [N]."""
+    """State of the envelope: low-pass filtered ``force_difference`` F_A − F_B [N]."""
 
     force_difference: float
 

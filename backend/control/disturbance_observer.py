@@ -148,7 +148,7 @@ class Observer(NamedTuple):
 
 
 class DisturbanceObserverState(NamedTuple):
-    """q [rad], q' [rad/s] and τ_ext [N·m] of the observer, and the last tendon torque.
+    """State of the observer: q [rad], q' [rad/s] and τ_ext [N·m], and statistics.
 
     ``tendon_torque`` [N·m] is that of the last measurement. ``mean`` [N·m] and ``variance`` [N²·m²] of τ_ext are
     exponentially weighted with the time constant MEAN_S.

@@ -84,9 +84,10 @@ def has_slack(tendons: Tendons, m: Measurement) -> bool:
 
 
 class SensorLimits(NamedTuple):
-    """``reach`` of q, theta_A, theta_B [rad], F_A, F_B [N] in a tick.
+    """Limits of the plausibility checks.
 
-    ``driven_V`` [V] certainly turns a motor.
+    ``reach``: largest changes of q, theta_A, theta_B [rad], F_A, F_B [N] in a tick. ``driven_V`` [V]: voltages that
+    certainly turn the motors.
     """
 
     reach: tuple[float, float, float, float, float]

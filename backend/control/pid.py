@@ -35,7 +35,7 @@ within it; springs that need more differ from the identified ones and must be id
 
 
 class ForceHoldState(NamedTuple):
-    """``trim`` [rad] added to the feed-forward position of motor A."""
+    """State of the force loop: ``trim`` [rad] added to motor A's feed-forward angle."""
 
     trim: float
 
@@ -67,7 +67,10 @@ class IPGains(NamedTuple):
 
 
 class IPState(NamedTuple):
-    """``integral`` in units of the control signal, so gains can change without a jump."""
+    """State of an I-P loop.
+
+    ``integral`` is in units of the control signal, so gains can change without a jump.
+    """
 
     integral: float
 
@@ -126,9 +129,9 @@ class IPDGains(NamedTuple):
 
 
 class IPDState(NamedTuple):
-    """``integral`` [V]; ``integral_f`` [V] and ``y_f`` [rad] behind the filter.
+    """State of an I-PD loop.
 
-    The filter is 1/(t_f s + 1).
+    ``integral`` [V]; ``integral_f`` [V] and ``y_f`` [rad] behind the filter 1/(t_f s + 1).
     """
 
     integral: float

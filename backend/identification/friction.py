@@ -259,7 +259,7 @@ class TensionRun:
 
 @dataclass(frozen=True)
 class LoadFrictionFit:
-    """c0 [N·m] and c1 [1] of motor A with standard errors; ``K_t`` [N·m/V] as well.
+    """Friction of motor A over the load: c0 [N·m], c1 [1], and ``K_t`` [N·m/V].
 
     ``c0_c1_covariance`` [N·m] is the covariance of the two estimates, which are strongly correlated. ``runs`` are the
     used runs, ``tensions_N`` their mean tensions, ``samples`` the number of used samples.

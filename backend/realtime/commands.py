@@ -329,9 +329,10 @@ class PlantAnswers:
 
 @dataclass(frozen=True)
 class ReadinessChanged:
-    """``unready`` says what must precede pretension, empty for nothing; sent at start.
+    """The readiness for pretension changed; also sent at the start.
 
-    ``drives_off``: the drives are locked off because people may be working at the rig.
+    ``unready`` says what must precede pretension, empty for nothing. ``drives_off``: the drives are locked off because
+    people may be working at the rig.
     """
 
     tick: int

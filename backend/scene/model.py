@@ -172,7 +172,7 @@ Point = tuple[float, float]
 
 
 class Mesh(NamedTuple):
-    """``vertices`` (n, 3) in metres, ``faces`` (m, 3) as indices into them."""
+    """A mesh: ``vertices`` (n, 3) [m], and ``faces`` (m, 3) as indices into them."""
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]

@@ -31,7 +31,7 @@ _one_at_a_time = threading.RLock()
 
 
 class SceneEndedError(SinewError):
-    """viser is not running."""
+    """The server of viser is not running."""
 
 
 class PortlessServer(viser.ViserServer):

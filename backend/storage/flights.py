@@ -17,9 +17,9 @@ TRIGGER = "trigger"
 
 @dataclass(frozen=True)
 class NewFlight:
-    """``count`` samples from ``first_tick`` on, packed by ``backend.recording.codec``.
+    """A flight record: the samples around a trip or trigger at ``trip_tick``.
 
-    The trip or trigger is at ``trip_tick``.
+    It has ``count`` samples from ``first_tick`` on, packed by ``backend.recording.codec``.
     """
 
     event_id: int

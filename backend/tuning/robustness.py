@@ -266,7 +266,7 @@ _OMEGA = np.logspace(-2, 3, 801)
 
 @dataclass(frozen=True)
 class Robustness:
-    """``M_s`` [1], gain margins [1] and phase margin [rad] of a loop.
+    """Robustness of a loop: ``M_s`` [1], gain margins [1] and phase margin [rad].
 
     An unstable loop has M_s = inf. ``gain_margin`` is the factor by which the gain may rise, inf without bound;
     ``gain_reduction`` is the factor to which it may fall, 0 without bound.
