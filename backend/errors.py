@@ -90,22 +90,22 @@ class RequestRejectedError(SinewError):
 class InvalidValueError(SinewError, ValueError, ABC):
     """A rejected value.
 
-    ``quantity`` is its name in the code, ``words`` its label for people, ``path`` its place in the request.
+    ``quantity`` is its name in the code, ``label`` its name for people, ``path`` its place in the request.
     """
 
     category = ErrorCode.BAD_VALUE
     code = "bad_value"
 
-    def __init__(self, quantity: str, *, words: str = "", path: Path | None = None) -> None:
+    def __init__(self, quantity: str, *, label: str = "", path: Path | None = None) -> None:
         self.quantity = quantity
-        self.words = words or QUANTITY_LABELS.get(quantity, quantity)
+        self.label = label or QUANTITY_LABELS.get(quantity, quantity)
         self.path: Path = (quantity,) if path is None else path
         super().__init__(self.format_message(AngleUnit.RADIANS))
 
     @property
     def fields(self) -> dict[str, Any]:
         """Fields of the error response: code, quantity and its place."""
-        return {"code": self.code, "quantity": self.quantity, "words": self.words, "path": list(self.path) or None}
+        return {"code": self.code, "quantity": self.quantity, "words": self.label, "path": list(self.path) or None}
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the error with its attributes, which its arguments do not contain."""
@@ -133,7 +133,7 @@ class OutOfRangeError(InvalidValueError):
         unit: str,
         remedy: str = "",
         *,
-        words: str = "",
+        label: str = "",
         path: Path | None = None,
     ) -> None:
         self.value = value
@@ -141,7 +141,7 @@ class OutOfRangeError(InvalidValueError):
         self.maximum = maximum
         self.unit = unit
         self.remedy = remedy
-        super().__init__(quantity, words=words, path=path)
+        super().__init__(quantity, label=label, path=path)
 
     @property
     def fields(self) -> dict[str, Any]:
@@ -152,7 +152,7 @@ class OutOfRangeError(InvalidValueError):
     def format_message(self, angles: AngleUnit) -> str:
         """Return the message with angles in this unit."""
         fault, remedy = describe_out_of_range(self.value, self.minimum, self.maximum, self.unit, angles)
-        return f"{self.words}: {fault}; {self.remedy or remedy}"
+        return f"{self.label}: {fault}; {self.remedy or remedy}"
 
 
 def describe_out_of_range(
@@ -205,7 +205,7 @@ def check_range(
     unit: str,
     remedy: str = "",
     *,
-    words: str = "",
+    label: str = "",
     path: Path | None = None,
 ) -> None:
     """Raise OutOfRangeError unless minimum <= value <= maximum; NaN and ±∞ raise too."""
@@ -219,13 +219,13 @@ def check_range(
             maximum=maximum,
             unit=unit,
             remedy=remedy,
-            words=words,
+            label=label,
             path=path,
         )
 
 
-def _rebuild_error(kind: type[Exception], words: tuple[Any, ...], state: dict[str, Any]) -> Exception:
-    error = kind.__new__(kind, *words)
+def _rebuild_error(kind: type[Exception], arguments: tuple[Any, ...], state: dict[str, Any]) -> Exception:
+    error = kind.__new__(kind, *arguments)
     vars(error).update(state)
     return error
 

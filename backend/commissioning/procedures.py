@@ -323,7 +323,7 @@ def require_weights(values: dict[str, float]) -> None:
         maximum=None,
         unit="N",
         remedy=remedy,
-        words="heavier weight",
+        label="heavier weight",
     )
 
 

@@ -86,7 +86,7 @@ def collect_values(step: StepId, given: Mapping[str, float]) -> dict[str, float]
     values = {name: float(given.get(name, wanted.default)) for name, wanted in asked.items()}
     for name, value in values.items():
         wanted = asked[name]
-        check_range(name, value, wanted.minimum, wanted.maximum, wanted.unit, words=wanted.words)
+        check_range(name, value, wanted.minimum, wanted.maximum, wanted.unit, label=wanted.words)
     if step is StepId.CALIBRATE:
         require_weights(values)
     return values

@@ -173,7 +173,7 @@ class NumberReader:
         slack = 1e-9 * max(abs(least), abs(most))  # a value equal to a computed bound is allowed
         clipped = min(max(number, least), most) if least - slack <= number <= most + slack else number
         with error_context(path, self._lines):
-            check_range(name, clipped, least, most, unit, words=words, path=path)
+            check_range(name, clipped, least, most, unit, label=words, path=path)
         return clipped
 
     def _set_references(self, q_ref: float | str | None, S_ref: float | str | None) -> None:
@@ -521,7 +521,7 @@ class _Compiler(NumberReader):
                 maximum=_FREQUENCY_MAX_HZ,
                 unit="Hz",
                 remedy=fastest,
-                words="highest frequency",
+                label="highest frequency",
             )
         periods = self._read_integer("periods", part.periods, 1, 1000)
         self._require_references()
@@ -702,7 +702,7 @@ class _Compiler(NumberReader):
                 maximum=DURATION_MAX_S,
                 unit="s",
                 remedy="leave some out",
-                words=words,
+                label=words,
             )
         self._segments.append(segment)
         self._paths.append(self._path)

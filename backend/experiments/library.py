@@ -490,7 +490,7 @@ def _translate_segment_error(error: ExperimentError) -> InvalidValueError:
                 maximum=why.maximum,
                 unit=why.unit,
                 remedy=why.remedy,
-                words=f"segment {place + 1}, {why.words}",
+                label=f"segment {place + 1}, {why.label}",
                 path=(_SEGMENTS.name, place, *rest),
             )
         case _:

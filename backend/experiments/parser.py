@@ -251,7 +251,7 @@ class ExperimentError(InvalidValueError):
     def __init__(self, why: str | InvalidValueError, path: Path = (), line: int | None = None) -> None:
         self.why = why
         self.line = line
-        super().__init__(str(path[-1]) if path else "experiment", words=format_path(path), path=path)
+        super().__init__(str(path[-1]) if path else "experiment", label=format_path(path), path=path)
 
     @property
     def fields(self) -> dict[str, Any]:
@@ -262,7 +262,7 @@ class ExperimentError(InvalidValueError):
         """Return the message with angles in this unit."""
         why = self.why if isinstance(self.why, str) else self.why.format_message(angles)
         place = f"line {self.line}" if self.line else ""
-        return ": ".join(part for part in (place, self.words if self.path else "", why) if part)
+        return ": ".join(part for part in (place, self.label if self.path else "", why) if part)
 
 
 def format_path(path: Path) -> str:
@@ -375,7 +375,7 @@ def _raise_for_setting(rule: Rule, settings: tuple[Setting, ...], values: Mappin
         maximum=most,
         unit=setting.unit,
         remedy=rule.remedy,
-        words=setting.meaning,
+        label=setting.meaning,
         path=(setting.name,),
     )
 

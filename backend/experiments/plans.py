@@ -157,7 +157,7 @@ class MotorIdentificationPlan:
                 maximum=self.u_high,
                 unit="V",
                 remedy=remedy,
-                words=words,
+                label=words,
             )
 
     def voltages(self) -> tuple[float, ...]:
@@ -303,7 +303,7 @@ class ActuatorIdentificationPlan:
             maximum=MAX_EXCITATION_S,
             unit="s",
             remedy="take a shorter chip, fewer bits or fewer periods",
-            words="time of all chips together",
+            label="time of all chips together",
         )
         return excitation
 

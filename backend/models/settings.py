@@ -36,14 +36,14 @@ class SettingError(InvalidValueError):
         *,
         unit: str = "",
         legal: tuple[str, ...] = (),
-        words: str = "",
+        label: str = "",
         path: Path | None = None,
     ) -> None:
         self.value = value
         self.reason = reason
         self.unit = unit
         self.legal = legal
-        super().__init__(quantity, words=words, path=path)
+        super().__init__(quantity, label=label, path=path)
 
     @property
     def fields(self) -> dict[str, Any]:
@@ -53,7 +53,7 @@ class SettingError(InvalidValueError):
     def format_message(self, angles: AngleUnit) -> str:
         """Return the message with the unit that is expected; ``angles`` is the reader's unit of angles."""
         wanted = f" in {get_display_unit(self.unit, angles).unit}" if self.unit not in ("", "1") else ""
-        return f"{self.words}: {repr(self.value)[:_MAX_SHOWN_CHARACTERS]} is refused: {self.reason}{wanted}"
+        return f"{self.label}: {repr(self.value)[:_MAX_SHOWN_CHARACTERS]} is refused: {self.reason}{wanted}"
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Setting:
         if self.kind == "text":
             if not isinstance(value, str):
                 raise self._build_error(value, "it needs a text")
-            check_range(self.name, len(value), None, self.maximum, "1", words=f"length of {self.symbol}")
+            check_range(self.name, len(value), None, self.maximum, "1", label=f"length of {self.symbol}")
             return value
         if self.kind == "boolean":
             parsed = _BOOLEAN_WORDS.get(str(value).lower())
@@ -97,7 +97,7 @@ class Setting:
                 raise self._build_error(value, "it needs true or false", ("true", "false"))
             return parsed
         number = self._parse_number(value)
-        check_range(self.name, number, self.minimum, self.maximum, self.unit, words=self.meaning)
+        check_range(self.name, number, self.minimum, self.maximum, self.unit, label=self.meaning)
         if self.kind == "integer" and number != int(number):
             raise self._build_error(value, "it needs a whole number")
         return int(number) if self.kind == "integer" else number
@@ -111,7 +111,7 @@ class Setting:
             raise self._build_error(value, "it needs a number") from None
 
     def _build_error(self, value: object, reason: str, legal: tuple[str, ...] = ()) -> SettingError:
-        return SettingError(self.name, value, reason, unit=self.unit, legal=legal, words=self.meaning)
+        return SettingError(self.name, value, reason, unit=self.unit, legal=legal, label=self.meaning)
 
 
 def number_setting(default: float, minimum: float, maximum: float, unit: str, symbol: str, meaning: str) -> Any:

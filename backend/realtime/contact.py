@@ -96,7 +96,7 @@ class Contact:
 
         Raises OutOfRangeError, ValueError or CommandRejectedError, without any change.
         """
-        check_range("points", len(command.bias), 0, MAX_POINTS, "1", words="number of points of the bias")
+        check_range("points", len(command.bias), 0, MAX_POINTS, "1", label="number of points of the bias")
         bias = np.array(command.bias, dtype=np.float64).reshape(-1, 2)
         if not np.all(np.isfinite(bias)) or np.any(np.diff(bias[:, 0]) <= 0.0):
             raise ValueError("the bias of the outside force is to rise in S from point to point: it was left as it is")
@@ -126,7 +126,7 @@ class Contact:
         """Raise CommandRejectedError or OutOfRangeError for impossible contact detections."""
         detections = program.touches
         words = "number of changes of what is given way to"
-        check_range("touches", len(detections), None, MAX_TOUCHES, "1", words=words)
+        check_range("touches", len(detections), None, MAX_TOUCHES, "1", label=words)
         for segment in program.segments:
             if not 0 <= segment.touch <= len(detections):
                 raise CommandRejectedError(f"a segment wants touch {segment.touch} of the program's {len(detections)}")
@@ -379,7 +379,7 @@ class ProgramDisturbances:
         """
         self._contact.require_program(program)
         obstacles = program.walls
-        check_range("walls", len(obstacles), None, MAX_WALLS, "1", words="number of changes of the obstacle")
+        check_range("walls", len(obstacles), None, MAX_WALLS, "1", label="number of changes of the obstacle")
         if obstacles and program.law in IDENTIFYING:
             raise CommandRejectedError(f"no wall stands while a {program.law} program plays: leave it out")
         if obstacles:

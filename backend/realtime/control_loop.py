@@ -172,7 +172,7 @@ def _start_homing(position: float, mode_manager: ModeManager, plant: Plant, cont
     if plant.unproven:
         raise CommandRejectedError(plant.unproven)
     bounds, m = mode_manager.bounds, context.m
-    check_range("position", abs(position), MIN_SWITCH_TRAVEL_RAD, bounds.q_trip, "rad", words="way to the end switch")
+    check_range("position", abs(position), MIN_SWITCH_TRAVEL_RAD, bounds.q_trip, "rad", label="way to the end switch")
     if not (m.F_A <= TENSION_MAX_N and m.F_B <= TENSION_MAX_N):
         raise CommandRejectedError(
             f"the tendons hold {m.F_A:.1f} N and {m.F_B:.1f} N, at most {TENSION_MAX_N:g} N are safe: slacken them"

@@ -172,7 +172,7 @@ def build_program_tunings(program: Program, plant_model: PlantModel) -> tuple[Ga
 
     Raises CommandRejectedError, OutOfRangeError or ValueError.
     """
-    check_range("tunings", len(program.tunings), None, MAX_TUNINGS, "1", words="number of changes of the tuning")
+    check_range("tunings", len(program.tunings), None, MAX_TUNINGS, "1", label="number of changes of the tuning")
     if program.tunings and (program.law in BASELINES or program.law in IDENTIFYING):
         raise CommandRejectedError(
             f"gains are fixed while a {program.law} program plays: leave out the changes of the tuning"

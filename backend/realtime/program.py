@@ -228,7 +228,7 @@ def require_few(segments: Collection[Segment]) -> None:
     """Raise OutOfRangeError for more segments than a program may have."""
     words = "number of segments"
     check_range(
-        "segments", len(segments), minimum=None, maximum=MAX_SEGMENTS, unit="1", remedy="split the program", words=words
+        "segments", len(segments), minimum=None, maximum=MAX_SEGMENTS, unit="1", remedy="split the program", label=words
     )
 
 

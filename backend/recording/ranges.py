@@ -162,11 +162,11 @@ def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: fl
     slack_s = _EXACT * period_s
     within = f"the recording of run {run_id} ends at {last_s:.3f} s: choose a range within it"
     if not -slack_s <= from_s <= last_s + slack_s:
-        check_range("from", from_s, minimum=0.0, maximum=last_s, unit="s", remedy=within, words="begin of the range")
+        check_range("from", from_s, minimum=0.0, maximum=last_s, unit="s", remedy=within, label="begin of the range")
     if to_s is None:
         to_s = last_s
     if not from_s <= to_s <= last_s + slack_s:
-        check_range("to", to_s, minimum=from_s, maximum=last_s, unit="s", remedy=within, words="end of the range")
+        check_range("to", to_s, minimum=from_s, maximum=last_s, unit="s", remedy=within, label="end of the range")
     begin = int(np.ceil(from_s / period_s - _EXACT))
     end = int(np.floor(to_s / period_s + _EXACT)) + 1
     if end <= begin:
@@ -178,7 +178,7 @@ def find_tick_range(session: Session, run_id: int, from_s: float = 0.0, to_s: fl
             maximum=None,
             unit="s",
             remedy=remedy,
-            words="length of the range",
+            label="length of the range",
         )
     return TickInterval(run_id, begin, min(end, last + 1), period_s)
 

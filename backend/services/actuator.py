@@ -440,7 +440,7 @@ class ActuatorService:
             maximum=PUSH_MAX_S,
             unit="s",
             remedy=remedy,
-            words="time of the push",
+            label="time of the push",
         )
         # Set before the command is sent: if control is lost meanwhile, the push is released after it has started.
         self._pushed = push.F_push != 0.0

@@ -140,7 +140,7 @@ def select_runs(query: ComparisonRequest) -> tuple[list[int], int]:
         maximum=MAX_RUNS,
         unit="1",
         remedy="name other runs to compare",
-        words="number of runs",
+        label="number of runs",
     )
     chosen = numbers[0] if query.reference is None else query.reference
     if chosen not in numbers:

@@ -211,7 +211,7 @@ def _build_plan_at_tension(values: dict[str, Any], index: int, tension_N: float)
             maximum=error.maximum,
             unit=error.unit,
             remedy=error.remedy,
-            words=f"tension {index + 1}",
+            label=f"tension {index + 1}",
             path=("tensions_N", index),
         ) from None
 

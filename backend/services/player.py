@@ -173,9 +173,9 @@ class RecordingPlayer:
         duration_s = self.recording.duration_s
         sample = None
         if order.speed is not None:
-            check_range("speed", order.speed, SPEED_MIN, SPEED_MAX, "", words="speed of the player")
+            check_range("speed", order.speed, SPEED_MIN, SPEED_MAX, "", label="speed of the player")
         if order.t is not None:
-            check_range("t", order.t, 0.0, duration_s, "s", words="time in the recording")
+            check_range("t", order.t, 0.0, duration_s, "s", label="time in the recording")
             sample = round(order.t / T_s)
         await self._send(PlayRecording(order.playing, order.speed, sample))
 

@@ -83,7 +83,7 @@ class DryRuns:
             maximum=LONGEST_S,
             unit="s",
             remedy=remedy,
-            words="length of a dry run",
+            label="length of a dry run",
             path=(),
         )
         with self.limiter.reserve(user):
@@ -189,7 +189,7 @@ class ExperimentQueue:
         async with self._change_lock:
             moved = self._find_waiting(item_id)
             words = "place in the queue"
-            check_range("place", place, 0, len(self._items) - 1, "1", words=words)
+            check_range("place", place, 0, len(self._items) - 1, "1", label=words)
             order = [item.id for item in self._items if item.id != item_id]
             order.insert(place, item_id)
             await asyncio.to_thread(self._store_order, order)

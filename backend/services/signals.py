@@ -185,7 +185,7 @@ def stream_spectra(database: Database, query: RangeQuery) -> Iterator[bytes]:
         maximum=MAX_SPECTRUM_VALUES,
         unit="1",
         remedy=remedy,
-        words=words,
+        label=words,
     )
     values = {name: np.full(interval.ticks, np.nan) for name in query.signals}
     for slab in read_slabs(database, interval, query.signals):
@@ -246,7 +246,7 @@ def read_values(database: Database, run: int, times_s: Sequence[float], signals:
         for time_s in times_s:
             if not 0 <= whole.tick_at(time_s) < whole.end:  # sums of times have rounding errors
                 remedy = f"choose a time within the recording of run {run}"
-                check_range("at", time_s, minimum=0.0, maximum=whole.to_s, unit="s", remedy=remedy, words="time")
+                check_range("at", time_s, minimum=0.0, maximum=whole.to_s, unit="s", remedy=remedy, label="time")
         ticks = [recordings.tick_before(session, run, whole.tick_at(time_s)) for time_s in times_s]
     return RecordedValues(
         run=run,

@@ -372,7 +372,7 @@ def _resolve(
     Raises OutOfRangeError.
     """
     choice = replace(choice, bank=0 if bank is None else bank.id)
-    check_range("b", choice.b, 0.0, 1.0, "1", words="weight b of the reference")
+    check_range("b", choice.b, 0.0, 1.0, "1", label="weight b of the reference")
     if before is not None and all(
         getattr(before.choice, name) == getattr(choice, name) for name in ("lam_motor", "b", "bank")
     ):
