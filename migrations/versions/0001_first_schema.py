@@ -1,4 +1,7 @@
-"""First schema: runs with their samples, identifications, banks, results, reports, events, settings."""
+"""First schema.
+
+It has runs with their samples, identifications, banks, results, reports, events and settings.
+"""
 
 import sqlalchemy as sa
 from alembic import op

@@ -1,4 +1,4 @@
-"""Texts of the service with their quantities marked: no other quantity is converted for a reader."""
+"""Mark quantities in texts of the service; no others are converted for display."""
 
 import json
 import re
@@ -29,7 +29,7 @@ _DOCUMENTS = ("metrics", "criteria")
 
 
 def upgrade() -> None:
-    """Mark the quantities in texts that the service has written; leave what a person may have written as it is."""
+    """Mark quantities in texts of the service, not in texts of people."""
     for table, column in _TEXTS:
         _rewrite_texts(table, column, upgrades.mark_event if table == "event" else upgrades.mark_text)
     _rewrite_documents("metrics", upgrades.upgrade_metrics)
@@ -37,7 +37,7 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """Write a space for each mark, as the version before reads it."""
+    """Replace each mark by a space, as the version before expects."""
     for table, column in _TEXTS:
         _rewrite_texts(table, column, _without_marks)
     for column in _DOCUMENTS:
@@ -67,7 +67,7 @@ def _rewrite_texts(table: str, column: str, rewritten: Callable[[str, str], str]
 def _rewrite_documents(column: str, rewritten: Callable[[Any], Any]) -> None:
     connection, number, document = op.get_bind(), sa.column("id", sa.Integer()), sa.column(column, sa.JSON())
     rows = sa.table("result", number, document)
-    # As texts: on SQLite a damaged one would end the migration.
+    # Read as text, because on SQLite a damaged document would abort the migration.
     query = sa.select(number, sa.cast(document, sa.Text())).select_from(rows).order_by(number).limit(_AT_ONCE)
     last = 0
     while found := connection.execute(query.where(number > last)).all():
