@@ -75,12 +75,12 @@ def generate_smooth_push(start: float, end: float, duration_s: float, *, evenly:
 
     A segment lasts SMOOTH_SEGMENT_S, or is adjusted so that all last ``duration_s`` exactly (``evenly``).
     """
-    pieces = max(round(duration_s / SMOOTH_SEGMENT_S), 1)
-    ends = [round(duration_s * piece / pieces, 3) for piece in range(pieces + 1)]
-    for piece in range(1, pieces + 1):
-        share = 0.5 - 0.5 * math.cos(math.pi * piece / pieces)
-        lasts = ends[piece] - ends[piece - 1] if evenly else SMOOTH_SEGMENT_S
-        yield PushSegment(lasts, start + share * (end - start), Shape.RAMP)
+    count = max(round(duration_s / SMOOTH_SEGMENT_S), 1)
+    ends_s = [round(duration_s * number / count, 3) for number in range(count + 1)]
+    for number in range(1, count + 1):
+        share = 0.5 - 0.5 * math.cos(math.pi * number / count)
+        segment_s = ends_s[number] - ends_s[number - 1] if evenly else SMOOTH_SEGMENT_S
+        yield PushSegment(segment_s, start + share * (end - start), Shape.RAMP)
 
 
 def generate_manual_pushes(F_push: float, pushes: int, pause_s: float, seed: int) -> Iterator[PushSegment]:
@@ -376,6 +376,11 @@ def compile_experiment(experiment: schema.Experiment, values: Names, lines: Line
 
 
 class _Compiler(NumberReader):
+    """Compiles the parts of one experiment in order; ``_path`` is that of the current part.
+
+    Changes of tuning, wall and contact detection apply from the next segment on, so the compiler assigns them to it.
+    """
+
     def __init__(self, experiment: schema.Experiment, values: Names, lines: Lines) -> None:
         super().__init__(values, lines)
         self._experiment = experiment
@@ -394,6 +399,7 @@ class _Compiler(NumberReader):
         self._detections = ContactDetectionSequence()
 
     def compile(self) -> CompiledExperiment:
+        """Return the compiled experiment. Raises ExperimentError."""
         phases: list[Phase] = []
         for index, section in enumerate(self._experiment.phases):
             path: Path = ("phases", index)
@@ -431,6 +437,7 @@ class _Compiler(NumberReader):
 
     @singledispatchmethod
     def _compile_part(self, part: Any) -> None:
+        """Append the segments of a part, or record its change. Each kind of part has its own method."""
         raise TypeError(f"no layout for {type(part).__name__}")
 
     @_compile_part.register

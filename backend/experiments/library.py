@@ -160,6 +160,7 @@ class _RecordedPartBuilder:
         self._unpushed: list[tuple[int, int]] = []
 
     def build_parts(self) -> RecordedParts:
+        """Return the parts for all columns. Raises ExperimentError for too many parts."""
         while self._tick < len(self._q):
             self._add_changes()
             bound = self._find_latest_end()

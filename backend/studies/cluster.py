@@ -21,9 +21,9 @@ _GONE = "the scheduler is gone: start it again, and go on with --resume"
 _SET_UP = "; set up their machines like this one, and go on with --resume"
 
 
-def use_cluster(address: str, work: ComputePoint = run_point) -> Callable[[StudyBase], "ClusterExecutor"]:
+def use_cluster(address: str, compute_point: ComputePoint = run_point) -> Callable[[StudyBase], "ClusterExecutor"]:
     """Return a factory of executors on the workers of a scheduler such as tcp://host:8786."""
-    return lambda base: ClusterExecutor(base, address, work)
+    return lambda base: ClusterExecutor(base, address, compute_point)
 
 
 class ClusterExecutor:
@@ -32,7 +32,7 @@ class ClusterExecutor:
     Raises ExecutorUnavailableError if the package ``distributed`` or the scheduler is missing.
     """
 
-    def __init__(self, base: StudyBase, address: str, work: ComputePoint = run_point) -> None:
+    def __init__(self, base: StudyBase, address: str, compute_point: ComputePoint = run_point) -> None:
         try:
             from distributed import Client, KilledWorker
         except ModuleNotFoundError:
@@ -43,7 +43,7 @@ class ClusterExecutor:
         except (OSError, TimeoutError, ValueError) as error:
             raise ExecutorUnavailableError(f"no Dask scheduler answers at {address}: {error}") from None
         self._killed = KilledWorker
-        self._work = work
+        self._compute_point = compute_point
         self._base = base  # sent with each point, as data stored on a worker is lost when it dies
         self._submitted: dict[str, tuple[Any, Point]] = {}
         self._done: SimpleQueue[str] = SimpleQueue()
@@ -56,7 +56,7 @@ class ClusterExecutor:
 
     def submit(self, point: Point) -> None:
         """Submit a point to the scheduler."""
-        future = self._client.submit(self._work, self._base, point, pure=False)
+        future = self._client.submit(self._compute_point, self._base, point, pure=False)
         self._submitted[future.key] = future, point
         future.add_done_callback(partial(_enqueue_key, self._done))
 

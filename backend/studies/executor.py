@@ -46,12 +46,12 @@ class PointExecutor(Protocol):
 
 
 class LocalExecutor:
-    """Computes points in ``jobs`` processes of this machine, at low priority; ``work`` is the function they call."""
+    """Computes points in ``jobs`` processes of this machine, at low priority; ``compute_point`` is the function they call."""
 
-    def __init__(self, base: StudyBase, jobs: int, work: ComputePoint = run_point) -> None:
+    def __init__(self, base: StudyBase, jobs: int, compute_point: ComputePoint = run_point) -> None:
         self._base = base
         self._jobs = jobs
-        self._work = work
+        self._compute_point = compute_point
         self._pool: ProcessPoolExecutor | None = None
         self._submitted: dict[Future[StudyPoint], tuple[Point, ProcessPoolExecutor]] = {}
         self._to_retry: list[Point] = []
@@ -95,11 +95,11 @@ class LocalExecutor:
     def _submit(self, point: Point) -> None:
         pool = self._get_pool()
         try:
-            future = pool.submit(self._work, self._base, point)
+            future = pool.submit(self._compute_point, self._base, point)
         except BrokenProcessPool:  # broken by another point since the last check
             self._discard_pool(pool)
             pool = self._get_pool()
-            future = pool.submit(self._work, self._base, point)
+            future = pool.submit(self._compute_point, self._base, point)
         self._submitted[future] = point, pool
 
     def _get_pool(self) -> ProcessPoolExecutor:
