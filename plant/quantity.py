@@ -1,29 +1,29 @@
-"""Quantities in texts: written once in SI, converted where a person reads them.
+"""Quantities in texts: written in SI units, converted to the units of each reader.
 
-Several people read the same mark, fault or end of a run, in degrees or in radians. Such a text has a narrow no-break
-space (U+202F) between a number and its SI unit, which no keyboard types. ``backend.units.format_text`` converts these
-quantities for one reader and leaves everything else as it is, above all what a person has written.
+Several people read the same event, fault or end of a run, in degrees or in radians. Such a text has a narrow no-break
+space (U+202F), which no keyboard types, between a number and its SI unit. ``backend.units.format_text`` converts these
+quantities for one reader and leaves everything else unchanged, in particular what a person has written.
 """
 
 import re
 
 UNIT_MARK = "\u202f"
-"""Separates the number and the unit of a quantity that the service has written."""
+"""Separates number and unit of a quantity that the service has written."""
 
 ESCAPE = "\u2060"
-"""Follows a mark that a person has written, so that nothing converts it."""
+"""Follows a mark that a person has written and prevents its conversion."""
 
 PREFIXED = ("V", "N", "s", "m", "A")
-"""Units that take a prefix where a number is small."""
+"""Units that get a prefix for small numbers."""
 
 _ANGLES = ("rad", "rad/s")
 _MARK = re.compile(UNIT_MARK)
 
 
 class Quantity:
-    """A value in SI with its unit, written as f"{Quantity(F, 'N'):.3g}"; ``high`` makes it a range.
+    """A value in SI units, written as f"{Quantity(F, 'N'):.3g}".
 
-    Angles, and small numbers of units that take a prefix, are marked for conversion.
+    ``high`` makes it a range. Angles, and small numbers of units with a prefix, are marked for conversion.
     """
 
     def __init__(self, value: float, unit: str, high: float | None = None) -> None:
@@ -40,17 +40,20 @@ class Quantity:
 
 
 class Angle(Quantity):
-    """An angle in rad; f"{Angle(q):.4g}" marks it for conversion. ``high`` makes it a range."""
+    """An angle [rad]; f"{Angle(q):.4g}" marks it for conversion.
+
+    ``high`` makes it a range.
+    """
 
     def __init__(self, value: float, high: float | None = None) -> None:
         super().__init__(value, "rad", high)
 
 
 def quote(text: str) -> str:
-    """Return what a person has written or named, in quotation marks and safe from conversion."""
+    """Return a person's text in quotation marks and protected from conversion."""
     return f"“{escape_quantities(text)}”"
 
 
 def escape_quantities(text: str) -> str:
-    """Return a person's text so that ``backend.units.format_text`` gives it back unchanged."""
+    """Return a person's text that ``backend.units.format_text`` leaves unchanged."""
     return _MARK.sub(UNIT_MARK + ESCAPE, text)
