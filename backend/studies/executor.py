@@ -46,7 +46,7 @@ class PointExecutor(Protocol):
 
 
 class LocalExecutor:
-    """Computes points in ``jobs`` processes of this machine, at low priority; ``compute_point`` is the function they call."""
+    """Computes points by ``compute_point`` in ``jobs`` processes of this machine, at low priority."""
 
     def __init__(self, base: StudyBase, jobs: int, compute_point: ComputePoint = run_point) -> None:
         self._base = base
