@@ -50,7 +50,10 @@ app.command()(server.doctor)
 
 
 def main() -> None:
-    """Run the command line; an error prints one line, a wiring file one per mistake, and exits non-zero."""
+    """Run the command line.
+
+    An error prints one line, a wiring file one per mistake, and exits non-zero.
+    """
     from plant import WiringError
 
     exclude_working_directory()

@@ -80,7 +80,10 @@ def build(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Build a bank from actuator identifications; sinew identify actuator prints their numbers."""
+    """Build a bank from actuator identifications.
+
+    `sinew identify actuator` prints their numbers.
+    """
     from backend.banks import build_bank
     from backend.storage import find_estimate_runs, load_bank_fits
 
@@ -107,7 +110,7 @@ def diff(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare a bank with another one, or with repeated identifications: models, gains and M_s.
+    """Compare models, gains and M_s of a bank with another one or new identifications.
 
     Settings: lam_q, lam_S, lam_motor [s].
     """
@@ -208,7 +211,10 @@ def _format_change(old: float | str | None, new: float | str | None) -> str:
 
 
 def _print_bank(bank: "Bank", runs: "Mapping[int, int | None]", fits: "Fits", *, as_json: bool) -> None:
-    """Print a bank; ``runs`` and ``fits`` are by the number of the entry's stored identification."""
+    """Print a bank.
+
+    ``runs`` and ``fits`` are by the number of the entry's stored identification.
+    """
     from backend.models import CHANNELS
     from backend.storage import stored_entry_name
 

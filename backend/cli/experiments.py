@@ -62,7 +62,10 @@ _Plan = TypeVar("_Plan")
 
 
 def parse_values(words: list[str]) -> dict[str, object]:
-    """Return the values of ``key=value`` words by key; a word of another form ends the command."""
+    """Return the values of ``key=value`` words by key.
+
+    A word of another form ends the command.
+    """
     values: dict[str, object] = {}
     for word in words:
         name, equals, value = word.partition("=")
@@ -74,7 +77,7 @@ def parse_values(words: list[str]) -> dict[str, object]:
 
 @dataclass(frozen=True)
 class BaseTuning:
-    """Parts of a tuning for settings that a command does not set, with their origin as text."""
+    """Tuning parts that a command does not set, with their origin as text."""
 
     parts: dict[str, object]
     origin: str
@@ -86,7 +89,7 @@ def resolve_settings(
     values: dict[str, object],
     base: BaseTuning,
 ) -> "tuple[_Plan, LoopSettings, str]":
-    """Return the plan, the loop settings, and a text with the origin of each part of the tuning.
+    """Return plan, loop settings, and a text with the origin of each tuning part.
 
     ``make`` builds the plan, which has ``settings``. ``values`` are those that the command sets; ``base`` completes
     the tuning. Raises SettingError, OutOfRangeError.
@@ -101,7 +104,7 @@ def resolve_settings(
 
 
 def load_active_tuning(settings: Settings) -> BaseTuning:
-    """Return the tuning that the dashboard used last for this plant, or the defaults if none is usable."""
+    """Return the tuning last used for this plant, or the defaults if none is usable."""
     from backend.banks import tuning_settings
     from backend.errors import OutOfRangeError
     from backend.models import SettingError, UnreadableDocumentError
@@ -123,7 +126,7 @@ def load_active_tuning(settings: Settings) -> BaseTuning:
 
 
 def current_user() -> str:
-    """Return the account that runs the command: its name, or its number if it has none."""
+    """Return the name of the user's account, or its number if it has none."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):  # KeyError until Python 3.12
@@ -176,9 +179,10 @@ def run_headless(
     as_json: bool,
     combine: CombineRuns | None = None,
 ) -> None:
-    """Run one experiment on the simulator, store and print it; exit 1 if it does not complete.
+    """Run one experiment on the simulator, store and print it.
 
-    ``tuning`` is the text to print before the run, ``folder`` receives the report files.
+    Exit 1 if it does not complete. ``tuning`` is the text to print before the run, ``folder`` receives the report
+    files.
     """
     with _open_simulator(settings, request) as run_one:
         _print_line("" if as_json else tuning)
@@ -201,7 +205,7 @@ def run_headless_sequence(
     as_json: bool,
     combine: CombineRuns | None = None,
 ) -> None:
-    """Run experiments one after the other until one does not complete, each with its own folder of files."""
+    """Run experiments until one does not complete, each with a folder of files."""
     documents, sources = [], []
     with _open_simulator(settings, requests[0]) as run_one:
         _print_line("" if as_json else tuning)
@@ -223,7 +227,10 @@ def run_headless_sequence(
 
 @contextmanager
 def _open_simulator(settings: Settings, first: "RunRequest") -> "Iterator[_RunFunction]":
-    """Open database and simulator with the loop settings of ``first``, and yield the function that runs a request."""
+    """Open database and simulator, and yield the function that runs a request.
+
+    The simulator has the loop settings of ``first``.
+    """
     from backend.data_folder import lock_for_command
     from backend.execution import open_headless_rig, run_experiment
     from backend.reports import load_source
@@ -255,7 +262,7 @@ def _open_simulator(settings: Settings, first: "RunRequest") -> "Iterator[_RunFu
 
 @cache
 def _robustness_cache() -> "RobustnessCache":
-    """Return the stored cache of what service and earlier commands computed for a tuning."""
+    """Return the cache of results that service and commands compute for a tuning."""
     from backend.services import RobustnessCache
 
     return RobustnessCache()
@@ -312,7 +319,7 @@ def experiment(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run experiments headless on the simulator, faster than real time, and store them as the dashboard does.
+    """Run experiments on the simulator, faster than real time, and store them.
 
     Several experiments run one after the other with the same settings, until one does not complete. Each run writes
     its files to a folder of its own.
@@ -340,7 +347,10 @@ def experiment(
 
 
 def find_definition(name: str, settings: Settings) -> "ExperimentDefinition":
-    """Return the experiment with this name, or in this file. Raises SettingError, ExperimentError."""
+    """Return the experiment with this name, or in this file.
+
+    Raises SettingError, ExperimentError.
+    """
     from backend.experiments import library, parser
     from backend.services import OwnExperiments
 
@@ -512,7 +522,7 @@ _POLL_S = 0.5
 
 @queue_app.command("show")
 def show_queue(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """List the queued experiments in order, and the current run with its remaining time."""
+    """List the queued experiments, and the current run with its remaining time."""
     service = find_running_service(load_settings(data=data))
     _print_queue(service, _request_queue(service), as_json=as_json)
 
@@ -524,7 +534,7 @@ def add(
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Add an experiment with the active tuning to the end of the queue, without starting it."""
+    """Add an experiment with the active tuning to the queue, without starting it."""
     service = find_running_service(load_settings(data=data))
     request = {"name": name, "settings": parse_values(values or [])}
     queue = _request_queue(service, "POST", "", request)
@@ -559,7 +569,7 @@ def run(
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run the queue until it is empty, paused, or an experiment does not complete (exit 1)."""
+    """Run the queue until it is empty, paused, or a run does not complete (exit 1)."""
     service = find_running_service(load_settings(data=data))
     queue = _request_queue(service, "POST", "/run")
     if watch:
@@ -571,14 +581,20 @@ def run(
 
 @queue_app.command()
 def pause(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Pause the queue after the current experiment, with constant references and taut tendons."""
+    """Pause the queue after the current experiment.
+
+    References stay constant and the tendons taut.
+    """
     service = find_running_service(load_settings(data=data))
     _print_queue(service, _request_queue(service, "POST", "/hold"), as_json=as_json)
 
 
 @queue_app.command()
 def stop(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """STOP the actuator, as the red button does. The current run ends as stopped; the queue keeps its experiments."""
+    """STOP the actuator, as the red button does. The current run ends as stopped.
+
+    The queue keeps its experiments.
+    """
     from backend.schemas import StopProof
 
     service = find_running_service(load_settings(data=data))

@@ -251,7 +251,7 @@ def print_layout(
     not_read: "Mapping[str, str]",
     notes: "Iterable[str]",
 ) -> None:
-    """Print the layout of a file, then ``rows``, then the columns that were not read, then the notes.
+    """Print the layout of a file, then ``rows``, ignored columns and notes.
 
     ``not_read`` has the reason by the name of the column.
     """
@@ -291,7 +291,10 @@ def _describe_time_steps(summary: "ImportSummary") -> str:
 
 
 def _identify_motor(record: "Record", summary: "ImportSummary", resolution: float | None, *, as_json: bool) -> None:
-    """Identify a motor from the record of a file and print its parameters; ``resolution`` is one count [rad]."""
+    """Identify a motor from the record of a file and print its parameters.
+
+    ``resolution`` is one count [rad].
+    """
     from backend.identification import NAMES, identify_motor_record
     from backend.models import replace_non_finite
 
@@ -415,9 +418,9 @@ def motor(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Identify K_m, T_m and Coulomb friction of both motors from unloaded voltage steps (method section 2).
+    """Identify K_m, T_m and Coulomb friction of both motors (method section 2).
 
-    Settings: u_low, u_high [V], levels, travel_rad [rad], step_s, settle_s [s].
+    The motors make unloaded voltage steps. Settings: u_low, u_high [V], levels, travel_rad [rad], step_s, settle_s [s].
     Settings of the control loop: lam_motor [s], seed. Others come from the active tuning in the data folder.
     """
     from backend.experiments import MotorIdentificationPlan
@@ -446,7 +449,7 @@ def spring(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Identify both springs from a slow sweep of the tension, or one from a measured table (method section 3).
+    """Identify the springs from a slow sweep, or one from a table (method section 3).
 
     Settings: F_low, F_high [N], sweep_s [s], cycles, settle_s [s].
     Settings of the control loop: lam_motor [s], seed. Others come from the active tuning in the data folder.
@@ -479,7 +482,7 @@ def actuator(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Identify G_q and G_S in closed loop, at one or several tendon tensions (method section 4).
+    """Identify G_q and G_S at one or several tendon tensions (method section 4).
 
     Runs at tensions at least 5 N apart also give the Coulomb friction of motor A over the load, c0 + c1 r_m F.
 
@@ -516,7 +519,7 @@ def actuator(
 
 
 def _estimate_load_friction(sources: "Sequence[RunData]") -> tuple[dict[str, Any], str]:
-    """Return the Coulomb friction of motor A over the load as entries of a JSON document and as a sentence."""
+    """Return the friction of motor A over the load as JSON entries and as a sentence."""
     from backend.analysis import MOTOR_B, build_identification_document, estimate_run_friction
 
     found = estimate_run_friction([(source.run, source.columns) for source in sources])

@@ -64,7 +64,7 @@ _INTERRUPTED = "what played it ended while this run was open; found when its fol
 
 
 def load_settings(**options: object) -> Settings:
-    """Return the settings: options of the command line, then environment, then defaults.
+    """Return the settings from options, environment and defaults, in this order.
 
     An option that is None counts as not given.
     """
@@ -104,7 +104,10 @@ def open_configured_database(
 
 
 def has_database(settings: Settings) -> bool:
-    """Whether there is or was a database to read; opening one would create a missing folder."""
+    """Whether there is or was a database to read.
+
+    Opening one would create a missing folder.
+    """
     from backend.storage import FILE_NAME, find_database_traces, is_restore_incomplete
 
     file = settings.data / FILE_NAME
@@ -113,7 +116,7 @@ def has_database(settings: Settings) -> bool:
 
 
 def load_plant_parameters(settings: Settings, database: "Database") -> "PlantParameters":
-    """Return the parameter set with the identified values applied in this data folder. Raises ParameterError."""
+    """Return the parameter set with applied identified values. Raises ParameterError."""
     from backend.services import load_active_parameters
     from plant import load_parameters
 
@@ -121,7 +124,10 @@ def load_plant_parameters(settings: Settings, database: "Database") -> "PlantPar
 
 
 def _complete_restore(settings: Settings, *, owns_folder: bool) -> None:
-    """Complete or revert a restore that was killed, unless another process uses the folder; print what was done."""
+    """Complete or revert a restore that was killed, and print what was done.
+
+    Nothing is done if another process uses the folder.
+    """
     from backend.data_folder import lock_if_unused
     from backend.storage import find_database_file, is_restore_incomplete, recover_database
 
@@ -153,7 +159,10 @@ def _open_migrated(settings: Settings, *, owns_folder: bool) -> "Database":
 
 
 def _close_interrupted_runs(settings: Settings, database: "Database") -> None:
-    """Close the runs of killed commands and services; on a database server only a service can recognise them."""
+    """Close the runs of killed commands and services.
+
+    On a database server only a service can recognise them.
+    """
     from backend.data_folder import lock_if_unused
     from backend.storage import StorageError, describe_claim, runs
 
@@ -187,7 +196,10 @@ class RunningService:
     token: str
 
     def request(self, method: str, path: str, body: Any, response_type: type[_Response]) -> _Response:
-        """Send a request below ``/api`` and return its response; an error response ends the command."""
+        """Send a request below ``/api`` and return its response.
+
+        An error response ends the command.
+        """
         headers = {"Authorization": f"Bearer {self.token}"} if self.token else {}
         content = None if body is None else json.dumps(body).encode()
         if content is not None:
@@ -205,7 +217,10 @@ class RunningService:
         return self._parse_response(response.status, text, response_type)
 
     def _parse_response(self, status: int, text: bytes, response_type: type[_Response]) -> _Response:
-        """Return the parsed response; an error, or a response that is not Sinew's, ends the command."""
+        """Return the parsed response.
+
+        An error, or a response that is not Sinew's, ends the command.
+        """
         from backend.schemas import ErrorResponse
 
         try:

@@ -1,4 +1,4 @@
-"""Output of commands: tables or JSON on standard output, progress and errors on standard error."""
+"""Output of commands: tables, JSON, progress bars and errors."""
 
 import atexit
 import gc
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class SafeConsole(Console):
-    """Console that prints control characters as escapes, so that no text controls the terminal."""
+    """Console that escapes control characters, so that no text controls the terminal."""
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print texts with quantities as this person reads them, control characters escaped; tables unchanged."""
@@ -48,7 +48,7 @@ ANGLES_VARIABLE = "SINEW_ANGLES"
 
 
 def angle_unit() -> AngleUnit:
-    """Return the unit of printed angles: degrees, unless the environment selects radians."""
+    """Return the unit of printed angles, which the environment selects."""
     return AngleUnit.RADIANS if os.environ.get(ANGLES_VARIABLE) == AngleUnit.RADIANS else AngleUnit.DEGREES
 
 
@@ -66,7 +66,7 @@ def fail(*messages: str, status: int = 1) -> NoReturn:
 
 
 def escape_unprintable_output() -> None:
-    """Print characters that the terminal's encoding lacks as escapes, such as λ in Latin-1."""
+    """Print characters that the terminal's encoding lacks as escapes."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
@@ -80,7 +80,10 @@ def print_json(document: Any) -> None:
 def print_table(
     columns: Sequence[str], rows: Iterable[Sequence[object]], title: str | None = None, no_wrap: Sequence[str] = ()
 ) -> None:
-    """Print a table, numbers aligned to the right; columns in ``no_wrap`` keep their width on a narrow terminal."""
+    """Print a table, numbers aligned to the right.
+
+    Columns in ``no_wrap`` keep their width on a narrow terminal.
+    """
     table = Table(title=title and escape(escape_line(title)), title_justify="left", title_style="bold")
     cells = [[format_cell(cell) for cell in row] for row in rows]
     for index, column in enumerate(columns):
@@ -92,7 +95,10 @@ def print_table(
 
 
 def format_cell(value: object) -> str:
-    """Return the text of a table cell: numbers with four digits, a dash for nothing, texts on one line."""
+    """Return the text of a table cell.
+
+    Numbers have four digits, None and an empty text become a dash.
+    """
     if value is None or value == "":
         return "-"
     return f"{value:.4g}" if isinstance(value, float) else escape_line(format_text(str(value), angle_unit()))
@@ -123,7 +129,10 @@ class ProgressBar:
 
 @contextmanager
 def show_progress(duration_s: float, *, hidden: bool) -> Iterator[ProgressBar]:
-    """Show a progress bar for ``duration_s`` of program time on standard error during the block."""
+    """Show a progress bar on standard error during the block.
+
+    ``duration_s`` is the duration of the program.
+    """
     columns = (TextColumn("{task.description:>11}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
     with Progress(*columns, console=error_console, disable=hidden, transient=True) as progress:
         yield ProgressBar(progress, progress.add_task(RunPhase.STARTING, total=duration_s))
@@ -136,7 +145,7 @@ _VERDICTS = {True: "passed", False: "FAILED", None: "not measured"}
 
 
 def print_run(source: "RunData", files: Sequence[Path] = ()) -> None:
-    """Print end state, metrics, criteria and verdict of a run, and the files written for it."""
+    """Print end state, metrics, criteria, verdict and files of a run."""
     from backend.reports import judge_stored_run
 
     run, result = source.run, source.result
@@ -231,7 +240,10 @@ _DEFAULT_THRESHOLDS = gc.get_threshold()
 
 
 def relax_garbage_collection() -> None:
-    """Collect garbage rarely, and not at exit: together they take a third of a command's time."""
+    """Collect garbage rarely, and not at exit.
+
+    Both would take a third of the time of a command.
+    """
     gc.set_threshold(_RELAXED_THRESHOLD)
     atexit.register(gc.freeze)
 

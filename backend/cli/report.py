@@ -46,9 +46,10 @@ def series(
 
 @app.command()
 def key(data: DataFolder = None, station: StationName = None, as_json: AsJson = False) -> None:
-    """Print the public key that verifies reports signed here, with its fingerprint; the first use creates the key.
+    """Print the public key of reports signed here, with its fingerprint.
 
-    The private key stays in the data folder. Others verify your reports with the printed line and --key.
+    The first use creates the key. The private key stays in the data folder. Others verify your reports with the printed
+    line and --key.
     """
     from backend.reports import SigningKeyError, derive_public_key, load_or_make_signing_key
 
@@ -130,7 +131,7 @@ def verify(
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Recompute every number of a report from its samples, compare them, and check the signature of the page.
+    """Recompute the numbers of a report, compare them, and check the signature.
 
     The comparison includes metrics.json next to the report, the units in the comments of data.csv, and the stored
     samples if the data folder has the run. A PDF is verified with the page of the same name next to it, which holds the
@@ -199,7 +200,7 @@ def _verification_errors() -> tuple[type[Exception], ...]:
 
 
 def _find_signer_name(settings: Settings) -> str:
-    """Return the name of this installation in signatures: its station, or the host name."""
+    """Return the name of this installation in signatures: station or host name."""
     from backend.reports import NAME_MAX
 
     name = settings.station or socket.gethostname()
@@ -248,7 +249,10 @@ def _require_regular_file(file: Path) -> None:
 
 
 def _read_page(file: Path) -> bytes:
-    """Return the page of a report; for a PDF, the page next to it. Raises EvidenceError, OSError."""
+    """Return the page of a report; for a PDF, the page next to it.
+
+    Raises EvidenceError, OSError.
+    """
     from backend.reports import EvidenceError
 
     _require_regular_file(file)
@@ -275,7 +279,7 @@ def _verify_against_database(page: str, settings: Settings) -> "Verified":
 
 
 def _verify(file: Path, page: str, samples: Path | None, settings: Settings) -> "tuple[Verified, str, tuple[str, ...]]":
-    """Return the result, the origin of the samples it is computed from, and the names of all compared sources."""
+    """Return the result, the origin of its samples, and the compared sources."""
     from backend.reports import EvidenceError, SeriesEvidence, read_accounts, verification, verify_series_report
 
     is_pdf = file.suffix == ".pdf"
@@ -320,9 +324,10 @@ class _SampleSources:
 
 
 def _find_samples(file: Path, samples: Path | None, settings: Settings, manifest: "ReportManifest") -> _SampleSources:
-    """Return the samples in ``samples``, or in a file next to the report, and those of the stored run.
+    """Return the samples of a file and of the stored run.
 
-    If there is a file, an unreadable database is only noted in ``left_out``.
+    The file is ``samples``, or one next to the report. If there is a file, an unreadable database is only noted in
+    ``left_out``.
     """
     from backend.recording import CodecError
     from backend.reports import SUFFIXES, ReportDifference, read_samples_file
@@ -348,7 +353,7 @@ def _find_samples(file: Path, samples: Path | None, settings: Settings, manifest
 
 
 def _load_stored_samples(settings: Settings, manifest: "ReportManifest") -> "tuple[Columns | None, int | None]":
-    """Return samples and number of the stored run that a report is about, None for each if it is not stored."""
+    """Return samples and number of the stored run of a report, None without one."""
     from backend.reports import read_stored_samples
 
     if not has_database(settings):

@@ -1,4 +1,4 @@
-"""Commands ``sinew rig``: check a wiring file, commission a rig at a terminal, test a plant."""
+"""Commands ``sinew rig``: check a wiring file, commission a rig, test a plant."""
 
 import asyncio
 import os
@@ -50,10 +50,10 @@ class AbandonedError(SinewError):
 
 
 class Terminal:
-    """Questions on standard error, answered with lines of standard input. Belongs to one asyncio event loop.
+    """Questions on standard error, answered with lines of standard input.
 
-    A thread reads the lines from the file descriptor. So the event loop can stop waiting for a line, and the thread
-    holds no lock at the end of the program.
+    Belongs to one asyncio event loop. A thread reads the lines from the file descriptor. So the event loop can stop
+    waiting for a line, and the thread holds no lock at the end of the program.
     """
 
     def __init__(self) -> None:
@@ -63,7 +63,10 @@ class Terminal:
         threading.Thread(target=self._read_lines, args=(asyncio.get_running_loop(),), daemon=True).start()
 
     async def confirm(self, instruction: str) -> None:
-        """Print an instruction and wait until the operator confirms it. Raises AbandonedError."""
+        """Print an instruction and wait until the operator confirms it.
+
+        Raises AbandonedError.
+        """
         await self.ask(f"{instruction}.", "Enter when done")
 
     async def ask(self, question: str, hint: str) -> str:
@@ -109,7 +112,7 @@ def check(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Check channels, calibrations and units of a wiring file; list each mistake with line and remedy and exit 1.
+    """Check a wiring file; list each mistake with line and remedy and exit 1.
 
     A file does not show wrong signs and swapped wires: the wiring test and the direction step of the bring-up do.
     """
@@ -160,7 +163,10 @@ _STATE_LABELS = {"never": "to do", "current": "done", "out_of_date": "out of dat
 
 @dataclass(frozen=True)
 class StepRequest:
-    """A step to run: its inputs, None to ask for them at the terminal, and the load cells concerned."""
+    """A step to run, with its inputs and the load cells concerned.
+
+    Inputs of None are asked for at the terminal.
+    """
 
     step: StepId
     values: dict[str, float] | None = None
@@ -168,7 +174,10 @@ class StepRequest:
 
 
 def require_rig(settings: Settings) -> None:
-    """End the command unless the plant is a rig or a virtual card. Raises PlantError if its driver is missing."""
+    """End the command unless the plant is a rig or a virtual card.
+
+    Raises PlantError if its driver is missing.
+    """
     from plant import PlantKind, require_available
 
     choice = settings.plant_choice
@@ -181,7 +190,7 @@ def require_rig(settings: Settings) -> None:
 
 
 def _derive_step_states(settings: Settings, database: "Database") -> "dict[StepId, StepStatus]":
-    """Return the state of each step while no control loop runs, so that encoders have no zero."""
+    """Return the state of each step without a control loop, so without encoder zeros."""
     from backend.commissioning import status
     from plant import load_wiring_choice
 
@@ -242,7 +251,7 @@ def _require_unblocked(settings: Settings, database: "Database", requests: Seque
 
 
 async def _run_session(settings: Settings, database: "Database", requests: Sequence[StepRequest]) -> "_Commissioning":
-    """Start a control loop, run the steps in it, and return the state of all steps afterwards."""
+    """Start a control loop, run the steps, and return the state of all steps."""
     from backend.banks import build_tuning_command, compute_default_tuning
     from backend.commissioning import BlockedError, OperatorDialog, find_completed_commissioning, open_session
     from backend.realtime import Setup
@@ -346,7 +355,10 @@ class _Step:
 
 @dataclass(frozen=True)
 class _Commissioning:
-    """State of all steps; ``ended`` is the reason for an early end of the command, or empty."""
+    """State of all steps.
+
+    ``ended`` is the reason for an early end of the command, or empty.
+    """
 
     plant: str
     wiring: str
@@ -427,11 +439,12 @@ def bring_up(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Commission a rig step by step at low voltage; each step is stored with date and person. Exit 1 if one fails.
+    """Commission a rig step by step at low voltage.
 
-    Each step prints what to do at the rig and waits for Enter. Ctrl-C ends it at zero volts and stores nothing of an
-    unfinished step; an unfinished direction test also invalidates earlier directions.
-    On the virtual card the simulator does what a step asks for, and answers may come from a pipe, one per line.
+    Each step is stored with date and person. Exit 1 if one fails. Each step prints what to do at the rig and waits for
+    Enter. Ctrl-C ends it at zero volts and stores nothing of an unfinished step; an unfinished direction test also
+    invalidates earlier directions. On the virtual card the simulator does what a step asks for, and answers may come
+    from a pipe, one per line.
     """
     settings = load_settings(
         plant=plant,
@@ -460,7 +473,10 @@ def tare(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Set the zeros of both load cells from 1 s without load; needs a wiring test of this wiring."""
+    """Set the zeros of both load cells from 1 s without load.
+
+    Needs a wiring test of this wiring.
+    """
     settings = load_settings(
         plant=plant,
         virtual_card=virtual_card,
@@ -488,9 +504,9 @@ def calibrate(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate load cells by a line fitted to known weights; needs a wiring test of this wiring.
+    """Calibrate load cells by a line fitted to known weights.
 
-    The step is done when both load cells have been calibrated with this wiring.
+    Needs a wiring test of this wiring. The step is done when both load cells have been calibrated with this wiring.
     """
     from backend.commissioning import collect_values
 
@@ -544,7 +560,7 @@ def conformance(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check that a plant meets the contract of the control loop; exit 1 if it does not."""
+    """Check that a plant meets the contract of the control loop; else exit 1."""
     from plant import CheckOutcome, PlantKind, Replay, Subject, load_parameters, make_plant, run_contract
 
     settings = load_settings(
@@ -577,7 +593,10 @@ def conformance(
 
 
 def _confirm_drives() -> None:
-    """Ask for confirmation that the drives may come on, even if a drive lockout of the service is active."""
+    """Ask for confirmation that the drives may come on.
+
+    They do even if a drive lockout of the service is active.
+    """
     if not sys.stdin.isatty():
         fail("standard input is no terminal: a person at the rig has to say that no hand is in it; the drives come on")
     typer.confirm("Its drives come on. Has everybody taken their hands off the rig?", abort=True, err=True)

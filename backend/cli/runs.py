@@ -1,4 +1,4 @@
-"""Commands ``sinew runs``: list, search, tag, compare, show, export and import runs."""
+"""Commands ``sinew runs``: search, tag, compare, show, export and import runs."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -33,7 +33,7 @@ def export(
     data: DataFolder = None,
     station: StationName = None,
 ) -> None:
-    """Write all samples of a run in SI units to a file, with their notation and the data of the run."""
+    """Write all samples of a run in SI units to a file, with the data of the run."""
     from backend.exports import DataFormat, ExportError, export_run, write_export
     from backend.storage import UnknownRecordError
 
@@ -49,7 +49,7 @@ def export(
 
 
 def layout(file: Annotated[Path, typer.Argument(help="File to write, .json.")]) -> None:
-    """Write the layout for MCAP exports and the live stream in Foxglove and Lichtblick."""
+    """Write the layout for MCAP exports and live stream in Foxglove and Lichtblick."""
     from backend.exports import mcap, write_file_whole
 
     write_file_whole((mcap.foxglove_layout().encode(),), file)
@@ -62,7 +62,7 @@ def import_run(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Import an exported run, or a bundle of a run with its lineage, completely or not at all."""
+    """Import an exported run, or a bundle with its lineage, completely or not at all."""
     from backend.exports import ImportRefusedError
     from backend.services import import_run_file
 
@@ -122,7 +122,10 @@ def list_runs(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """List runs, newest first: all, or those that match a search (docs/reference/search.md)."""
+    """List runs, newest first; all, or those that match a search.
+
+    docs/reference/search.md describes searches.
+    """
     from backend.services import RunLibrary, RunQuery
 
     with open_configured_database(load_settings(data=data, station=station), read_only=True) as database:
@@ -225,7 +228,7 @@ def lineage(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the lineage of a run back to raw data and parameters, with SHA-256 digests and what is out of date."""
+    """Show the lineage of a run, with SHA-256 digests and what is out of date."""
     import sys
 
     from backend.services import RunHistory
@@ -375,7 +378,10 @@ def show(run: RunNumber, data: DataFolder = None, station: StationName = None, a
 
 @app.command()
 def evaluate(run: RunNumber, data: DataFolder = None, station: StationName = None) -> None:
-    """Recompute the result of a run from its stored data and store it next to earlier results."""
+    """Recompute the result of a run from its stored data and store it.
+
+    Earlier results stay.
+    """
     from backend.analysis import reevaluate_run
 
     with open_configured_database(load_settings(data=data, station=station)) as database:

@@ -1,4 +1,7 @@
-"""Commands ``sinew serve``, ``link``, ``db``, ``token``, ``doctor``, ``foxglove``, ``touch`` and ``wall``."""
+"""Commands about service, database and machine.
+
+``sinew serve``, ``link``, ``db``, ``token``, ``doctor``, ``foxglove``, ``touch`` and ``wall``.
+"""
 
 import asyncio
 import os
@@ -102,7 +105,7 @@ def _find_refusal(word: str, refusals: tuple[str, ...]) -> str:
 
 
 def _check_pacing() -> DoctorFinding:
-    """Pace 1 ms ticks for a second, as the control loop does, but without computing anything."""
+    """Pace 1 ms ticks for a second, without computing anything."""
     from backend.realtime import Pacer
     from plant import T_s
 
@@ -173,7 +176,7 @@ def foxglove(
         int, typer.Option(min=0, max=65535, help="Port of this machine to listen on, 0 for any free one.")
     ] = PORT,
 ) -> None:
-    """Show the live stream of the running service in Foxglove or Lichtblick, until interrupted."""
+    """Show the live stream in Foxglove or Lichtblick, until interrupted."""
     from backend.auth import load_tokens
     from backend.data_folder import read_service_address
 
@@ -220,7 +223,10 @@ def recordings(
     data: DataFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the size of the recordings and list the runs whose samples may be deleted; delete those of --delete."""
+    """Show the size of the recordings and the runs whose samples may be deleted.
+
+    --delete deletes the samples of a run.
+    """
     from backend.recording import NotRemovableError, RetentionRule, delete_recordings, summarise_retention
 
     settings = load_settings(data=data)
@@ -271,7 +277,10 @@ database_app.command()(recordings)
 
 @database_app.command()
 def upgrade(data: DataFolder = None) -> None:
-    """Migrate to the newest schema; an SQLite database is first copied to DATA/backups."""
+    """Migrate to the newest schema.
+
+    An SQLite database is first copied to DATA/backups.
+    """
     from backend.storage import read_revision
 
     with open_configured_database(load_settings(data=data)) as database:
@@ -300,7 +309,10 @@ def restore(
     file: Annotated[Path, typer.Argument(help="Backup to restore.")],
     data: DataFolder = None,
 ) -> None:
-    """Restore a backup, unless a service uses the folder. The replaced database stays next to it."""
+    """Restore a backup, unless a service uses the folder.
+
+    The replaced database stays next to it.
+    """
     from backend.data_folder import lock_for_service
     from backend.storage import FILE_NAME, BackupError, restore_database
 
@@ -316,7 +328,10 @@ def restore(
 
 
 def _describe_claim_holder(settings: "Settings") -> str:
-    """Return a text with the service that has claimed the database, empty if none has or the file is unreadable."""
+    """Return a text with the service that has claimed the database.
+
+    The text is empty if none has, or the file is unreadable.
+    """
     from backend.storage import StorageError, connect_database, describe_claim, sqlite_url
 
     engine = connect_database(sqlite_url(settings.data))
@@ -356,9 +371,9 @@ def name_station(
 
 @database_app.command()
 def check(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Check the integrity of the database and of all recorded samples; exit 1 on errors.
+    """Check the integrity of the database and of all recorded samples.
 
-    The check reads every sample, which takes some seconds per hour of recordings.
+    Exit 1 on errors. The check reads every sample, which takes some seconds per hour of recordings.
     """
     from backend.recording import RecordingsCheck, check_recordings
     from backend.storage import find_database_errors
@@ -467,7 +482,10 @@ def serve(
 
 
 def link(data: DataFolder = None) -> None:
-    """Print the sign-in links of the service that uses the data folder; exit 1 if there is none."""
+    """Print the sign-in links of the service that uses the data folder.
+
+    Exit 1 if there is none.
+    """
     from backend.auth import load_tokens
     from backend.data_folder import describe_missing_address, read_service_addresses
 
@@ -479,7 +497,10 @@ def link(data: DataFolder = None) -> None:
 
 
 def _print_links(addresses: Sequence[str], tokens: "Tokens | None") -> None:
-    """Print sign-in links for the last address, which is the public one if there is one, and for the others."""
+    """Print sign-in links for the last address and for the others.
+
+    The last one is the public address, if there is one.
+    """
     *others, base = _strip_slashes(addresses)
     if tokens is None:
         print(f"Sinew answers at {base} without sign-in", flush=True)
@@ -518,7 +539,10 @@ def rotate(
     role: Annotated[TokenOwner, typer.Option(help="Role whose token to replace.")] = TokenOwner.BOTH,
     data: DataFolder = None,
 ) -> None:
-    """Replace tokens. A running service notices within a second and ends all sessions of the old tokens."""
+    """Replace tokens.
+
+    A running service notices within a second and ends all sessions of the old tokens.
+    """
     from backend.auth import TOKEN_FILES, replace_tokens
     from backend.schemas import Role
 
@@ -553,13 +577,16 @@ def show(data: DataFolder = None, as_json: AsJson = False) -> None:
 
 @touch_app.command()
 def learn(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Calibrate the bias at the current stiffness, in mode run, with nobody touching the joint."""
+    """Calibrate the bias at the current stiffness, in mode run.
+
+    Nobody may touch the joint.
+    """
     _print_touch(_send_touch(_find_service(data), {"learn": True}), as_json=as_json)
 
 
 @touch_app.command()
 def sweep(data: DataFolder = None, as_json: AsJson = False) -> None:
-    """Calibrate the bias over the stiffness range, point by point, in mode run; Ctrl+C stops it.
+    """Calibrate the bias over the stiffness range, in mode run; Ctrl+C stops it.
 
     Nobody may touch the joint.
     """

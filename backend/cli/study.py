@@ -46,9 +46,9 @@ def run(
     station: StationName = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compute a study and store each run in the database. Ctrl+C stops it; --resume computes the missing runs.
+    """Compute a study and store each run in the database. Ctrl+C stops it.
 
-    Parameter set and tuning are the active ones, unless the study sets them.
+    --resume computes the missing runs. Parameter set and tuning are the active ones, unless the study sets them.
     """
     if (file is None) == (resume is None):
         fail("name the file of a study, or the number of one with --resume", status=2)
@@ -209,7 +209,7 @@ _NOTES_TITLE = "95 % confidence interval of a share, or runs with a number of th
 
 
 def _build_notes(found: "Map") -> list[list[str]]:
-    """Return a note for each cell: the number of its runs, and the confidence interval of a share."""
+    """Return a note for each cell: number of runs, confidence interval of a share."""
     most = max((count for row in found.runs for count in row), default=0)
 
     def note(row: int, column: int) -> str:

@@ -1,9 +1,9 @@
-"""The glossary of the page: meaning, equation and source of each symbol, parameter, metric, verdict, fault and limit.
+"""Glossary of the page: meaning, equation and source of each term.
 
-Most texts are defined elsewhere: signals and quantities in ``docs/reference/notation.md``, faults and limits in
-``docs/reference/faults.md`` and ``backend/faults.py``, metrics in the classes that declare them, timing in
-``TimingView``. ``glossary.py`` itself defines only the texts of verdicts and states. The page gets the glossary as
-``glossary.gen.ts``.
+Terms are symbols, parameters, metrics, verdicts, faults and limits. Most texts are defined elsewhere: signals and
+quantities in ``docs/reference/notation.md``, faults and limits in ``docs/reference/faults.md`` and
+``backend/faults.py``, metrics in the classes that declare them, timing in ``TimingView``. ``glossary.py`` itself
+defines only the texts of verdicts and states. The page gets the glossary as ``glossary.gen.ts``.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Builds the glossary of the page from requests, metrics, documents and the texts below."""
+"""Builds the glossary from requests, metrics, documents and the texts below."""
 
 import dataclasses
 import json
@@ -126,7 +126,10 @@ def _build_field_term(form: str, name: str, field: FieldInfo) -> GlossaryTerm:
 
 
 def read_bounds(field: FieldInfo) -> tuple[float | None, float | None]:
-    """Return the bounds that a field declares; None for a bound that depends on the plant."""
+    """Return the bounds that a field declares.
+
+    A bound that depends on the plant is None.
+    """
     low = next((float(str(one.ge)) for one in field.metadata if isinstance(one, Ge)), None)
     high = next((float(str(one.le)) for one in field.metadata if isinstance(one, Le)), None)
     return (None if low == -HUGE else low), (None if high == HUGE else high)
@@ -199,7 +202,7 @@ EQUATIONS: dict[str, str] = {
 
 
 def build_metric_terms() -> list[GlossaryTerm]:
-    """Return a term for each metric, with all its definitions if results define it differently."""
+    """Return a term for each metric, with all its definitions in results."""
     results_by_definition: dict[str, dict[str, list[str]]] = {}
     head: dict[str, tuple[str, str]] = {}
     for result, name, label, unit, definition in _list_declared_metrics():
@@ -209,7 +212,10 @@ def build_metric_terms() -> list[GlossaryTerm]:
 
 
 def _build_metric_term(name: str, label: str, unit: str, meanings: dict[str, list[str]]) -> GlossaryTerm:
-    """Return the term of a metric; ``meanings`` has the names of the results by definition."""
+    """Return the term of a metric.
+
+    ``meanings`` has the names of the results by definition.
+    """
     # the definition that most results share comes first
     (first, _), *others = sorted(meanings.items(), key=lambda item: -len(item[1]))
     return GlossaryTerm(
@@ -243,7 +249,10 @@ RESULTS = {
 
 
 def _list_declared_metrics() -> list[tuple[str, str, str, str, str]]:
-    """Return all declared metrics: name of the result, name, label, unit and definition of the metric."""
+    """Return all declared metrics.
+
+    Each is a tuple: name of the result; name, label, unit and definition of the metric.
+    """
     return [
         (result, item.name, item.metadata["label"], item.metadata["unit"], item.metadata["definition"])
         for kind, result in RESULTS.items()
@@ -283,7 +292,10 @@ def parse_notation(page: str | None = None) -> list[GlossaryTerm]:
 
 
 def parse_faults(page: str | None = None) -> list[GlossaryTerm]:
-    """Return the faults of docs/reference/faults.md with cause, reaction, time and remedy. Raises GlossaryError."""
+    """Return the faults of docs/reference/faults.md. Raises GlossaryError.
+
+    Each has cause, reaction, time and remedy.
+    """
     text = _read_document("reference/faults.md") if page is None else page
     sections = dict(re.findall(r"^### `(\w+)`\n(.*?)(?=^##|\Z)", text, re.MULTILINE | re.DOTALL))
     return [_build_fault_term(fault, sections.get(fault.value, "")) for fault in Fault if fault is not Fault.NONE]
@@ -303,7 +315,10 @@ def parse_limits(page: str | None = None) -> list[GlossaryTerm]:
 
 
 def _parse_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
-    """Return a term for each code name in a row of the notation: symbol, code names, unit, meaning, equation."""
+    """Return a term for each code name in a row of the notation.
+
+    The cells are symbol, code names, unit, meaning and equation.
+    """
     symbol, code, unit, meaning, equation = row
     names = re.findall(r"`([\w.]+)`", code)
     if not names or not meaning:
@@ -327,7 +342,10 @@ def _parse_row(kind: TermKind, row: list[str]) -> list[GlossaryTerm]:
 
 
 def _format_source(reference: str) -> str:
-    """Return the source of an equation; numbers such as "(16)" and tables are those of the paper."""
+    """Return the source of an equation.
+
+    Numbers such as "(16)" and tables are those of the paper.
+    """
     if reference.startswith("docs/"):
         return reference
     if reference.startswith("decision "):

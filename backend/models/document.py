@@ -1,4 +1,4 @@
-"""Converts between stored JSON documents and dataclasses, and computes digests. Pure.
+"""Converts between stored JSON documents and dataclasses; computes digests. Pure.
 
 A document has a ``version``; one without it, from before versions existed, counts as version 0. ``upgrades`` rewrites
 documents of earlier forms before they are read.
@@ -23,7 +23,10 @@ ABSENT = {"absent": True}
 
 
 def document_digest(document: Any) -> str:
-    """Return the SHA-256 of a JSON document in hex, independent of spaces and the order of keys."""
+    """Return the SHA-256 of a JSON document in hex.
+
+    It does not depend on spaces and the order of keys.
+    """
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
@@ -47,9 +50,9 @@ class DocumentCodec(Generic[T]):
         self._version = version
 
     def read(self, document: Any, owner: str) -> T:
-        """Return the value of a document; error messages name its ``owner``, such as "run 12".
+        """Return the value of a document.
 
-        Raises UnreadableDocumentError.
+        Error messages name its ``owner``, such as "run 12". Raises UnreadableDocumentError.
         """
         version = document.get("version", 0) if isinstance(document, Mapping) else 0
         if type(version) is not int or version < 0:
@@ -71,12 +74,12 @@ class DocumentCodec(Generic[T]):
             raise UnreadableDocumentError(f"{owner}: {self._label} cannot be read{field}: {reason}") from None
 
     def write(self, value: T) -> Any:
-        """Return the document of a value, with null for nan and infinity, which JSON lacks."""
+        """Return the document of a value, with null for nan and infinity."""
         return _to_json_value(value)
 
 
 def _describe_error(error: ErrorDetails) -> str:
-    """Return what is wrong with a field, such as "it is missing" or "it should be a valid number"."""
+    """Return what is wrong with a field, such as "it is missing"."""
     if error["type"] == "missing":
         return "it is missing"
     return error["msg"].replace("Input should be ", "it should be ").removeprefix("Value error, ")

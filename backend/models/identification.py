@@ -25,7 +25,10 @@ Numbers = tuple[float | None, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelModel:
-    """Transfer function of one channel; ``covariance`` has the order of the parameters of its structure."""
+    """Transfer function of one channel.
+
+    ``covariance`` has the order of the parameters of its structure.
+    """
 
     structure: str
     parameters: dict[str, float]
@@ -38,7 +41,7 @@ class ChannelModel:
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorModel:
-    """Models of both channels, at the joint position and stiffness before the excitation."""
+    """Models of both channels, at position and stiffness before the excitation."""
 
     S_nominal: float
     q_nominal: float | None = None
@@ -111,7 +114,10 @@ class ChannelQuality:
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorQuality:
-    """Quality of both models; ``motion_counts`` is the motion of the joint, peak to peak."""
+    """Quality of both models.
+
+    ``motion_counts`` is the motion of the joint, peak to peak.
+    """
 
     motion_counts: float | None = None
     G_q: ChannelQuality
@@ -132,7 +138,7 @@ class ActuatorRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorOptions:
-    """Options of the identification: tension [N], and the estimator if there was a choice."""
+    """Options of the identification: tension [N] and estimator."""
 
     tension_N: float
     estimator: str | None = None
@@ -290,7 +296,10 @@ MOTOR_QUALITIES: DocumentCodec[MotorQualities] = DocumentCodec(MotorQualities, "
 
 @dataclass(frozen=True)
 class StoredSpringFit:
-    """A polynomial of one order and its errors; ``rising`` if it rises over the whole measured range."""
+    """A polynomial of one order and its errors.
+
+    ``rising`` says whether it rises over the whole measured range.
+    """
 
     order: int
     k: tuple[float, ...] = field(metadata=describe_field("coefficients, lowest power first [N/m^i]"))
@@ -303,7 +312,10 @@ class StoredSpringFit:
 
 @dataclass(frozen=True)
 class SpringModel:
-    """Polynomials of one spring; ``before`` are the coefficients that were active, None for a table."""
+    """Polynomials of one spring.
+
+    ``before`` are the coefficients that were active, None for a table.
+    """
 
     recommended: int
     reason: str
@@ -313,7 +325,10 @@ class SpringModel:
 
 @dataclass(frozen=True)
 class SpringQuality:
-    """Measured points of one spring, decimated for drawing, with errors and curves by order; ``curve`` also has "x"."""
+    """Measured points of one spring, decimated for drawing.
+
+    ``errors`` and ``curve`` are by order; ``curve`` also has "x".
+    """
 
     pairs: int
     hysteresis_N: float | None
@@ -359,7 +374,10 @@ class SpringResult:
 
 @dataclass(frozen=True)
 class TableReading:
-    """Units and layout of an imported table; ``not_read`` has the reason by the name of an ignored column."""
+    """Units and layout of an imported table.
+
+    ``not_read`` has the reason by the name of an ignored column.
+    """
 
     x_unit: str
     F_unit: str
@@ -370,7 +388,10 @@ class TableReading:
 
 @dataclass(frozen=True)
 class TableRecord:
-    """File of an imported table; ``read`` is None for tables that an earlier version imported."""
+    """File of an imported table.
+
+    ``read`` is None for tables that an earlier version imported.
+    """
 
     file: str
     sha256: str
@@ -384,9 +405,9 @@ TABLE: DocumentCodec[TableRecord] = DocumentCodec(TableRecord, "what is told of 
 
 
 def combine_spring_results(models: SpringModels, qualities: SpringQualities, owner: str) -> dict[str, SpringResult]:
-    """Return the results by spring: "A" and "B", or "table". Error messages name the ``owner``, such as "run 12".
+    """Return the results by spring: "A" and "B", or "table".
 
-    Raises UnreadableDocumentError.
+    Error messages name the ``owner``, such as "run 12". Raises UnreadableDocumentError.
     """
     pairs = ((name, getattr(models, name), getattr(qualities, name)) for name in ("A", "B", "table"))
     present = [(name, model, quality) for name, model, quality in pairs if model or quality]

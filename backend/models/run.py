@@ -21,7 +21,7 @@ ENTRY_VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class EntryModel:
-    """First-order models of one bank entry: from θ_ref to q and to S, and their tension.
+    """First-order models of one bank entry, from θ_ref to q and to S.
 
     K_q [rad/rad], T_q [s], K_S [N·m/rad per rad], T_S [s]; None for a value that an imported entry lacks.
     """
@@ -48,7 +48,10 @@ MAX_WALL_CHANGES = 1000
 
 @dataclass(frozen=True)
 class StoredWall:
-    """Obstacle from ``t`` [s] after the first sample of the run on; ``side`` 0 is no obstacle, else as in Obstacle."""
+    """Obstacle from ``t`` [s] after the first sample of the run on.
+
+    ``side`` 0 is no obstacle, else as in Obstacle.
+    """
 
     t: float
     side: float
@@ -68,7 +71,7 @@ def build_stored_wall(t: float, wall: Obstacle | None) -> StoredWall:
 
 
 def merge_wall_changes(earlier: Sequence[StoredWall], later: Sequence[StoredWall]) -> tuple[StoredWall, ...]:
-    """Return all changes in order of time, the one in ``later`` if two have the same time.
+    """Return all changes by time, that of ``later`` if two have the same time.
 
     Of more than MAX_WALL_CHANGES, the last one stored says that there is no known wall.
     """
@@ -114,10 +117,11 @@ APPLIED_VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class AppliedParameters:
-    """Sections ``identified``, ``identified_A`` and ``identified_B``; empty if the parameter file applies.
+    """Sections ``identified``, ``identified_A`` and ``identified_B``.
 
-    ``base`` is the digest of the parameter file that they change. ``estimate`` is the stored identification that they
-    come from and ``run`` its run, 0 for none. ``undone`` says that earlier values were restored.
+    They are empty if the parameter file applies. ``base`` is the digest of the parameter file that they change. ``estimate`` is
+    the stored identification that they come from and ``run`` its run, 0 for none. ``undone`` says that earlier values
+    were restored.
     """
 
     base: str
@@ -145,7 +149,10 @@ Results without a stored version have 0."""
 
 @dataclass(frozen=True)
 class Phase:
-    """A named time range of a program [s from its start]; the report draws one set of panels for each."""
+    """A named time range of a program [s from its start].
+
+    The report draws one set of panels for each.
+    """
 
     name: str
     title: str
@@ -155,7 +162,10 @@ class Phase:
 
 @dataclass(frozen=True)
 class MeasuredFigure:
-    """A metric of a result. ``reason`` says why it, or a part of it, was not measured; else it is empty."""
+    """A metric of a result.
+
+    ``reason`` says why it, or a part of it, was not measured; else it is empty.
+    """
 
     __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
 
@@ -259,7 +269,10 @@ class Outcome(StrEnum):
 
 
 def judge_run(metrics: Metrics | None, criteria: Sequence[RunCriterion]) -> Outcome:
-    """Return the outcome of a run: a failed criterion decides, then one that was not measured."""
+    """Return the outcome of a run.
+
+    A failed criterion decides, then one that was not measured.
+    """
     if metrics is None or not metrics.complete:
         return Outcome.INCOMPLETE
     if not criteria:
@@ -280,7 +293,7 @@ LAMBDA, TIME_OPTIMAL = MOTIONS = ("lambda", "time-optimal")
 
 @dataclass(frozen=True, kw_only=True)
 class StoredLoopSettings:
-    """Initial tuning of a run, with the names of ``TuningSettings``, and seed of the simulator.
+    """Initial tuning of a run, named as in ``TuningSettings``, and simulator seed.
 
     A value that an earlier version did not store is None; ``bank`` 0 stands for geometric gains.
     """
@@ -298,7 +311,10 @@ class StoredLoopSettings:
 
     @property
     def budget(self) -> float:
-        """Feed-forward voltage limit [V]; 0 V for motion ``lambda``, which uses no trajectory."""
+        """Feed-forward voltage limit [V].
+
+        0 V for motion ``lambda``, which uses no trajectory.
+        """
         return self.u_plan if self.motion == TIME_OPTIMAL and self.u_plan is not None else 0.0
 
     def get_known_values(self) -> dict[str, Value]:
@@ -322,7 +338,7 @@ class StoredRealTimeStatus:
 
 @dataclass(frozen=True)
 class DeclaredValue:
-    """A chosen setting with symbol, unit and meaning, so that a stored run explains itself."""
+    """A chosen setting with symbol, unit and meaning."""
 
     name: str
     symbol: str
@@ -368,7 +384,7 @@ class RunSettings:
 
 
 def complete_motion(parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parts of a tuning, completed with the motion that a voltage limit implies.
+    """Return tuning parts, completed with the motion that a voltage limit implies.
 
     A limit without a motion selects ``time-optimal``; a limit of 0 V selects ``lambda``.
     """
@@ -394,7 +410,10 @@ TUNING_VERSION = 1
 
 @dataclass(frozen=True, kw_only=True)
 class StoredTuning:
-    """Last active tuning, with all its parts; ``parameters`` is the digest of the plant's parameters."""
+    """Last active tuning, with all its parts.
+
+    ``parameters`` is the digest of the plant's parameters.
+    """
 
     lam_q: float
     lam_S: float
@@ -435,7 +454,7 @@ MAX_RECORD_NUMBER = 2**31 - 1
 
 @dataclass(frozen=True)
 class BankChanges:
-    """Numbers of the banks that a plan changes to, and expressions that compute such a number."""
+    """Banks that a plan changes to: numbers, and expressions that compute a number."""
 
     numbers: frozenset[int]
     computed: tuple[str, ...]
@@ -501,7 +520,10 @@ class _BankRenumbering:
             self.plan["experiment"] = json.dumps(renumbered, ensure_ascii=False, separators=(",", ":"))
 
     def renumber(self, value: Any) -> Any:
-        """Return the new number of a bank; 0 and values that are not a number are returned unchanged."""
+        """Return the new number of a bank.
+
+        0 and values that are not a number are returned unchanged.
+        """
         number = _parse_bank_number(value)
         return self._number(number) if number else value
 
@@ -511,7 +533,10 @@ class _BankRenumbering:
         return {**declared, "value": self.renumber(declared.get("value"))} if is_bank else declared
 
     def _renumber_part(self, part: Any) -> Any:
-        """Return a part of an experiment, or a list of parts; parts that are not executed are unchanged."""
+        """Return a part of an experiment, or a list of parts.
+
+        Parts that are not executed are unchanged.
+        """
         if isinstance(part, list):
             return [self._renumber_part(one) for one in part]
         if not isinstance(part, Mapping):
@@ -529,7 +554,7 @@ class _BankRenumbering:
                 return {**part, "parts": self._renumber_part(part["parts"])} if "parts" in part else part
 
     def _renumber_reference(self, bank: Any) -> Any:
-        """Return a reference to a bank: a new number, or the name of the setting that has the number."""
+        """Return a bank reference: a new number, or the name of a setting with the number."""
         if isinstance(bank, str) and _parse_bank_number(self._values.get(bank)) is not None:
             self._bank_settings.add(bank)
             self.renumber(self._values[bank])
@@ -568,7 +593,10 @@ def _parse_bank_number(value: Any) -> int | None:
 
 @dataclass(frozen=True)
 class RunHeadline:
-    """Metric that a list of runs shows; ``relation`` and ``bound`` of its criterion are "" and None without one."""
+    """Metric that a list of runs shows.
+
+    ``relation`` and ``bound`` of its criterion are "" and None without one.
+    """
 
     __pydantic_config__ = COMPLETE_RESPONSE_CONFIG
 
@@ -585,10 +613,10 @@ class RunHeadline:
 def find_headline(
     metrics: Metrics | None, criteria: Sequence[RunCriterion], fits: Mapping[str, float] | None = None
 ) -> RunHeadline | None:
-    """Return the first failed criterion, else the first measured criterion, else the first measured metric.
+    """Return the first failed criterion, else the first measured one, else a metric.
 
-    For an identification, ``fits`` are the fits of its channels [%]; the lowest one precedes the metrics. None if
-    nothing was measured.
+    The metric is the first measured one. For an identification, ``fits`` are the fits of its channels [%]; the lowest
+    one precedes the metrics. None if nothing was measured.
     """
     for item in sorted(criteria, key=lambda item: item.passed is not False):
         if item.figure is not None:

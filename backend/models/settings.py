@@ -1,4 +1,4 @@
-"""Declarations of the settings of a plan: symbol, unit, meaning, bounds and default.
+"""Declarations of the settings of plans: symbol, unit, bounds and default.
 
 A plan is a frozen dataclass whose fields are made by ``number_setting``, ``integer_setting``, ``boolean_setting`` and
 ``choice_setting``. Command line, HTTP interface and page read the declarations with ``describe_settings``;
@@ -47,11 +47,14 @@ class SettingError(InvalidValueError):
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Fields of the error response: code, and the rejected setting with its value, unit and choices."""
+        """Fields of the error response: code, and value, unit and choices of the setting."""
         return {**super().fields, "value": self.value, "unit": self.unit or None, "legal": list(self.legal) or None}
 
     def format_message(self, angles: AngleUnit) -> str:
-        """Return the message with the unit that is expected; ``angles`` is the reader's unit of angles."""
+        """Return the message with the unit that is expected.
+
+        ``angles`` is the reader's unit of angles.
+        """
         wanted = f" in {get_display_unit(self.unit, angles).unit}" if self.unit not in ("", "1") else ""
         return f"{self.label}: {repr(self.value)[:_MAX_SHOWN_CHARACTERS]} is refused: {self.reason}{wanted}"
 
@@ -142,7 +145,10 @@ def describe_settings(plan: type[Any]) -> tuple[Setting, ...]:
 
 
 def build_plan(plan: type[_T], values: Mapping[str, object]) -> _T:
-    """Return a plan with these values, and defaults for the others. Raises SettingError, OutOfRangeError."""
+    """Return a plan with these values, and defaults for the others.
+
+    Raises SettingError, OutOfRangeError.
+    """
     known = {setting.name: setting for setting in describe_settings(plan)}
     for name, value in values.items():
         if name not in known:
@@ -152,7 +158,7 @@ def build_plan(plan: type[_T], values: Mapping[str, object]) -> _T:
 
 
 def describe_values(*chosen: Any) -> tuple[DeclaredValue, ...]:
-    """Return the settings of plans with symbol, unit, meaning and chosen value, to store them with a run."""
+    """Return the settings of plans with symbol, unit, meaning and chosen value."""
     return tuple(
         DeclaredValue(setting.name, setting.symbol, setting.unit, setting.meaning, getattr(item, setting.name))
         for item in chosen

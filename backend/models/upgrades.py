@@ -1,6 +1,7 @@
-"""Upgrades documents of earlier versions to the current form, for migrations and imports. Pure.
+"""Upgrades documents of earlier versions to the current form. Pure.
 
-Each function returns its document unchanged if that has the current form already, or no known form.
+Migrations and imports use it. Each function returns its document unchanged if that has the current form already, or no
+known form.
 """
 
 import json
@@ -103,10 +104,10 @@ def upgrade_run_settings(document: Any) -> Any:
 
 
 def convert_sequence(segments: object) -> dict[str, Any] | None:
-    """Return the experiment with the same references at each tick as a sequence; None for an invalid sequence.
+    """Return the experiment with the same references at each tick as a sequence.
 
-    A sequence is a JSON text: a list of segments with ``duration_s``, ``q_ref``, ``S_ref`` and, unless they have their
-    defaults, ``F_push``, ``shape`` and ``period_s``.
+    The result is None for an invalid sequence. A sequence is a JSON text: a list of segments with ``duration_s``, ``q_ref``,
+    ``S_ref`` and, unless they have their defaults, ``F_push``, ``shape`` and ``period_s``.
     """
     try:
         parsed = json.loads(segments) if isinstance(segments, str) else None
@@ -153,7 +154,7 @@ def _replace_sequence(document: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def upgrade_metrics(document: Any) -> Any:
-    """Return metrics that each have a reason, with definitions 0 if no version was stored."""
+    """Return metrics that have a reason each, and definitions, 0 without a version."""
     if not isinstance(document, Mapping) or not isinstance(document.get("figures"), list):
         return document
     figures = [_add_reason(item, "value") for item in document["figures"]]
@@ -228,7 +229,7 @@ def _add_bounds(channel: Any) -> Any:
 
 
 def _add_bound(test: Any) -> Any:
-    """Return a residual test with the bound of the whole test, computed from the band of one lag."""
+    """Return a residual test with its bound, computed from the band of one lag."""
     if not isinstance(test, Mapping) or test.get("bound") is not None or not isinstance(test.get("band"), list):
         return test
     band = test["band"]

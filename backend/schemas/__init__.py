@@ -1,4 +1,4 @@
-"""Requests, responses and messages by subject, as pydantic models independent of HTTP."""
+"""Requests, responses and messages as pydantic models, independent of HTTP."""
 
 import lazy_loader
 

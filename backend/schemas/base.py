@@ -46,7 +46,7 @@ class Schema(BaseModel):
 
 
 def quantity(unit: str, meaning: str, **constraints: Any) -> Any:
-    """Return a pydantic field with an SI unit, which the JSON schema and error messages contain."""
+    """Return a pydantic field with an SI unit for JSON schema and error messages."""
     return Field(description=f"{meaning} [{unit}]", json_schema_extra={"unit": unit}, **constraints)
 
 
@@ -98,7 +98,7 @@ _MESSAGES = {
 
 @dataclass(frozen=True)
 class _DeclaredValue:
-    """Declaration of a value in the schemas: its label, unit (None without one) and choices."""
+    """Declaration of a value in the schemas: label, unit and choices."""
 
     label: str
     unit: str | None = None
@@ -106,7 +106,10 @@ class _DeclaredValue:
 
 
 def build_request_error(error: Mapping[str, Any], body: Any, angles: AngleUnit) -> ErrorDetail:
-    """Return the error response for the first error of pydantic; ``body`` is the type of the request body."""
+    """Return the error response for the first error of pydantic.
+
+    ``body`` is the type of the request body.
+    """
     path: Path = tuple(part for part in error["loc"] if part not in ("body", "query", "path"))
     value, context = error.get("input"), error.get("ctx", {})
     kind = str(error["type"])
@@ -145,7 +148,10 @@ def _parse_number(value: object) -> float | None:
 def _describe_problem(
     kind: str, value: object, context: Mapping[str, Any], declared: _DeclaredValue, angles: AngleUnit
 ) -> str:
-    """Return what is wrong and what is expected, or an empty text to use the message of pydantic."""
+    """Return what is wrong and what is expected.
+
+    An empty text stands for the message of pydantic.
+    """
     if kind == "value_error":
         return str(context["error"])
     if kind in _MESSAGES:
@@ -177,9 +183,9 @@ def _describe_length(value: object, context: Mapping[str, Any]) -> str:
 
 
 def _find_declared(body: Any, path: Path, *, known: bool) -> _DeclaredValue:
-    """Return the declaration of the value at ``path`` in a type; its label is, for example, "entry 2, K of G_q".
+    """Return the declaration of the value at ``path`` in a type.
 
-    The last part of the path is quoted as it is unless it is ``known``.
+    Its label is, for example, "entry 2, K of G_q". The last part of the path is quoted as it is unless it is ``known``.
     """
     labels: list[str] = []
     current, field = _unwrap_type(body), None
@@ -201,7 +207,7 @@ def _find_declared(body: Any, path: Path, *, known: bool) -> _DeclaredValue:
 
 
 def _build_label(name: str, field: FieldInfo | None) -> str:
-    """Return the description of a field up to the first semicolon, else its label in error messages."""
+    """Return the description of a field up to a semicolon, else its known label."""
     described = (field.description if field else None) or QUANTITY_LABELS.get(name) or name.replace("_", " ")
     return described.removesuffix(f" [{_find_unit(field)}]").partition("; ")[0]
 
@@ -256,7 +262,10 @@ _MAX_EXACT_INTEGER = 2**53
 
 
 def build_error_detail(error: SinewError, angles: AngleUnit = AngleUnit.DEGREES) -> ErrorDetail:
-    """Return the error response for an error; ``angles`` is the reader's unit of angles."""
+    """Return the error response for an error.
+
+    ``angles`` is the reader's unit of angles.
+    """
     fields = error.fields
     if "value" in fields:
         fields["value"] = limit_rejected_value(fields["value"])
@@ -265,7 +274,10 @@ def build_error_detail(error: SinewError, angles: AngleUnit = AngleUnit.DEGREES)
 
 
 def limit_rejected_value(value: object) -> object:
-    """Return a rejected value as JSON can represent it, shortened; None for a body that is not a plain value."""
+    """Return a rejected value as JSON can represent it, shortened.
+
+    The result is None for a body that is not a plain value.
+    """
     if isinstance(value, bool) or value is None:
         return value
     if isinstance(value, int | float):
@@ -274,7 +286,7 @@ def limit_rejected_value(value: object) -> object:
 
 
 def replace_invalid_text(value: object) -> object:
-    """Return ``value`` with question marks for characters in its texts that UTF-8 cannot encode."""
+    """Return ``value`` with question marks for characters that UTF-8 cannot encode."""
     if isinstance(value, str):
         return value.encode("utf-8", "replace").decode()
     if isinstance(value, list):

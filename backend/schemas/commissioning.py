@@ -1,4 +1,4 @@
-"""Schemas of commissioning: its steps with their state and result, and the drive lockout."""
+"""Schemas of commissioning: steps with state and result, and drive lockout."""
 
 from datetime import datetime
 from typing import Annotated
@@ -36,7 +36,10 @@ class RunningStep(Schema):
 
 
 class BringUpStep(Schema):
-    """One step; ``why`` is the reason for its state, ``blocked`` the reason why it cannot start now."""
+    """One step.
+
+    ``why`` is the reason for its state, ``blocked`` the reason why it cannot start now.
+    """
 
     id: StepId
     title: str
@@ -57,7 +60,10 @@ class EarlierLockout(Schema):
 
 
 class BringUpView(Schema):
-    """Commissioning of the plant, in the order of its steps; ``why_not`` says why it does not apply."""
+    """Commissioning of the plant, in the order of its steps.
+
+    ``why_not`` says why it does not apply.
+    """
 
     applies: bool
     why_not: str

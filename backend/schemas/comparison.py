@@ -1,4 +1,4 @@
-"""Schemas of the comparison of runs with a reference run: metrics, settings and signals."""
+"""Schemas of the comparison of runs with a reference run."""
 
 from datetime import datetime
 from enum import StrEnum
@@ -31,7 +31,10 @@ class StepSignal(StrEnum):
 
 
 class ComparisonRequest(Schema):
-    """Runs to compare, reference run and alignment; ``number`` counts steps or events from 1."""
+    """Runs to compare, reference run and alignment.
+
+    ``number`` counts steps or events from 1.
+    """
 
     run: list[RowNumber] = Field(min_length=1, max_length=100, description="runs to compare, in order")
     reference: RowNumber | None = Field(
@@ -88,7 +91,7 @@ class ComparedMetric(Schema):
 
 
 class ComparedSetting(Schema):
-    """A setting that differs between the compared runs, with its value in each, null without one."""
+    """A setting that differs between the compared runs, null in runs without it."""
 
     name: str
     unit: str = Field(description="SI, 1 without a unit")
@@ -105,7 +108,10 @@ class RunComparison(Schema):
 
 
 class RunDifference(Schema):
-    """A signal of a run minus that of the reference, at the reference's samples; null if either has none."""
+    """A signal of a run minus that of the reference, at the reference's samples.
+
+    A difference is null if either has no sample.
+    """
 
     run: int
     reason: str = Field(description="why the signal cannot be compared; else empty")

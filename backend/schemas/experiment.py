@@ -132,7 +132,10 @@ class ExperimentView(Schema):
 
 
 class ExperimentText(Schema):
-    """An experiment as YAML or JSON text; ``GET /api/experiments/schema`` returns its schema."""
+    """An experiment as YAML or JSON text.
+
+    ``GET /api/experiments/schema`` returns its schema.
+    """
 
     text: str = Field(min_length=1, max_length=MAX_CHARACTERS)
 

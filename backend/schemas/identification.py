@@ -1,4 +1,4 @@
-"""Schemas of identification runs: requests, forecasts, models, curves and validation."""
+"""Schemas of identifications: requests, forecasts, models, curves, validation."""
 
 from datetime import datetime
 from typing import Annotated, Any, Literal
@@ -55,7 +55,10 @@ class ValidationView(Schema):
 
 
 class PredictionComparison(Schema):
-    """A number of a model, and the prediction from geometry, springs and motor loops for the same run."""
+    """A number of a model and its prediction for the same run.
+
+    Predictions come from geometry, springs and motor loops.
+    """
 
     identified: float
     std: float | None = Field(description="standard error; null if it was not stored or could not be computed")
@@ -72,7 +75,10 @@ class ChannelComparison(Schema):
 
 
 class TrendRow(Schema):
-    """One actuator identification; predicted with the parameters and λ of the motor loops of its own run."""
+    """One actuator identification.
+
+    Predictions use the parameters and λ of the motor loops of its own run.
+    """
 
     run: int
     S: float = quantity("N·m/rad", "stiffness of the identification")
@@ -100,7 +106,7 @@ class LoadFriction(Schema):
 
 
 class Trend(Schema):
-    """Identified gains and lags by S, and the predictions from geometry, springs and motor loops."""
+    """Identified gains and lags by S, and their predictions."""
 
     rows: list[TrendRow]
     predicted: PredictedModels
@@ -308,13 +314,16 @@ class Prediction(Schema):
 
 
 class PauseRequest(Schema):
-    """Whether the next run of the current request waits in pretension until the pause ends."""
+    """Whether the next run of the current request waits in pretension."""
 
     paused: bool
 
 
 class StartedRun(Schema):
-    """Number of the started run, which will have the result; of several, the first one."""
+    """Number of the started run, which will have the result.
+
+    Of several runs, it is the first one.
+    """
 
     id: int
 
@@ -345,7 +354,7 @@ class MotorEstimate(Schema):
 
 
 class MotorView(Schema):
-    """Result for one motor: least-squares fit over all steps, and 63.21 % rule for comparison."""
+    """Result for one motor: least-squares fit, and 63.21 % rule for comparison."""
 
     side: Literal["A", "B"]
     fitted: MotorEstimate

@@ -41,7 +41,7 @@ class ChartLayout(Schema):
 
 
 def check_preferences(layouts: list[ChartLayout], formulas: Collection[str] = ()) -> None:
-    """Check that charts can show the layouts: signals exist, and each panel has one unit.
+    """Check that the signals of layouts exist and each panel has one unit.
 
     ``formulas`` are the names of derived signals, including deleted ones; the page checks their units. Raises
     RequestRejectedError.
@@ -85,7 +85,10 @@ SignalColours = dict[SignalName, Annotated[str, Field(max_length=7, pattern="^#[
 
 
 class Preferences(Schema):
-    """Settings of the page for one person, on every machine; they do not affect the control loop."""
+    """Settings of the page for one person, on every machine.
+
+    They do not affect the control loop.
+    """
 
     scheme: Literal["light", "dark", "auto"]
     colours: SignalColours = Field(

@@ -1,4 +1,7 @@
-"""Schemas of stored runs: flight records, lineage, samples, search, event log, statistics, replay."""
+"""Schemas of stored runs and their samples.
+
+Flight records, lineage, search, event log, statistics and replay.
+"""
 
 from datetime import datetime
 from enum import StrEnum
@@ -76,7 +79,10 @@ class LineageKind(StrEnum):
 
 
 class LineageNode(Schema):
-    """A node of the lineage; ``run``, ``bank`` and ``identification`` link to its page."""
+    """A node of the lineage.
+
+    ``run``, ``bank`` and ``identification`` link to its page.
+    """
 
     id: str
     kind: LineageKind
@@ -92,7 +98,7 @@ class LineageNode(Schema):
 
 
 class Lineage(Schema):
-    """Data that a run depends on, back to raw data, and results that depend on the run."""
+    """Data that a run depends on, and results that depend on the run."""
 
     run: int
     software: str
@@ -241,7 +247,10 @@ class NoteRequest(Schema):
 
 
 class SignalEnvelope(Schema):
-    """Minimum and maximum of one signal per bucket; both are the samples themselves if these are raw."""
+    """Minimum and maximum of one signal per bucket.
+
+    Both are the samples themselves if these are raw.
+    """
 
     unit: str
     minimum: list[float | None]
@@ -249,7 +258,7 @@ class SignalEnvelope(Schema):
 
 
 class SamplesView(Schema):
-    """Samples of a run between two times: raw if there are few, else minimum and maximum per bucket."""
+    """Samples of a run: raw if there are few, else minimum and maximum per bucket."""
 
     run: int
     raw: bool
@@ -470,7 +479,10 @@ class RecordedValues(Schema):
 
 
 class PlayerView(Schema):
-    """Position of a replay: ``t`` is the time at ``tick``, and grows by ``speed`` per second during playback."""
+    """Position of a replay.
+
+    ``t`` is the time at ``tick``, and grows by ``speed`` per second during playback.
+    """
 
     title: str = Field(description="title of the run, or name of the file")
     t: float = quantity("s", "time in the recording, from its first sample")

@@ -12,7 +12,10 @@ from backend.schemas.base import ErrorDetail, Schema, quantity
 
 
 class Role(StrEnum):
-    """Role of a session: an operator may send commands, a viewer may only observe and STOP."""
+    """Role of a session.
+
+    An operator may send commands, a viewer may only observe and STOP.
+    """
 
     OPERATOR = "operator"
     VIEWER = "viewer"
@@ -62,7 +65,7 @@ class PageAddress(Schema):
 
 
 class PageAddressFindings(Schema):
-    """Problems of the connection between a page address and the service, with remedies."""
+    """Problems of the connection from a page address to the service, with remedies."""
 
     problems: list[ErrorDetail]
 

@@ -1,4 +1,7 @@
-"""Schemas of the live state: control lease, faults, system, contact, formulas, trigger and live messages."""
+"""Schemas of the live state and the live messages.
+
+Control lease, faults, system, contact, formulas and trigger.
+"""
 
 from datetime import datetime
 from enum import StrEnum
@@ -38,7 +41,10 @@ class ControlRequest(Schema):
 
 
 class Lease(Schema):
-    """A granted control lease: commands have the header ``Sinew-Control: page.sequence``, sequence 1, 2, 3 ..."""
+    """A granted control lease.
+
+    Commands have the header ``Sinew-Control: page.sequence``, sequence 1, 2, 3 ...
+    """
 
     epoch: int
     page: PageKey = Field(description="secret key of this page")
@@ -150,7 +156,7 @@ class CardFault(Schema):
 
 
 class FaultList(Schema):
-    """All faults in the order of their codes, and the faults of the virtual card that can be injected."""
+    """All faults in the order of their codes, and faults of the virtual card."""
 
     faults: list[FaultKind]
     card: list[CardFault]
@@ -212,7 +218,10 @@ class DeletableRun(Schema):
 
 
 class RecordingsView(Schema):
-    """Size of the recordings, and those that may be deleted, oldest first; none while they are below the limit."""
+    """Size of the recordings, and those that may be deleted, oldest first.
+
+    There are none while the recordings are below the limit.
+    """
 
     total_bytes: int
     limit_bytes: int
@@ -250,7 +259,7 @@ class ContactView(Schema):
 
 
 class SweepView(Schema):
-    """Calibration of the bias over the stiffness range: progress, or result of the last one."""
+    """Progress or result of the calibration of the bias over the stiffness range."""
 
     under_way: bool
     point: int = Field(description="current or last point, from 1")
@@ -356,7 +365,7 @@ class TriggerView(TriggerOrder):
 
 
 class PlantView(Schema):
-    """The plant: its kind, its name in runs, and a text about its connection and timing."""
+    """The plant: kind, name in runs, and a text about connection and timing."""
 
     kind: PlantKind
     simulated: bool = Field(description="whether the joint is simulated, so that pushes and faults can be injected")
@@ -484,7 +493,10 @@ class ChainLinkView(Schema):
 
 
 class PartView(Schema):
-    """Current named part of a program; for an identification, the operating point and its stage."""
+    """Current named part of a program.
+
+    For an identification, the operating point and its stage.
+    """
 
     title: str
     number: int = Field(description="number of the part from 1; operating points count over all runs of the request")
@@ -613,7 +625,10 @@ class EventMessage(Schema):
 
 
 class Ping(Schema):
-    """Request of the page that measures the round-trip time; ``control`` is the key of its control lease, if any."""
+    """Request of the page that measures the round-trip time.
+
+    ``control`` is the key of its control lease, if any.
+    """
 
     type: Literal["ping"] = "ping"
     id: Whole

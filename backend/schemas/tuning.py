@@ -18,7 +18,7 @@ BankName = Annotated[str, Field(min_length=1, max_length=60, description="name o
 
 
 class BankRequest(Schema):
-    """Identification runs from which to build a bank, or a new version of the bank with this name."""
+    """Identification runs to build a bank, or a new version of it, from."""
 
     name: BankName
     identifications: list[RowNumber] = Field(min_length=1, max_length=20)
@@ -88,7 +88,7 @@ class BankDetail(Schema):
 
 
 class BankDifference(Schema):
-    """Changes of gains and margins from one set of entries to another, for the active λ."""
+    """Changes of gains and margins between two sets of entries, for the active λ."""
 
     lam_q: float = quantity("s", "λ_q that the gains are for")
     lam_S: float = quantity("s", "λ_S that the gains are for")
@@ -130,7 +130,10 @@ class BankFile(Schema):
 
 
 class ParameterChange(Schema):
-    """An entry that a version changes; ``before`` or ``after`` is null if only the other has it."""
+    """An entry that a version changes.
+
+    ``before`` or ``after`` is null if only the other has it.
+    """
 
     name: str
     side: str
@@ -163,7 +166,7 @@ class ParameterProposal(Schema):
 
 
 class ParametersView(Schema):
-    """Active parameters, newest version first, and the proposal for an identification, if requested."""
+    """Active parameters, newest version first, and a requested proposal."""
 
     name: str
     versions: list[ParameterVersion]
@@ -171,7 +174,7 @@ class ParametersView(Schema):
 
 
 class ApplyRequest(Schema):
-    """Stored identification of motors or springs to apply, by the number of its estimate."""
+    """Stored identification of motors or springs to apply."""
 
     estimate: RowNumber
 
@@ -255,7 +258,10 @@ class TrialRequest(TuningRequest):
 
 
 class SavedTuning(TuningParts):
-    """Saved tuning of the active bank; the defaults, with ``who`` null, if nobody has saved one."""
+    """Saved tuning of the active bank.
+
+    It has the defaults, with ``who`` null, if nobody has saved one.
+    """
 
     who: str | None
     at: datetime | None
@@ -263,7 +269,10 @@ class SavedTuning(TuningParts):
 
 
 class PrintedFormula(Schema):
-    """The loop with k_p = 2/(K λ) as printed in table 2 of the paper (erratum E1), for comparison only."""
+    """The loop with k_p = 2/(K λ) as in table 2 of the paper, for comparison only.
+
+    The formula is erratum E1.
+    """
 
     stable: bool
     M_s: float | None = Field(description="maximum of the sensitivity function; null when unstable")
@@ -272,7 +281,7 @@ class PrintedFormula(Schema):
 
 
 class LoopPreview(Schema):
-    """Robustness of one outer loop for a λ, at the stiffness and with the bank entry of the preview."""
+    """Robustness of one outer loop for a λ, at stiffness and entry of the preview."""
 
     lam: float = quantity("s", "λ of the preview")
     lam_min: float = quantity("s", "smallest λ accepted")
@@ -287,7 +296,10 @@ class LoopPreview(Schema):
 
 
 class StepPreview(Schema):
-    """Simulated step of one reference at a constant other one, on the identified plant with friction and sensors."""
+    """Simulated step of one reference, with a constant other one.
+
+    The plant is the identified one, with friction and sensors.
+    """
 
     start: float = Field(description="reference before the step [rad or N·m/rad]")
     end: float = Field(description="reference after it [rad or N·m/rad]")
@@ -332,7 +344,10 @@ class RobustTuning(Schema):
 
 
 class PushPreview(Schema):
-    """Response of the joint at constant references to a constant push, at the active entry of the bank."""
+    """Response of the joint at constant references to a constant push.
+
+    The models are those of the active bank entry.
+    """
 
     give: float = quantity("rad", "largest deviation under the push")
     t: list[float] = quantity("s", "time from the start of the push")
@@ -343,7 +358,7 @@ class PushPreview(Schema):
 
 
 class PushedPreview(Schema):
-    """Response to a constant push of ``F`` without disturbance rejection and, unless ``k_ext`` is 0, with it."""
+    """Response to a constant push of ``F`` with and without disturbance rejection."""
 
     F: float = quantity("N", "external force")
     near: float = quantity("rad", "largest deviation at which the joint counts as returned")
@@ -353,7 +368,7 @@ class PushedPreview(Schema):
 
 
 class TuningPreview(Schema):
-    """Effect of a tuning at one stiffness: robustness of its loops, a step of each reference, and a push."""
+    """Effect of a tuning at one stiffness: robustness, reference steps and a push."""
 
     motion: Motion = Field(
         description="lambda: λ sets the time of the steps; time-optimal: a trajectory within U_plan does"

@@ -1,4 +1,4 @@
-"""Generates the TypeScript module of constants for the page: signals, modes, faults, limits and defaults."""
+"""Generates the TypeScript module of signals and other constants for the page."""
 
 import json
 from dataclasses import asdict
