@@ -119,9 +119,9 @@ APPLIED_VERSION = 1
 class AppliedParameters:
     """Sections ``identified``, ``identified_A`` and ``identified_B``.
 
-    They are empty if the parameter file applies. ``base`` is the digest of the parameter file that they change. ``estimate`` is
-    the stored identification that they come from and ``run`` its run, 0 for none. ``undone`` says that earlier values
-    were restored.
+    They are empty if the parameter file applies. ``base`` is the digest of the parameter file that they change.
+    ``estimate`` is the stored identification that they come from and ``run`` its run, 0 for none. ``undone`` says that
+    earlier values were restored.
     """
 
     base: str

@@ -106,8 +106,8 @@ def upgrade_run_settings(document: Any) -> Any:
 def convert_sequence(segments: object) -> dict[str, Any] | None:
     """Return the experiment with the same references at each tick as a sequence.
 
-    The result is None for an invalid sequence. A sequence is a JSON text: a list of segments with ``duration_s``, ``q_ref``,
-    ``S_ref`` and, unless they have their defaults, ``F_push``, ``shape`` and ``period_s``.
+    The result is None for an invalid sequence. A sequence is a JSON text: a list of segments with ``duration_s``,
+    ``q_ref``, ``S_ref`` and, unless they have their defaults, ``F_push``, ``shape`` and ``period_s``.
     """
     try:
         parsed = json.loads(segments) if isinstance(segments, str) else None
