@@ -76,7 +76,7 @@ WRONG = {
         replaced("direction = { value = 1,", "direction = { value = 2,"),
         "direction = { value = 2,",
         "encoder_q.direction",
-        "out of bounds",
+        "no direction",
     ),
     "slow watchdog": (
         replaced("watchdog_s = { value = 0.05", "watchdog_s = { value = 0.5"),
