@@ -27,7 +27,7 @@ from .evaluation import (
     select_used_settings,
 )
 from .frequency_metrics import VARIATION_MAX, Array, Complex, Lines, Response, build_bode_lines, compute_responses
-from .identification import MOTOR_B, build_identification_document, estimate_run_friction, fit_spring_table
+from .identification import MOTOR_B, build_friction_document, estimate_run_friction, fit_spring_table
 from .identification_views import build_curves, compute_trend, validate_on_run
 from .step_metrics import REST_TOLERANCES, SETTLING_BAND, NoSamplesError, find_pushes
 
@@ -52,7 +52,7 @@ __all__ = [
     "Response",
     "build_bode_lines",
     "build_curves",
-    "build_identification_document",
+    "build_friction_document",
     "compute_responses",
     "compute_result",
     "compute_trend",

@@ -739,7 +739,7 @@ def estimate_newest_load_friction(database: Database, identification_runs: Seque
     return estimate_run_friction([(run, read_recorded_columns(database, run.id)[0]) for run in chosen])
 
 
-def build_identification_document(found: LoadFrictionResult) -> Document:
+def build_friction_document(found: LoadFrictionResult) -> Document:
     """Return the document of a friction estimate, in SI units, with its sentence."""
     return {
         "estimate": None if found.estimate is None else asdict(found.estimate),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from backend.analysis.identification import (
-    build_identification_document,
+    build_friction_document,
     estimate_newest_load_friction,
     extract_side_steps,
     find_excitation_start,
@@ -244,10 +244,10 @@ def _compare_step(
         found = identify_motor([other for other in steps if other is not step])
         known = found.K_m, found.T_m, found.u_c
     else:
-        parameters_found = estimate.motors.side(side).model.parameters
-        if parameters_found.K_m is None or parameters_found.T_m is None or parameters_found.u_c is None:
+        fitted = estimate.motors.side(side).model.parameters
+        if fitted.K_m is None or fitted.T_m is None or fitted.u_c is None:
             raise IdentificationError(f"K_m, T_m or u_c of motor {side} was not found: evaluate that run again")
-        known = parameters_found.K_m, parameters_found.T_m, parameters_found.u_c
+        known = fitted.K_m, fitted.T_m, fitted.u_c
     comparison = validate_motor_step(step, *known)
     return _ComparedInterval(f"{step.voltage:.3g} V", np.asarray(np.arange(comparison.measured.size) * T_s), comparison)
 
@@ -313,7 +313,7 @@ def compute_trend(database: Database, parameters: PlantParameters, lam_motor: fl
         "rows": sorted(rows, key=lambda row: float(row["S"])),
         "predicted": _build_trend_curves(S.tolist(), [predict_point(parameters, lam_motor, at) for at in S.tolist()]),
         "left_out": left_out,
-        "friction": build_identification_document(friction),
+        "friction": build_friction_document(friction),
     }
 
 

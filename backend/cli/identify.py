@@ -520,12 +520,10 @@ def actuator(
 
 def _estimate_load_friction(sources: "Sequence[RunData]") -> tuple[dict[str, Any], str]:
     """Return the friction of motor A over the load as JSON entries and as a sentence."""
-    from backend.analysis import MOTOR_B, build_identification_document, estimate_run_friction
+    from backend.analysis import MOTOR_B, build_friction_document, estimate_run_friction
 
     found = estimate_run_friction([(source.run, source.columns) for source in sources])
-    return {"load_friction": build_identification_document(found)}, "; ".join(
-        (found.sentence, *found.left_out, MOTOR_B)
-    )
+    return {"load_friction": build_friction_document(found)}, "; ".join((found.sentence, *found.left_out, MOTOR_B))
 
 
 def _run_identification(

@@ -192,7 +192,7 @@ async def execute_program(loop: LoopClient, program: Program, run: int, notify: 
     unsubscribe = loop.listen(monitor.on_event)
     try:
         await _start(loop, program, run, notify)
-        await _until_ended(loop, program, monitor, notify)
+        await _wait_until_ended(loop, program, monitor, notify)
         if monitor.loop_exit is not None:
             raise LoopExitedError(monitor.loop_exit.reason)
     finally:
@@ -219,7 +219,7 @@ async def _start(loop: LoopClient, program: Program, run: int, notify: ProgressC
     raise ProgramRejectedError(f"pretension was not reached within {PRETENSION_TIMEOUT_S:g} s")
 
 
-async def _until_ended(
+async def _wait_until_ended(
     loop: LoopClient, program: Program, monitor: "_ProgramMonitor", notify: ProgressCallback
 ) -> None:
     start_tick = loop.ring.count

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from backend.analysis.identification import build_identification_document, estimate_run_friction
+from backend.analysis.identification import build_friction_document, estimate_run_friction
 from backend.experiments.plans import ActuatorIdentificationPlan
 from backend.recording.reader import Columns
 from backend.reports.model import Paragraph
@@ -37,7 +37,7 @@ def test_runs_at_two_tensions_give_the_friction_of_motor_A() -> None:
     assert found.estimate.runs == (3, 4)
     assert abs(found.estimate.c0 - C0) < 0.02 * C0
     assert abs(found.estimate.c1 - C1) < 0.02 * C1
-    assert build_identification_document(found)["estimate"]["runs"] == (3, 4)
+    assert build_friction_document(found)["estimate"]["runs"] == (3, 4)
 
 
 def test_runs_of_another_rig_and_runs_that_ended_early_are_left_out() -> None:
@@ -50,7 +50,7 @@ def test_runs_of_another_rig_and_runs_that_ended_early_are_left_out() -> None:
     assert found.estimate is None
     assert found.problem
     assert [reason.partition(":")[0] for reason in found.left_out] == ["run 2", "run 3", "run 4"]
-    assert build_identification_document(found)["estimate"] is None
+    assert build_friction_document(found)["estimate"] is None
 
 
 def test_the_report_of_a_series_has_the_friction_or_a_reason() -> None:
