@@ -33,7 +33,10 @@ class SafeConsole(Console):
     """Console that escapes control characters, so that no text controls the terminal."""
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print texts with quantities as this person reads them, control characters escaped; tables unchanged."""
+        """Print texts with quantities in display units and control characters escaped.
+
+        Tables are printed unchanged.
+        """
         texts = (escape_lines(format_text(one, angle_unit())) if isinstance(one, str) else one for one in objects)
         super().print(*texts, **options)
 

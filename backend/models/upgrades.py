@@ -73,12 +73,18 @@ def upgrade_record(kind: str, document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def mark_text(text: str, _kind: str = "") -> str:
-    """Return a text of the service with its quantities marked, which no text had before version 0.2."""
+    """Return a text of the service with its quantities marked.
+
+    Texts have these marks since version 0.2.
+    """
     return mark_quantities(text)
 
 
 def mark_event(text: str, kind: str) -> str:
-    """Return the text of an event with its quantities marked; a note may be a person's, apart from those on walls."""
+    """Return the text of an event with its quantities marked.
+
+    Notes are texts of persons and stay unchanged, except for those of the service about walls.
+    """
     return text if kind == "note" and not text.startswith("wall ") else mark_quantities(text)
 
 
