@@ -121,8 +121,8 @@ def _build_field_term(form: str, name: str, field: FieldInfo) -> GlossaryTerm:
     meaning = str(field.description).removesuffix(f" [{unit}]")
     low, high = read_bounds(field)
     accepted = () if low is None or high is None else (("Accepted", f"{Quantity(low, unit, high):g}"),)
-    words = QUANTITY_LABELS.get(name, name.replace("_", " "))
-    return GlossaryTerm(TermKind.SETTING, f"{form}.{name}", words, meaning, "" if unit == "1" else unit, more=accepted)
+    label = QUANTITY_LABELS.get(name, name.replace("_", " "))
+    return GlossaryTerm(TermKind.SETTING, f"{form}.{name}", label, meaning, "" if unit == "1" else unit, more=accepted)
 
 
 def read_bounds(field: FieldInfo) -> tuple[float | None, float | None]:
