@@ -1,4 +1,4 @@
-"""One service for each data folder, whatever is done to the folder while it runs."""
+"""One service per data folder, whatever happens to the folder while it runs."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""Subscribers are called in order, each by its type of event, whatever one of them raises."""
+"""Subscribers are called in order, by the type of the event, even if one of them raises."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What the service allows to be started from it, tried in a process of its own: it cannot be taken back."""
+"""Which processes the service may start, tested in a process of its own because it is permanent."""
 
 import subprocess
 import sys

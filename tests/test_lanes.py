@@ -123,8 +123,8 @@ def test_what_is_left_is_run_when_asked_for(tmp_path: Path) -> None:
     ]
     counts = []
     for asked in ((folder,), (folder, "--thorough"), (some,)):
-        subprocess.run([*command, *asked, "tests/test_refusal.py"], cwd=ROOT, capture_output=True, check=True)
+        subprocess.run([*command, *asked, "tests/test_errors.py"], cwd=ROOT, capture_output=True, check=True)
         there = (tmp_path / "there").read_text(encoding="utf-8").splitlines()
         counts.append(sum(test.startswith(f"{some}::") for test in there))
-        assert any(test.startswith("tests/test_refusal.py::") for test in there)
+        assert any(test.startswith("tests/test_errors.py::") for test in there)
     assert counts[0] == 0 < counts[1] == counts[2]

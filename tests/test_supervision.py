@@ -1,4 +1,4 @@
-"""Tasks and threads that die in every way there is: told, started anew, later each time."""
+"""Tasks and threads that die in all possible ways are reported and restarted, with growing delays."""
 
 import asyncio
 import ctypes

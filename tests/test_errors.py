@@ -1,4 +1,4 @@
-"""What a refused number is answered with, in the operator's words and unit."""
+"""Messages for rejected numbers: label, unit, bounds and remedy."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Pieces come out of a process of their own as they are made; what goes wrong there is told here."""
+"""Chunks arrive from a worker process as they are computed, and so do its errors."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""A database that is gone, replaced, emptied or damaged: told, never silently replaced, and the way back works."""
+"""A missing, replaced, empty or damaged database is reported, never replaced silently, and can be restored."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""Angles as they are read, against turns of a circle counted by hand and against Python's own conversion."""
+"""Angles in their display units, against fractions of a circle and Python's own conversion."""
 
 import math
 import re

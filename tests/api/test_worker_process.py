@@ -1,4 +1,4 @@
-"""The process for long work, killed for real: idle, at work, over and over, and by a caller that leaves."""
+"""The worker process, killed for real: idle, at work, repeatedly, and by a caller that cancels."""
 
 import asyncio
 import os
