@@ -1,4 +1,4 @@
-"""The end of the safety chain by what is driven: nothing is called good, or off, that nobody looks at."""
+"""Watchdog and safety module in the safety chain of each plant."""
 
 import asyncio
 from types import SimpleNamespace
@@ -27,7 +27,7 @@ def behind(kind: PlantKind, fault: Fault = Fault.NONE) -> tuple[ChainLinkView, C
 
 
 @pytest.mark.parametrize("kind", SEEN)
-def test_the_registers_of_a_card_tell(kind: PlantKind) -> None:
+def test_links_follow_the_registers_of_a_card(kind: PlantKind) -> None:
     watchdog, module = behind(kind)
     assert (watchdog.good, watchdog.says) == (False, "disarmed, drive-enable off, zero volts")
     assert (module.good, module.says) == (True, "watching")
@@ -48,25 +48,25 @@ def test_a_planned_restart_is_no_fault_of_the_chain(planned: bool) -> None:
     assert links["loop"].says == ("is restarted: applying run 3" if planned else "does not tick")
 
 
-def test_what_a_package_has_is_neither_good_nor_off() -> None:
+def test_links_of_a_package_are_unknown() -> None:
     for link in behind(PlantKind.PACKAGE):
         assert (link.good, link.says) == (False, "not seen from here: servo-bench has to bring its own")
 
 
-def test_a_recording_needs_none() -> None:
+def test_recording_needs_no_watchdog() -> None:
     for link in behind(PlantKind.REPLAY):
         assert (link.good, link.says) == (True, "not needed: a recording is played, nothing moves")
 
 
 @pytest.mark.parametrize("kind", PlantKind)
-def test_a_module_that_has_tripped_is_told_whatever_is_driven(kind: PlantKind) -> None:
+def test_tripped_safety_module_is_shown_for_each_plant(kind: PlantKind) -> None:
     watchdog, module = behind(kind, Fault.SAFETY_MODULE)
     assert (watchdog.name, module.name) == ("watchdog", "safety_module")
     assert (module.good, module.says) == (False, "tripped: the motors are cut")
 
 
 @pytest.mark.parametrize("kind", [PlantKind.SIMULATOR, PlantKind.VIRTUAL_CARD])
-def test_the_registers_of_a_simulated_card_tell_without_a_loop_too(kind: PlantKind) -> None:
+def test_registers_of_a_simulated_card_are_read_without_a_loop(kind: PlantKind) -> None:
     card = Card.create()
     card.expire()
     watchdog, module = build_downstream_links(PlantChoice(kind), card.state(), WatchdogMonitor(card), False, Fault.NONE)
@@ -74,7 +74,7 @@ def test_the_registers_of_a_simulated_card_tell_without_a_loop_too(kind: PlantKi
     assert (module.good, module.says) == (True, "watching")
 
 
-def test_of_a_rigs_card_is_told_what_was_last_known_once_its_loop_is_gone() -> None:
+def test_last_known_registers_of_a_rig_are_shown_without_a_loop() -> None:
     """The service's own look, which clears the registers of a simulated card, leaves what the loop knew of a rig's."""
     card = Card.create()
     guard = WatchdogMonitor(card)

@@ -1,4 +1,4 @@
-"""The journal while the database takes nothing: kept in order with its times, bounded, and nothing is hidden."""
+"""The event log while the database fails: order, times, bound and messages."""
 
 import asyncio
 from collections.abc import Callable, Iterator
@@ -46,7 +46,7 @@ def texts(database: Database) -> list[str]:
 
 
 @pytest.mark.parametrize(("breaks", "words"), [(fill, "disk is full"), (make_read_only, "readonly database")])
-def test_events_wait_in_order_while_nothing_can_be_written(
+def test_events_wait_in_order_while_the_database_fails(
     database: Database, breaks: Callable[[Database], None], words: str
 ) -> None:
     async def happen() -> datetime:
@@ -71,7 +71,7 @@ def test_events_wait_in_order_while_nothing_can_be_written(
     assert all(event.at <= last for event in kept)  # the time at which it happened, not at which it was written
 
 
-def test_past_the_bound_the_number_of_those_lost_stands_in_their_place(database: Database) -> None:
+def test_events_above_the_bound_are_counted(database: Database) -> None:
     async def happen() -> None:
         event_log = EventLog(database, EventBus(), bound=5)
         make_read_only(database)
@@ -91,7 +91,7 @@ def test_past_the_bound_the_number_of_those_lost_stands_in_their_place(database:
     assert texts(database) == [*first, "4 events that followed could not be kept", "afterwards"]
 
 
-def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
+def test_invalid_event_does_not_block_others(database: Database) -> None:
     async def happen() -> None:
         event_log = EventLog(database, EventBus())
         event_log.add_mark(MarkKind.NOTE, "first", 1)
@@ -106,7 +106,7 @@ def test_what_can_never_be_written_holds_up_nothing(database: Database) -> None:
     assert texts(database) == ["first", "last"]
 
 
-def test_what_waits_at_the_end_is_written_once(database: Database) -> None:
+def test_close_stores_waiting_events_once(database: Database) -> None:
     async def happen() -> None:
         event_log = EventLog(database, EventBus())
         writing = asyncio.create_task(event_log.run())

@@ -1,4 +1,4 @@
-"""What waits in the queue outlives the service, ended in order or killed, and nothing of it starts by itself."""
+"""The stored queue after a shutdown or a kill: it is restored and paused."""
 
 import asyncio
 import os
@@ -35,7 +35,7 @@ def end_by(service: Service, number: signal.Signals) -> None:
         time.sleep(0.05)
 
 
-def test_the_queue_comes_back_held_after_a_kill_and_after_an_orderly_end(tmp_path: Path) -> None:
+def test_queue_is_paused_after_a_kill_and_after_a_shutdown(tmp_path: Path) -> None:
     with running_service(tmp_path, params="ideal") as service, client_with(service, "token") as client:
         for segments in (LONG, SHORT, LONG, SHORT):
             assert add(client, segments).status_code == 201
@@ -70,7 +70,7 @@ def test_the_queue_comes_back_held_after_a_kill_and_after_an_orderly_end(tmp_pat
             client.post("/api/stop").raise_for_status()
 
 
-def test_what_cannot_be_stored_does_not_wait(tmp_path: Path) -> None:
+def test_experiment_that_cannot_be_stored_is_not_queued(tmp_path: Path) -> None:
     async def start(_request: ExperimentRequest, _who: str) -> int:
         return 5
 

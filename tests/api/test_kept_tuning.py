@@ -1,4 +1,4 @@
-"""The tuning in force outlives the service, where the plant is still the same."""
+"""The stored tuning is restored on the same plant."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -48,7 +48,7 @@ def chosen(ideal: PlantParameters, bank: Bank) -> ActiveTuning:
     )
 
 
-def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters, chosen: ActiveTuning) -> None:
+def test_stored_tuning_is_restored(database: Database, ideal: PlantParameters, chosen: ActiveTuning) -> None:
     tuning_store = TuningStore(database)
     assert tuning_store.restore(ideal)[1] == ""
     tuning_store.save(make_active_tuning(ideal, TuningSettings()), "B. Operator")
@@ -63,7 +63,7 @@ def test_what_was_in_force_comes_back(database: Database, ideal: PlantParameters
     )
 
 
-def test_another_plant_starts_with_its_defaults(
+def test_other_parameters_start_with_the_default(
     database: Database, ideal: PlantParameters, chosen: ActiveTuning
 ) -> None:
     tuning_store = TuningStore(database)
@@ -74,7 +74,7 @@ def test_another_plant_starts_with_its_defaults(
     assert "other parameters" in said
 
 
-def test_a_plant_that_leaves_the_methods_lambda_out_starts_with_the_nearest(tmp_path: Path) -> None:
+def test_default_uses_the_nearest_lambda_in_range(tmp_path: Path) -> None:
     """The service itself, with a file of its own: it starts, and journal, page and data say which λ and why."""
     with running_service(tmp_path, str(weak_motors(tmp_path))) as service, client_with(service, "token") as client:
         tuning, saved = (client.get(f"/api/tuning{path}").raise_for_status().json() for path in ("", "/saved"))
@@ -87,7 +87,7 @@ def test_a_plant_that_leaves_the_methods_lambda_out_starts_with_the_nearest(tmp_
     assert said in told
 
 
-def test_what_is_saved_by_default_is_offered_with_the_tuning_in_force(database: Database, tmp_path: Path) -> None:
+def test_default_saved_tuning_fits_the_active_tuning(database: Database, tmp_path: Path) -> None:
     """Whatever is in force: to revert to what is saved is not refused."""
     weak = load_parameters(str(weak_motors(tmp_path)))
     for choice in (TuningSettings(lam_q=1.2), TuningSettings(lam_q=2.5, lam_S=1.5, lam_motor=0.2, b=1.0)):
@@ -98,7 +98,9 @@ def test_what_is_saved_by_default_is_offered_with_the_tuning_in_force(database: 
         assert "λ_q 0.5 → " in saved.moved
 
 
-def test_defaults_after_another_plant_are_moved_too(database: Database, chosen: ActiveTuning, tmp_path: Path) -> None:
+def test_default_after_other_parameters_is_moved_into_range(
+    database: Database, chosen: ActiveTuning, tmp_path: Path
+) -> None:
     tuning_store = TuningStore(database)
     tuning_store.save(chosen, "A. Operator")
     restored, said = tuning_store.restore(load_parameters(str(weak_motors(tmp_path))))
@@ -111,7 +113,7 @@ def test_defaults_after_another_plant_are_moved_too(database: Database, chosen: 
 
 
 @pytest.mark.parametrize(("name", "value"), [("bank", 99), ("lam_q", 0.1), ("lam_motor", 3.5), ("b", 1.5)])
-def test_what_cannot_be_used_any_more_gives_way_to_the_defaults(
+def test_unusable_stored_tuning_is_replaced_by_the_default(
     database: Database, ideal: PlantParameters, chosen: ActiveTuning, name: str, value: float
 ) -> None:
     tuning_store = TuningStore(database)

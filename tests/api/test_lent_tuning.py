@@ -1,4 +1,4 @@
-"""What an experiment asks for is in force while it runs; then what the operator had chosen comes back."""
+"""The temporary tuning of a run, and the restored tuning of the operator."""
 
 import asyncio
 import json
@@ -71,9 +71,7 @@ def sequence(segments: str = SHORT, **settings: float | bool) -> ExperimentReque
     return ExperimentRequest(name="sequence", settings={"segments": segments, **settings})
 
 
-def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_back(
-    database: Database, bank: Bank
-) -> None:
+def test_temporary_tuning_is_used_stored_and_reported_and_then_restored(database: Database, bank: Bank) -> None:
     during: list[TuningSettings] = []
 
     async def work(parts: Parts) -> int:
@@ -115,9 +113,7 @@ def test_what_was_asked_for_is_used_stored_and_reported_and_the_operators_comes_
     assert facts["Controller"] == f"cascade, gains from geometry, 20 N point; {law}"
 
 
-def test_a_restart_finds_the_operators_tuning_also_in_the_middle_of_an_experiment(
-    database: Database, bank: Bank
-) -> None:
+def test_restart_during_an_experiment_uses_the_operators_tuning(database: Database, bank: Bank) -> None:
     async def broken_off(parts: Parts) -> None:
         await started(parts, bank)
         await parts.ordered_runs.start_experiment(sequence(LONG, **ASKED), WHO)
@@ -130,7 +126,7 @@ def test_a_restart_finds_the_operators_tuning_also_in_the_middle_of_an_experimen
     assert stepped(database, IDEAL, again) == own(bank)
 
 
-def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, bank: Bank) -> None:
+def test_stop_and_loop_exit_restore_the_tuning(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         await started(parts, bank)
         await parts.ordered_runs.start_experiment(sequence(LONG, **ASKED), WHO)
@@ -152,7 +148,7 @@ def test_a_stop_or_a_dead_loop_gives_the_tuning_back_too(database: Database, ban
     stepped(database, IDEAL, work)
 
 
-def test_a_tuning_that_does_not_come_back_is_told_until_it_does(database: Database, bank: Bank) -> None:
+def test_failed_restore_is_reported_until_it_succeeds(database: Database, bank: Bank) -> None:
     async def until(problems: bool, parts: Parts) -> list[str]:
         while bool(found := parts.state().problems) is not problems:
             await asyncio.sleep(0.01)
@@ -185,7 +181,7 @@ def test_a_tuning_that_does_not_come_back_is_told_until_it_does(database: Databa
     stepped(database, IDEAL, work)
 
 
-def test_what_is_refused_changes_nothing(database: Database, bank: Bank) -> None:
+def test_refused_tuning_changes_nothing(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         await started(parts, bank)
         for settings, refusal in (
@@ -205,7 +201,7 @@ def test_what_is_refused_changes_nothing(database: Database, bank: Bank) -> None
     stepped(database, IDEAL, work)
 
 
-def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Database, bank: Bank) -> None:
+def test_queue_checks_added_experiments_and_runs_them_as_shown(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         queue = parts.ordered_runs.queue
         await started(parts, bank)
@@ -236,7 +232,7 @@ def test_the_queue_checks_what_is_added_and_runs_what_it_shows(database: Databas
     stepped(database, IDEAL, work)
 
 
-def test_a_held_queue_says_how_to_go_on(database: Database, bank: Bank) -> None:
+def test_paused_queue_explains_how_to_continue(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         queue = parts.ordered_runs.queue
         for segments in (LONG, SHORT):
@@ -258,7 +254,7 @@ def test_a_held_queue_says_how_to_go_on(database: Database, bank: Bank) -> None:
     stepped(database, IDEAL, work)
 
 
-def test_a_dry_run_says_what_it_was_played_with(database: Database, bank: Bank) -> None:
+def test_dry_run_reports_its_settings(database: Database, bank: Bank) -> None:
     async def left() -> bool:
         return False
 

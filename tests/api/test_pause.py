@@ -1,4 +1,4 @@
-"""A pause between two runs of one order: who may ask for it, how it ends, and what is said of runs that never began."""
+"""The pause between two runs of a request: requests, ends and messages."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -81,7 +81,7 @@ def wait(pause: Pause, loop: FakeLoop) -> int:
     return len(shown)
 
 
-def test_it_lasts_until_the_next_run_is_let_begin_and_one_less_follows_then() -> None:
+def test_pause_lasts_until_resumed_and_counts_the_next_run() -> None:
     pause, live_state = paused(2)
     assert live_state.task is not None
     assert live_state.task.pause_wanted
@@ -89,7 +89,7 @@ def test_it_lasts_until_the_next_run_is_let_begin_and_one_less_follows_then() ->
     assert (wait(pause, loop), loop.advanced, pause.remaining_runs) == (3, 3, 1)
 
 
-def test_where_none_is_wanted_the_next_run_begins_at_once() -> None:
+def test_next_run_starts_at_once_without_pause() -> None:
     pause, _ = paused(1)
     pause.request(False)
     loop = FakeLoop()
@@ -107,7 +107,7 @@ def test_where_none_is_wanted_the_next_run_begins_at_once() -> None:
         (Mode.TRIPPED, "a fault or STOP took the motors in its pause"),
     ],
 )
-def test_it_ends_the_order_where_the_motors_are_let_go(mode: Mode, why: str) -> None:
+def test_pause_ends_the_request_if_the_motors_are_switched_off(mode: Mode, why: str) -> None:
     pause, _ = paused(2)
     loop = FakeLoop(Mode.PRETENSION, mode, Mode.PRETENSION)
     with pytest.raises(NotReadyError, match=why) as ended:
@@ -121,7 +121,7 @@ def test_a_loop_that_dies_ends_it() -> None:
         wait(pause, FakeLoop(Mode.PRETENSION))
 
 
-def test_none_is_accepted_once_no_run_will_follow() -> None:
+def test_pause_is_refused_without_a_remaining_run() -> None:
     pause, live_state = paused(1)
     pause.begin(0)
     assert not pause.is_requested
@@ -132,7 +132,7 @@ def test_none_is_accepted_once_no_run_will_follow() -> None:
         pause.request(True)
 
 
-def test_what_was_not_begun_is_counted() -> None:
+def test_runs_not_started_are_counted() -> None:
     assert describe_runs_not_started(7, LoopExitedError("it died."), 2) == (
         "The order ended after run 7: it died; 2 runs were not begun. Order them anew."
     )
@@ -190,7 +190,7 @@ def ended_behind_the_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, d
 
 
 @pytest.mark.parametrize("dies", [True, False])
-def test_what_ends_an_order_between_two_runs_is_no_fault_of_the_first_and_brakes_nothing(
+def test_end_between_two_runs_leaves_the_first_complete_and_stops_nothing(
     dies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (said, *_of_results), mode = ended_behind_the_first(tmp_path, monkeypatch, dies=dies)

@@ -1,4 +1,4 @@
-"""What the queue says of why it is held, against whether it still is: on the queue itself, with nothing to move."""
+"""The problem that a paused queue shows, without motion."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -45,7 +45,7 @@ async def refused(queue: ExperimentQueue) -> None:
         await asyncio.sleep(0.001)
 
 
-def test_a_refusal_of_an_experiment_goes_with_that_experiment() -> None:
+def test_problem_is_cleared_with_the_refused_experiment() -> None:
     async def session(queue: ExperimentQueue) -> None:
         for request in (SHORT, WITHOUT_BANK, SHORT):
             await queue.add(request, "Ana")
@@ -62,7 +62,7 @@ def test_a_refusal_of_an_experiment_goes_with_that_experiment() -> None:
     held(session)
 
 
-def test_a_person_is_quicker_than_the_step_to_the_next_one() -> None:
+def test_operator_pauses_before_the_next_start() -> None:
     async def session(queue: ExperimentQueue) -> None:
         for _ in range(2):
             await queue.add(SHORT, "Ana")
@@ -82,7 +82,7 @@ def test_a_person_is_quicker_than_the_step_to_the_next_one() -> None:
     held(session)
 
 
-def test_one_that_is_taken_out_while_it_is_refused_leaves_the_queue_as_it_is() -> None:
+def test_experiment_removed_during_its_refusal_leaves_the_queue_unchanged() -> None:
     asked, told = asyncio.Event(), asyncio.Event()
 
     async def start(request: ExperimentRequest, _who: str) -> int:
@@ -108,7 +108,7 @@ def test_one_that_is_taken_out_while_it_is_refused_leaves_the_queue_as_it_is() -
     held(session, start)
 
 
-def test_an_empty_queue_is_not_held() -> None:
+def test_empty_queue_is_not_paused() -> None:
     async def session(queue: ExperimentQueue) -> None:
         for request in (SHORT, SHORT, SHORT):
             await queue.add(request, "Ana")

@@ -1,4 +1,4 @@
-"""Refused commands in the log: who asked for what and why it was refused, and a flood that stays small."""
+"""Refused commands in the event log, and floods of them."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -48,7 +48,7 @@ class Flood:
         return [(event.text, event.who) for event in sorted(found, key=lambda event: event.id)]
 
 
-def test_a_refusal_that_comes_again_is_counted_for_each_person(database: Database) -> None:
+def test_repeated_refusals_are_counted_per_user(database: Database) -> None:
     flood = Flood(database)
     for _ in range(500):
         flood.refusals.add("set mode (mode run)", "a fault is latched", "Ana")
@@ -61,7 +61,7 @@ def test_a_refusal_that_comes_again_is_counted_for_each_person(database: Databas
     ]
 
 
-def test_a_flood_of_different_refusals_is_bounded_and_its_windows_grow(database: Database) -> None:
+def test_flood_of_refusals_is_bounded_and_its_windows_grow(database: Database) -> None:
     flood = Flood(database)
     for window in range(20):
         for number in range(1000):
@@ -73,7 +73,7 @@ def test_a_flood_of_different_refusals_is_bounded_and_its_windows_grow(database:
     assert flood.windows_s[-1] == LONGEST_WINDOW_S
 
 
-def test_after_a_quiet_window_the_next_is_short_again(database: Database) -> None:
+def test_window_is_short_again_after_a_quiet_one(database: Database) -> None:
     flood = Flood(database)
     for repeats in (2, 1, 1):
         for _ in range(repeats):
@@ -83,7 +83,7 @@ def test_after_a_quiet_window_the_next_is_short_again(database: Database) -> Non
     assert len(flood.told()) == 4
 
 
-def test_a_long_reason_is_cut_and_characters_that_nobody_sees_are_written_out(database: Database) -> None:
+def test_long_reason_is_cut_and_invisible_characters_are_escaped(database: Database) -> None:
     flood = Flood(database)
     flood.refusals.add("push", "\x00\u202e" + 2000 * "x", "Ana")
     ((text, _),) = flood.told()

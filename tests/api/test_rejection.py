@@ -1,4 +1,4 @@
-"""Pushes that are rejected, through the service: learned first, forgotten with what was learned, previewed beside λ."""
+"""Disturbance rejection through the service: calibration, loss and preview."""
 
 import asyncio
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ async def learned(parts: Parts) -> None:
     await parts.actuator.contact.apply(TouchOrder(learn=True), WHO)
 
 
-def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Database) -> None:
+def test_rejection_needs_calibration_and_returns_the_joint(database: Database) -> None:
     async def operate(parts: Parts) -> None:
         tuning_service, contact = parts.actuator.tuning_service, parts.actuator.contact
         with pytest.raises(RequestRejectedError, match="learn it first"):
@@ -57,7 +57,7 @@ def test_it_is_refused_until_learned_and_then_brings_the_joint_back(database: Da
     stepped(database, load_parameters("lab"), operate)
 
 
-def test_an_estimate_that_moves_by_itself_is_refused(database: Database) -> None:
+def test_rejection_is_refused_with_a_noisy_estimate(database: Database) -> None:
     async def operate(parts: Parts) -> None:
         await learned(parts)
         contact = parts.actuator.contact
@@ -69,9 +69,7 @@ def test_an_estimate_that_moves_by_itself_is_refused(database: Database) -> None
 
 
 @pytest.mark.parametrize("how", [BiasLost(5), LoopExited("for a test")])
-def test_what_is_lost_takes_it_along_and_what_comes_back_comes_without_it(
-    database: Database, how: BiasLost | LoopExited
-) -> None:
+def test_lost_bias_disables_rejection_also_in_restored_tunings(database: Database, how: BiasLost | LoopExited) -> None:
     async def operate(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
         await learned(parts)
@@ -93,7 +91,7 @@ def test_what_is_lost_takes_it_along_and_what_comes_back_comes_without_it(
     stepped(database, load_parameters("lab"), operate)
 
 
-def test_a_start_begins_without_it(database: Database) -> None:
+def test_service_starts_without_rejection(database: Database) -> None:
     parameters = load_parameters("lab")
     chosen = []
 
@@ -112,7 +110,7 @@ def test_a_start_begins_without_it(database: Database) -> None:
     assert chosen == [replace(kept.tuning, k_ext=0.0)]
 
 
-def test_what_it_does_is_previewed_before_it_is_chosen(database: Database) -> None:
+def test_rejection_is_previewed(database: Database) -> None:
     async def operate(parts: Parts) -> None:
         preview = partial(parts.actuator.tuning_service.preview, compute=asyncio.to_thread)
         plain = (await preview(2.0, 0.5)).pushed

@@ -1,4 +1,4 @@
-"""Learning over S by itself: what is known of the bias between its points, beside the springs and the true angles."""
+"""The bias after a sweep, between its points, compared with springs and true angles."""
 
 import asyncio
 from collections.abc import Iterator
@@ -74,7 +74,7 @@ class Truth:
 
 
 @pytest.mark.parametrize("name", ["lab", "unlike"])
-def test_straight_lines_between_its_points_are_the_bias(name: str) -> None:
+def test_bias_is_linear_between_the_points(name: str) -> None:
     parameters = load_parameters("lab") if name == "lab" else unlike_sides()
     S = np.linspace(8.0, 15.0, 300)
     points = np.linspace(8.0, 15.0, SWEEP_POINTS)
@@ -85,7 +85,7 @@ def test_straight_lines_between_its_points_are_the_bias(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["lab", "unlike"])
-def test_the_bias_is_known_between_the_points_and_S_is_as_it_was(database: Database, name: str) -> None:
+def test_sweep_calibrates_between_the_points_and_restores_S(database: Database, name: str) -> None:
     parameters = load_parameters("lab") if name == "lab" else zeros_off()
     plant = Simulator(parameters, 3)
     off: list[float] = []

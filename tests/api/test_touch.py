@@ -1,4 +1,4 @@
-"""Touch through the service: what is learned, when a joint is armed, what is told of a contact, what is forgotten."""
+"""Contact detection through the service: calibration, threshold and contacts."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -50,7 +50,7 @@ def newest(parts: Parts, name: str) -> float:
     return float(row[INDEX[name]])
 
 
-def test_what_is_learned_is_taken_off_at_its_stiffness(database: Database) -> None:
+def test_calibrated_bias_is_subtracted_at_its_stiffness(database: Database) -> None:
     async def learn(parts: Parts) -> None:
         contact = parts.actuator.contact
         await at_rest(parts, 10.0)
@@ -84,7 +84,7 @@ def test_what_is_learned_is_taken_off_at_its_stiffness(database: Database) -> No
     assert "what the outside force reads with nothing outside was forgotten" in told
 
 
-def test_nothing_is_learned_where_something_acts_or_moves(database: Database) -> None:
+def test_calibration_is_refused_while_an_input_acts_or_the_joint_moves(database: Database) -> None:
     async def refused(parts: Parts) -> None:
         async def why() -> str:
             with pytest.raises(RequestRejectedError) as told:
@@ -113,7 +113,7 @@ def test_nothing_is_learned_where_something_acts_or_moves(database: Database) ->
     stepped(database, load_parameters("lab"), refused)
 
 
-def test_a_joint_is_armed_only_where_its_estimate_is_known_well_enough(database: Database) -> None:
+def test_contact_reaction_needs_calibration_and_low_noise(database: Database) -> None:
     async def arm(parts: Parts) -> None:
         contact = parts.actuator.contact
         await at_rest(parts)
@@ -135,7 +135,7 @@ def test_a_joint_is_armed_only_where_its_estimate_is_known_well_enough(database:
     stepped(database, load_parameters("lab"), arm)
 
 
-def test_a_contact_is_told_until_a_mode_is_chosen(database: Database) -> None:
+def test_contact_is_shown_until_the_next_mode_change(database: Database) -> None:
     async def touched(parts: Parts) -> None:
         await at_rest(parts)
         await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
@@ -163,7 +163,7 @@ def test_a_contact_is_told_until_a_mode_is_chosen(database: Database) -> None:
     assert "failed" not in states
 
 
-def test_zeros_found_anew_and_a_new_loop_begin_with_nothing_learned(database: Database) -> None:
+def test_new_zeros_and_a_new_loop_discard_the_calibration(database: Database) -> None:
     async def anew(parts: Parts) -> None:
         await at_rest(parts)
         await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)

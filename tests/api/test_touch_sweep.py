@@ -1,4 +1,4 @@
-"""Learning over S by itself: what ends it, when it is refused, and that its death is told."""
+"""The sweep that calibrates the bias: its ends, refusals and failures."""
 
 import asyncio
 import json
@@ -64,7 +64,7 @@ def reference(parts: Parts) -> tuple[float, float | None]:
     return references.q_ref, references.S_ref
 
 
-def test_a_person_stops_it_and_S_is_put_back(database: Database) -> None:
+def test_stop_restores_S_ref(database: Database) -> None:
     async def stop(parts: Parts) -> None:
         with pytest.raises(RequestRejectedError, match="nothing to stop"):
             await parts.actuator.contact.apply(STOP, WHO)
@@ -82,7 +82,7 @@ def test_a_person_stops_it_and_S_is_put_back(database: Database) -> None:
     assert ("learning over S ended at point 3 of 5, 11.5 N·m/rad: it was stopped", WHO) in told
 
 
-def test_what_else_moves_the_joint_ends_it_and_what_was_learned_stays(database: Database) -> None:
+def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) -> None:
     async def ended(parts: Parts) -> None:
         async def by_reference() -> None:
             await parts.actuator.set_references(-0.1, 9.0, WHO)
@@ -127,7 +127,7 @@ def test_what_else_moves_the_joint_ends_it_and_what_was_learned_stays(database: 
     stepped(database, load_parameters("lab"), ended)
 
 
-def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(database: Database) -> None:
+def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database: Database) -> None:
     async def refused(parts: Parts) -> None:
         async def why(order: TouchOrder = BEGIN) -> str:
             with pytest.raises(RequestRejectedError) as told:
@@ -175,7 +175,7 @@ def test_it_is_refused_with_the_reason_and_nothing_else_is_learned_meanwhile(dat
         (8.0, float("nan"), "the estimate moves by "),
     ],
 )
-def test_what_is_not_at_rest_says_which_and_no_number_is_not_rest(S: float, F: float, why: str) -> None:
+def test_explain_drift_names_the_cause_and_rejects_nan(S: float, F: float, why: str) -> None:
     rows = np.zeros((1000, len(INDEX)))
     rows[:, INDEX["S"]] = S
     rows[500:, INDEX["F_ext_hat"]] = F
@@ -184,7 +184,7 @@ def test_what_is_not_at_rest_says_which_and_no_number_is_not_rest(S: float, F: f
     assert bool(said) == bool(why)
 
 
-def test_a_point_that_does_not_come_to_rest_ends_it(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_point_without_rest_ends_the_sweep(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     async def restless(parts: Parts) -> None:
         await at_rest(parts)
         monkeypatch.setattr(contact, "compute_drift", lambda rows: 0.5)
@@ -200,7 +200,9 @@ def test_a_point_that_does_not_come_to_rest_ends_it(database: Database, monkeypa
 
 
 @pytest.mark.parametrize("cancelled", [False, True])
-def test_its_death_is_told(database: Database, monkeypatch: pytest.MonkeyPatch, *, cancelled: bool) -> None:
+def test_failure_of_the_sweep_is_reported(
+    database: Database, monkeypatch: pytest.MonkeyPatch, *, cancelled: bool
+) -> None:
     def broken(rows: object, S_ref: float) -> str:
         raise ZeroDivisionError("of a test")
 
@@ -231,7 +233,7 @@ def test_its_death_is_told(database: Database, monkeypatch: pytest.MonkeyPatch, 
     assert [event.kind for event in told] == ["fault"]
 
 
-def test_a_loop_that_dies_ends_it_and_nothing_is_put_back(database: Database) -> None:
+def test_loop_exit_ends_the_sweep_without_restoring_S_ref(database: Database) -> None:
     async def dies(parts: Parts) -> None:
         await learned_two(parts)
         parts.supervisor.dead = True

@@ -1,4 +1,4 @@
-"""The order of one page's commands, whatever the network makes of it."""
+"""The order in which the commands of a page are executed."""
 
 import asyncio
 import selectors
@@ -64,22 +64,22 @@ class Desk:
         return self.noted
 
 
-def test_a_command_that_overtook_another_waits_for_it_and_for_its_end() -> None:
+def test_command_waits_for_its_predecessor_and_its_answer() -> None:
     noted = Desk().play((2, 0.0, 0.0), (3, 0.0, 0.0), (1, 0.05, 0.1))
     assert noted == ["1 begins", "1 ends", "2 begins", "2 ends", "3 begins", "3 ends"]
 
 
-def test_one_that_never_comes_is_waited_for_no_longer_than_a_packet_may_be_late() -> None:
+def test_missing_predecessor_is_awaited_for_GAP_S() -> None:
     noted = Desk().play((1, 0.0, 0.0), (3, 0.0, 0.0), (4, 0.0, 0.0), (2, GAP_S + 0.5, 0.0))
     assert noted == ["1 begins", "1 ends", "3 begins", "3 ends", "4 begins", "4 ends", "2 stale_command"]
 
 
-def test_one_that_is_never_answered_holds_up_the_others_for_a_while_only() -> None:
+def test_unanswered_predecessor_is_awaited_for_BUSY_S() -> None:
     noted = Desk().play((1, 0.0, BUSY_S + 0.5), (2, 0.0, 0.0))
     assert noted == ["1 begins", "2 begins", "2 ends", "1 ends"]
 
 
-def test_the_same_number_twice_is_obeyed_once() -> None:
+def test_repeated_number_is_executed_once() -> None:
     assert sorted(Desk().play((1, 0.0, 0.1), (1, 0.0, 0.0), (2, 0.0, 0.0), (2, 0.05, 0.0))) == [
         "1 begins",
         "1 ends",
@@ -90,7 +90,7 @@ def test_the_same_number_twice_is_obeyed_once() -> None:
     ]
 
 
-def test_a_command_that_fails_gives_its_turn_away() -> None:
+def test_failed_command_ends_its_turn() -> None:
     turns = CommandSequencer()
 
     async def play() -> None:
@@ -103,7 +103,7 @@ def test_a_command_that_fails_gives_its_turn_away() -> None:
     run(play())
 
 
-def test_no_page_piles_up_commands_without_end() -> None:
+def test_waiting_commands_of_a_page_are_limited() -> None:
     noted = Desk().play(*((number, 0.0, 0.0) for number in range(2, WAITING + 4)))
     assert noted.count("34 too_many_commands") == 1
     assert len([note for note in noted if note.endswith("ends")]) == WAITING

@@ -1,4 +1,4 @@
-"""Every gain can be walked back, step by step, whatever part of the tuning it was, and to the gains from geometry."""
+"""Undo and redo of each part of a tuning."""
 
 import asyncio
 from collections.abc import Iterator
@@ -68,7 +68,7 @@ def settings_of(shown: ChosenTuning | None) -> TuningSettings | None:
     return TuningSettings.from_values({**values, "bank": 0 if shown.bank is None else shown.bank.id})
 
 
-def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank: Bank) -> None:
+def test_undo_and_redo_of_each_part_of_a_tuning(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
         assert earlier(parts) is None
@@ -100,7 +100,7 @@ def test_each_part_of_a_tuning_is_undone_and_done_again(database: Database, bank
     assert "undone: interpolate yes → no" in told
 
 
-def test_all_changes_are_undone_one_after_the_other_and_done_again(database: Database, bank: Bank) -> None:
+def test_undo_and_redo_of_all_changes(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
         past = [in_force(parts)]
@@ -128,7 +128,7 @@ def test_all_changes_are_undone_one_after_the_other_and_done_again(database: Dat
     stepped(database, IDEAL, work)
 
 
-def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: Bank) -> None:
+def test_undo_and_redo_of_a_bank(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
         assert parts.state().tuning.entry_name == ""
@@ -148,7 +148,7 @@ def test_a_bank_goes_back_to_geometry_and_comes_again(database: Database, bank: 
     assert stepped(database, IDEAL, started_again) == (DEFAULT, replace(DEFAULT, bank=bank.id))
 
 
-def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: Bank) -> None:
+def test_undo_after_a_trial_returns_to_before_it(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
         await tuning_service.apply(TuningRequest(lam_q=0.6), WHO)
@@ -169,7 +169,7 @@ def test_a_trial_is_walked_back_to_what_was_before_it(database: Database, bank: 
     stepped(database, IDEAL, work)
 
 
-def test_what_a_run_was_lent_is_no_step(database: Database, bank: Bank) -> None:
+def test_temporary_tuning_is_no_undo_step(database: Database, bank: Bank) -> None:
     async def work(parts: Parts) -> None:
         tuning_service = parts.actuator.tuning_service
         await tuning_service.apply(TuningRequest(lam_q=0.6), WHO)

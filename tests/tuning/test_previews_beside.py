@@ -9,7 +9,7 @@ from backend.services.tuning_state import default_tuning
 from plant.parameters import load_parameters
 
 
-def test_it_is_the_same_from_what_goes_to_another_process() -> None:
+def test_previews_of_a_snapshot_are_the_same() -> None:
     tuning, _ = default_tuning(load_parameters("lab"))
     asked = pickle.loads(pickle.dumps(TuningSnapshot.from_active(tuning)))
     wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
@@ -18,7 +18,7 @@ def test_it_is_the_same_from_what_goes_to_another_process() -> None:
     assert background_work.compute_robust_tuning(asked, 1.5) == tuning.compute_robust_tuning(1.5)
 
 
-def test_models_are_kept_for_the_same_tuning_and_made_for_another_one() -> None:
+def test_models_are_cached_for_equal_tunings_only() -> None:
     tuning, _ = default_tuning(load_parameters("lab"))
     asked = TuningSnapshot.from_active(tuning)
     first = asked.resolve().previewer
