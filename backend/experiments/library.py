@@ -245,13 +245,13 @@ class _RecordedPartBuilder:
         final = round(float(self._q[last]), _DECIMALS), round(float(self._S[last]), _DECIMALS)
         self._parts.append(_build_part("ramp" if ramp else "step", end - at, self._references, final))
         share = np.arange(1, end - at + 1) / (end - at) if ramp else np.ones(end - at)
-        off_q = _compute_deviation(
+        deviation_q = _compute_deviation(
             column=self._q, at=at, share=share, before=self._references[0], after=final[0], most=self._deviations[0]
         )
         deviation_S = _compute_deviation(
             column=self._S, at=at, share=share, before=self._references[1], after=final[1], most=self._deviations[1]
         )
-        self._deviations = off_q, deviation_S, self._deviations[2]
+        self._deviations = deviation_q, deviation_S, self._deviations[2]
         if is_pushed:
             self._unpushed = _append_interval(self._unpushed, at, min(end, int(self._find_next_edge(at))))
         elif (edge := self._find_next_edge(at)) < end:
