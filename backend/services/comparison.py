@@ -334,14 +334,14 @@ class Curve:
         """Return the values at ``times`` by linear interpolation; NaN in gaps."""
         slack = _TIME_TOLERANCE * self.period_s
         after = np.searchsorted(self.t, times - slack)
-        there = np.minimum(after, self.t.size - 1)
-        before = np.maximum(there - 1, 0)
-        exact = np.abs(self.t[there] - times) <= slack
-        length = self.t[there] - self.t[before]
+        nearest = np.minimum(after, self.t.size - 1)
+        before = np.maximum(nearest - 1, 0)
+        exact = np.abs(self.t[nearest] - times) <= slack
+        length = self.t[nearest] - self.t[before]
         between = (after > 0) & (after < self.t.size) & (length < 1.5 * self.period_s)
         share = np.divide(times - self.t[before], length, out=np.zeros_like(times), where=length > 0.0)
-        straight = self.y[before] + share * (self.y[there] - self.y[before])
-        return np.where(exact, self.y[there], np.where(between, straight, np.nan))
+        straight = self.y[before] + share * (self.y[nearest] - self.y[before])
+        return np.where(exact, self.y[nearest], np.where(between, straight, np.nan))
 
 
 @dataclass(frozen=True)

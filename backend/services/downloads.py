@@ -59,12 +59,12 @@ def import_run_file(database: Database, file: Path, who: str, folder: Path, name
 def check_run_settings(run: Run) -> None:
     """Raise ImportRefusedError unless a request could have started the run."""
     try:
-        kept = run.set_to
-        if kept.experiment is not None:
-            _check_experiment(kept.experiment)
-        if kept.plan is not None:
-            parse_stored_plan(run.kind, kept.plan)
-        LoopSettings.from_values(kept.loop.get_known_values())
+        stored_settings = run.set_to
+        if stored_settings.experiment is not None:
+            _check_experiment(stored_settings.experiment)
+        if stored_settings.plan is not None:
+            parse_stored_plan(run.kind, stored_settings.plan)
+        LoopSettings.from_values(stored_settings.loop.get_known_values())
     except (ExperimentError, SettingError, OutOfRangeError, UnreadableDocumentError, KeyError) as error:
         raise ImportRefusedError(
             f"its plan: {escape_line(error)}; correct the experiment and run it again, or export the run with "

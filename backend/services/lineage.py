@@ -634,8 +634,8 @@ def load_marks(session: Session, run_id: int) -> RunMarks:
         period_s, span = recordings.get(session, run_id).period_s, recordings.span(session, run_id)
     except UnknownRecordError:
         return RunMarks(marks=[])
-    happened = events.between(session, run.started_at, run.ended_at, station=run.station)
-    faults = [event for event in happened if event.kind == EventKind.FAULT]
+    run_events = events.between(session, run.started_at, run.ended_at, station=run.station)
+    faults = [event for event in run_events if event.kind == EventKind.FAULT]
 
     def is_doubled(trip: Event) -> bool:
         """Return whether an earlier version stored the trip as a fault too.
@@ -646,7 +646,7 @@ def load_marks(session: Session, run_id: int) -> RunMarks:
 
     marks = [
         RunMark(t=(event.tick - span.first_tick) * period_s, kind=event.kind, text=event.text, who=event.who)
-        for event in happened
+        for event in run_events
         # ticks start at 0 with each loop process: skip events of another process
         if event.tick is not None and span.first_tick <= event.tick <= span.end_tick
         if event.kind != EventKind.TRIP or not is_doubled(event)

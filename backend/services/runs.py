@@ -199,10 +199,12 @@ def read_planned_run(database: Database, run_id: int) -> PlannedSignals:
             return EMPTY_PLAN
         plan = parse_stored_plan(run.kind, stored)
         followed = ("theta_A_ref", "theta_B_ref") if isinstance(plan, IdentificationPlan) else ("q_ref", "S_ref")
-        began = _read_first_references(session, run_id, *followed)
+        first_references = _read_first_references(session, run_id, *followed)
     if isinstance(plan, IdentificationPlan):
         try:
-            timetable = forecast_identification(plan, parse_parameters(run.parameters_name, run.parameters), began)
+            timetable = forecast_identification(
+                plan, parse_parameters(run.parameters_name, run.parameters), first_references
+            )
         except ParameterError:
             return EMPTY_PLAN
         parts = [
@@ -214,7 +216,7 @@ def read_planned_run(database: Database, run_id: int) -> PlannedSignals:
     if not program.segments:
         return EMPTY_PLAN
     first = program.segments[0]
-    found = build_profile(program, *(began or (first.q_ref, first.S_ref)))
+    found = build_profile(program, *(first_references or (first.q_ref, first.S_ref)))
     pushed = {"F_push": found.F_push} if found.F_push.any() else {}
     return PlannedSignals(
         t=found.t.tolist(),
@@ -393,7 +395,7 @@ class _RunConversion:
             if tick < len(self._t):
                 due[max(tick, PART_MIN_TICKS)] = stored  # the first part moves the joint to its start
         found: list[ReferenceChange] = []
-        stands = False
+        has_obstacle = False
         for tick, stored in sorted(due.items()):
             wall = stored.obstacle
             q_ref = float(self._columns["q_ref"][min(tick, len(self._t)) - 1])
@@ -407,9 +409,9 @@ class _RunConversion:
                 side = "above" if wall.side > 0.0 else "below"
                 part = {"do": "wall", "q_wall": wall.q_wall, "side": side, "k_wall": wall.k_wall, "c_wall": wall.c_wall}
                 found.append(ReferenceChange(tick, part))
-            elif stands:
+            elif has_obstacle:
                 found.append(ReferenceChange(tick, {"do": "no_wall"}))
-            stands = wall is not None
+            has_obstacle = wall is not None
         return found
 
     def _report_missing_marks(self) -> None:
@@ -541,13 +543,13 @@ class StoredTimeline:
             total = len(found) if more_before is None else timeline.count(session, query)
         return Timeline(entries=found, total=total, more_before=more_before)
 
-    def set_remark(self, event_id: int, said: EventNote, who: str) -> None:
+    def set_remark(self, event_id: int, note: EventNote, who: str) -> None:
         """Set note and tags of an event.
 
         Raises UnknownRecordError, TagError, RequestRejectedError.
         """
         with self._database.session() as session:
-            timeline.remark(session, event_id, said.note.strip(), said.tags, who)
+            timeline.remark(session, event_id, note.note.strip(), note.tags, who)
 
 
 # Views ---------------------------------------------------------------------------------------------
