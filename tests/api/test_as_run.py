@@ -26,6 +26,7 @@ from backend.services.library import OwnExperiments
 from backend.services.lineage import load_marks
 from backend.storage import runs
 from backend.storage.database import Database, open_database
+from plant import Angle
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
@@ -174,7 +175,7 @@ async def moved_while_pushed(parts: Parts) -> None:
 
 def test_what_cannot_be_repeated_is_told(database: Database) -> None:
     _, experiment, marks = made(database, moved_while_pushed)
-    moved = next(mark.t for mark in marks if mark.text.startswith("q_ref 0.1 "))
+    moved = next(mark.t for mark in marks if mark.text.startswith(f"q_ref {Angle(0.1)}"))
     told = next(text for text in experiment.left_out if text.startswith("push of 5 N"))
     begins, ends = (float(number) for number in re.findall(r"(\S+) s\b", told))
     assert begins == pytest.approx(moved, abs=LATE_S)

@@ -137,7 +137,7 @@ def test_a_refused_command_stands_in_the_log_with_its_person_and_is_no_alarm(
         assert text.startswith(begin)
         assert " refused: " in text
     assert texts[0].endswith(reasons[0])
-    assert "q_ref 9 rad" in texts[2]  # in SI, as all texts of the log: each reads it in their own unit
+    assert f"q_ref {Angle(9.0)}" in texts[2]  # in SI, as all texts of the log: each reads it in their own unit
     alarms = viewer.get("/api/log", params={"kind": ["trip", "fault", "recording"]}).json()["entries"]
     assert not [entry for entry in alarms if "refused" in entry["text"]]
 
