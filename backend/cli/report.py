@@ -267,9 +267,9 @@ def _read_page(file: Path) -> bytes:
 
 def _verify_against_database(page: str, settings: Settings) -> "Verified":
     """Compare a page with its runs in this data folder only. Raises EvidenceError."""
-    from backend.reports import EvidenceError, SeriesEvidence, read_accounts, verify_report, verify_series_report
+    from backend.reports import EvidenceError, SeriesEvidence, read_manifest, verify_report, verify_series_report
 
-    manifest = read_accounts(page)
+    manifest = read_manifest(page)
     if isinstance(manifest, SeriesEvidence):
         return verify_series_report(page, manifest, lambda run: _load_stored_samples(settings, run)[0])
     columns, _ = _load_stored_samples(settings, manifest)
@@ -280,12 +280,12 @@ def _verify_against_database(page: str, settings: Settings) -> "Verified":
 
 def _verify(file: Path, page: str, samples: Path | None, settings: Settings) -> "tuple[Verified, str, tuple[str, ...]]":
     """Return the result, the origin of its samples, and the compared sources."""
-    from backend.reports import EvidenceError, SeriesEvidence, read_accounts, verification, verify_series_report
+    from backend.reports import EvidenceError, SeriesEvidence, read_manifest, verification, verify_series_report
 
     is_pdf = file.suffix == ".pdf"
     if samples is not None:
         _require_regular_file(samples)
-    manifest = read_accounts(page)
+    manifest = read_manifest(page)
     if isinstance(manifest, SeriesEvidence):
         if is_pdf or samples is not None:
             raise EvidenceError("a series is verified by its page, from the stored runs")

@@ -1,6 +1,6 @@
 from . import verification
 from .build import build_metrics_document, write_report_files
-from .evidence import EvidenceError, ReportManifest, SeriesEvidence, iterate_configuration, read_accounts
+from .evidence import EvidenceError, ReportManifest, SeriesEvidence, iterate_configuration, read_manifest
 from .provenance import SEEN, judge_stored_run
 from .rendering import render_report, render_series_report
 from .run_data import RunData, load_source
@@ -61,7 +61,7 @@ __all__ = [
     "load_own_public_key",
     "load_series",
     "load_source",
-    "read_accounts",
+    "read_manifest",
     "read_samples_file",
     "read_signature",
     "read_stored_samples",

@@ -11,7 +11,7 @@ from backend.models import CRITERIA
 from backend.reports.evidence import ReportManifest, build_manifest, to_element
 from backend.reports.experiment_report import (
     compliance_report,
-    composed_report,
+    program_report,
     recording_report,
     robustness_report,
     tracking_report,
@@ -49,8 +49,8 @@ _BUILDERS = {
     RunKind.TRACKING: tracking_report,
     RunKind.COMPLIANCE: compliance_report,
     RunKind.ROBUSTNESS: robustness_report,
-    RunKind.EXPERIMENT: composed_report,
-    RunKind.SEQUENCE: composed_report,
+    RunKind.EXPERIMENT: program_report,
+    RunKind.SEQUENCE: program_report,
     RunKind.ACTUATOR_IDENTIFICATION: actuator_identification_report,
     RunKind.MOTOR_IDENTIFICATION: motor_identification_report,
     RunKind.SPRING_IDENTIFICATION: spring_identification_report,
@@ -64,16 +64,16 @@ def build_report(source: RunData) -> Report:
     """
     report = _BUILDERS.get(RunKind(source.run.kind), recording_report)(source)
     report = replace(report, facts=(*report.facts, *definitions_facts([source])))
-    evidence = build_manifest(source)
-    if evidence is None:
+    manifest = build_manifest(source)
+    if manifest is None:
         return format_report_angles(report, source.angles)
-    sections = (*report.sections, *timing_section(source), hashes_section(evidence))
-    return format_report_angles(replace(report, sections=sections, evidence=to_element(evidence)), source.angles)
+    sections = (*report.sections, *timing_section(source), hashes_section(manifest))
+    return format_report_angles(replace(report, sections=sections, evidence=to_element(manifest)), source.angles)
 
 
-def hashes_section(evidence: ReportManifest) -> ReportSection:
+def hashes_section(manifest: ReportManifest) -> ReportSection:
     """Return the section with the hashes of all inputs and the command to verify them."""
-    rows = tuple((name, digest) for name, digest in evidence.hashes.items())
+    rows = tuple((name, digest) for name, digest in manifest.hashes.items())
     titles = (Column("Of", number=False), Column("SHA-256", number=False, wide=True))
     words = (
         "Every number of this report can be computed again from the samples that it names. With data.csv beside it, or "

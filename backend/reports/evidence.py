@@ -86,20 +86,20 @@ FORMAT = 2
 _BEGIN, _END = '<template id="evidence">', "</template>"  # not displayed and not a script
 SINEW, LAYOUT, DRAWING, SETTING = "Sinew", "layout", "matplotlib", "typst"
 _WRITES_PAGES = ("**/*.py", "**/*.toml", "**/*.yaml", "reports/*.*")
-ACCOUNT = "account"
+MANIFEST = "account"
 """Name of the hash of the whole manifest."""
 
 
-_UNSEEN: dict[str, Any] = {"station": "", "bank_id": None}
+_UNVERIFIED_DEFAULTS: dict[str, Any] = {"station": "", "bank_id": None}
 
 
-def unseen(metrics: dict[str, Any] | None) -> dict[str, Any]:
+def get_unverified_defaults(metrics: dict[str, Any] | None) -> dict[str, Any]:
     """Return default values for fields of a run on which no part of a report depends.
 
     Verification could not check these fields. The reason why a run was not evaluated is shown only for a run without a
     result.
     """
-    return _UNSEEN if metrics is None else {**_UNSEEN, "evaluation_problem": ""}
+    return _UNVERIFIED_DEFAULTS if metrics is None else {**_UNVERIFIED_DEFAULTS, "evaluation_problem": ""}
 
 
 class EvidenceError(SinewError, ValueError):
@@ -176,18 +176,18 @@ _EVIDENCE: TypeAdapter[ReportManifest] = TypeAdapter(ReportManifest)
 _SERIES: TypeAdapter[SeriesEvidence] = TypeAdapter(SeriesEvidence)
 
 
-def compute_hashes(evidence: ReportManifest, columns: Columns) -> dict[str, str]:
+def compute_hashes(manifest: ReportManifest, columns: Columns) -> dict[str, str]:
     """Return the hash of each input of the report's numbers by its name."""
-    run = evidence.run
+    run = manifest.run
     found = {
         "samples": of_samples(columns),
         "parameters": document_digest(run.parameters),
         "settings": document_digest(run.settings),
     }
-    if evidence.bank is not None:
-        found["bank"] = evidence.bank.digest
-    if evidence.identification is not None:
-        found["identification"] = document_digest([evidence.identification.model, evidence.identification.quality])
+    if manifest.bank is not None:
+        found["bank"] = manifest.bank.digest
+    if manifest.identification is not None:
+        found["identification"] = document_digest([manifest.identification.model, manifest.identification.quality])
     return found
 
 
@@ -200,7 +200,7 @@ def build_manifest(source: RunData) -> ReportManifest | None:
     metrics = None if result is None else METRICS.write(result.metrics)
     manifest = ReportManifest(
         format=FORMAT,
-        run=replace(source.run, **unseen(metrics)),
+        run=replace(source.run, **get_unverified_defaults(metrics)),
         metrics=metrics,
         criteria=[] if result is None else CRITERIA.write(result.criteria),
         bank=to_stored_bank(source.bank),
@@ -215,7 +215,7 @@ def build_manifest(source: RunData) -> ReportManifest | None:
         made_with=made_with(),
     )
     manifest = replace(manifest, hashes=compute_hashes(manifest, columns))
-    return replace(manifest, hashes={**manifest.hashes, ACCOUNT: account_hash(manifest)})
+    return replace(manifest, hashes={**manifest.hashes, MANIFEST: compute_manifest_hash(manifest)})
 
 
 def to_stored_bank(bank: Bank | None) -> StoredBankSummary | None:
@@ -249,21 +249,21 @@ def layout() -> str:
     return found.hexdigest()[:16]
 
 
-def account_hash(evidence: ReportManifest) -> str:
+def compute_manifest_hash(manifest: ReportManifest) -> str:
     """Return the hash of a manifest without this hash itself."""
-    hashes = {name: digest for name, digest in evidence.hashes.items() if name != ACCOUNT}
-    return document_digest(_EVIDENCE.dump_python(replace(evidence, hashes=hashes), mode="json"))
+    hashes = {name: digest for name, digest in manifest.hashes.items() if name != MANIFEST}
+    return document_digest(_EVIDENCE.dump_python(replace(manifest, hashes=hashes), mode="json"))
 
 
 def rebuild_run_data(
-    evidence: ReportManifest,
+    manifest: ReportManifest,
     columns: Columns,
     metrics: Metrics | None,
     criteria: tuple[RunCriterion, ...],
     estimate: StoredEstimate | None,
 ) -> RunData:
     """Return the source data of a report, rebuilt with these samples and this result."""
-    run, bank = evidence.run, evidence.bank
+    run, bank = manifest.run, manifest.bank
     moment = run.started_at
     stored: dict[str, Any] = {"run_id": run.id, "who": run.who, "software": run.software, "id": 0, "created_at": moment}
     return RunData(
@@ -276,16 +276,16 @@ def rebuild_run_data(
         if bank is None
         else Bank(id=0, name=bank.name, version=bank.version, note="", who="", created_at=moment, entries=bank.entries),
         identification=None if estimate is None else Identification(**asdict(estimate), **stored),
-        runs_of=evidence.runs_of,
-        angles=evidence.angles,
-        fits=evidence.fits,
+        runs_of=manifest.runs_of,
+        angles=manifest.angles,
+        fits=manifest.fits,
     )
 
 
-def to_element(evidence: ReportManifest | SeriesEvidence) -> str:
+def to_element(manifest: ReportManifest | SeriesEvidence) -> str:
     """Return the HTML element of the manifest, escaped so that nothing can close it."""
-    adapter: TypeAdapter[Any] = _SERIES if isinstance(evidence, SeriesEvidence) else _EVIDENCE
-    document = adapter.dump_python(evidence, mode="json")
+    adapter: TypeAdapter[Any] = _SERIES if isinstance(manifest, SeriesEvidence) else _EVIDENCE
+    document = adapter.dump_python(manifest, mode="json")
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
@@ -304,7 +304,7 @@ def without_element(page: str) -> str:
     return page.replace(find_element(page), _BEGIN, 1)
 
 
-def read_accounts(page: str) -> ReportManifest | SeriesEvidence:
+def read_manifest(page: str) -> ReportManifest | SeriesEvidence:
     """Return the manifest of a page, of a run or of a series. Raises EvidenceError."""
     element = find_element(page)
     if not element:
@@ -337,7 +337,7 @@ _DIGITS = 12
 
 
 @dataclass(frozen=True)
-class SetTo:
+class ConfigurationValue:
     """One configuration value in SI units; ``unit`` is "" if it has none."""
 
     name: str
@@ -345,27 +345,27 @@ class SetTo:
     unit: str = ""
 
 
-def iterate_configuration(run: Run, bank: Bank | None) -> Iterator[SetTo]:
+def iterate_configuration(run: Run, bank: Bank | None) -> Iterator[ConfigurationValue]:
     """Yield the configuration of a run.
 
     That is plant, software, experiment, ``bank``, machine, settings and parameters.
     """
-    yield SetTo("plant", run.plant)
-    yield SetTo("name of the parameters", run.parameters_name)
-    yield SetTo("Sinew", run.software)
-    yield from (SetTo(name, version) for name, version in (run.set_to.versions or {}).items())
+    yield ConfigurationValue("plant", run.plant)
+    yield ConfigurationValue("name of the parameters", run.parameters_name)
+    yield ConfigurationValue("Sinew", run.software)
+    yield from (ConfigurationValue(name, version) for name, version in (run.set_to.versions or {}).items())
     if text := run.set_to.experiment:
-        yield SetTo("text of the experiment, sha256", document_digest(text)[:_DIGITS])
+        yield ConfigurationValue("text of the experiment, sha256", document_digest(text)[:_DIGITS])
     known = to_stored_bank(bank)
-    yield SetTo("bank", "none" if known is None else f"“{known.name}” version {known.version}")
+    yield ConfigurationValue("bank", "none" if known is None else f"“{known.name}” version {known.version}")
     if known is not None:
-        yield SetTo("bank, sha256", known.digest[:_DIGITS])
+        yield ConfigurationValue("bank, sha256", known.digest[:_DIGITS])
     granted: dict[str, list[str]] = {}
     for name, value, unit, meaning in granted_rows(run.set_to.granted):
         granted.setdefault(name, []).append(f"{value} {unit}".strip() or meaning)
-    yield from (SetTo(name, "; ".join(texts)) for name, texts in granted.items())
+    yield from (ConfigurationValue(name, "; ".join(texts)) for name, texts in granted.items())
     for item in select_used_settings(run):
-        yield SetTo(f"{item.meaning} {item.symbol}", item.value, item.unit)
+        yield ConfigurationValue(f"{item.meaning} {item.symbol}", item.value, item.unit)
     for section, entries in PLANT_NUMBERS.read(run.parameters, f"run {run.id}").items():
         for entry, number in entries.items():
-            yield SetTo(f"{section}.{entry}", number.value, number.unit)
+            yield ConfigurationValue(f"{section}.{entry}", number.value, number.unit)

@@ -91,8 +91,8 @@ _COMPLIANCE_NOTES = (
 
 def compliance_report(source: RunData) -> Report:
     """Build the report; for a run without a result it says why."""
-    seen = () if source.result is None else (_compliance_figures(source, source.result.metrics),)
-    return experiment_report(source, "Compliance experiment", "compliance experiment", seen, _COMPLIANCE_NOTES)
+    results = () if source.result is None else (_compliance_figures(source, source.result.metrics),)
+    return experiment_report(source, "Compliance experiment", "compliance experiment", results, _COMPLIANCE_NOTES)
 
 
 def _compliance_figures(source: RunData, metrics: Metrics) -> ReportSection:
@@ -172,7 +172,7 @@ GOVERNOR = (
 
 
 @dataclass(frozen=True)
-class PapersLaw:
+class PaperLawResponse:
     """The response of the paper's law to the references of a run.
 
     ``columns`` holds t, q and S, each (n,); it is empty if there is a ``reason``.
@@ -182,7 +182,7 @@ class PapersLaw:
     reason: str = ""
 
 
-def papers_law(source: RunData) -> PapersLaw | None:
+def simulate_paper_law(source: RunData) -> PaperLawResponse | None:
     """Simulate the references of a run under the paper's law.
 
     Returns None if the run itself used that law, or a law other than the cascade.
@@ -193,9 +193,9 @@ def papers_law(source: RunData) -> PapersLaw | None:
     columns = source.columns
     t, known = columns["t"], settings.loop.get_known_values()
     if np.any(np.abs(np.diff(t) - T_s) > 0.5 * T_s):
-        return PapersLaw(reason="samples are missing")
+        return PaperLawResponse(reason="samples are missing")
     if any(np.ptp(columns[f"lam_{name}"]) > 1e-6 for name in ("q", "S")):
-        return PapersLaw(reason="λ was changed during the run")
+        return PaperLawResponse(reason="λ was changed during the run")
     try:
         parameters = parse_parameters(source.run.parameters_name, source.run.parameters)
         choice = TuningSettings.from_values(known)
@@ -203,7 +203,7 @@ def papers_law(source: RunData) -> PapersLaw | None:
             parameters, choice.lambdas, list_point_models(source.bank), None, choice.interpolate
         )
     except (BankError, TuningError, ParameterError) as error:
-        return PapersLaw(reason=str(error))
+        return PaperLawResponse(reason=str(error))
     push = columns["F_push"] if np.all(np.isfinite(columns["F_push"])) else None
     found = simulate_cascade(
         parameters=parameters,
@@ -214,11 +214,13 @@ def papers_law(source: RunData) -> PapersLaw | None:
         seed=int(settings.loop.seed or 0),
     )
     if found.tripped_at >= 0:
-        return PapersLaw(reason=f"with it the safety module would have tripped after {found.tripped_at * T_s:g} s")
-    return PapersLaw({"t": t, "q": found.q, "S": found.S})
+        return PaperLawResponse(
+            reason=f"with it the safety module would have tripped after {found.tripped_at * T_s:g} s"
+        )
+    return PaperLawResponse({"t": t, "q": found.q, "S": found.S})
 
 
-def make_law_comparison(steps: Sequence[StepFigures], law: PapersLaw, angles: AngleUnit) -> tuple[Table, ...]:
+def make_law_comparison(steps: Sequence[StepFigures], law: PaperLawResponse, angles: AngleUnit) -> tuple[Table, ...]:
     """Return a table of each step's time to 90 %, measured and with the paper's law."""
     if not law.columns or not steps:
         return ()
@@ -248,7 +250,7 @@ def make_law_comparison(steps: Sequence[StepFigures], law: PapersLaw, angles: An
     return (Table(caption, columns, tuple(rows)),)
 
 
-def _to_90_percent_s(step: StepFigures, law: PapersLaw) -> float | None:
+def _to_90_percent_s(step: StepFigures, law: PaperLawResponse) -> float | None:
     """Return the time [s] from a step to 90 % of it.
 
     Returns None if the next step comes first.
@@ -326,8 +328,8 @@ _ROBUSTNESS_NOTES = (
 
 def robustness_report(source: RunData) -> Report:
     """Build the report; for a run without a result it says why."""
-    seen = () if source.result is None else (_robustness_figures(source),)
-    return experiment_report(source, "Robustness under a load", "robustness experiment", seen, _ROBUSTNESS_NOTES)
+    results = () if source.result is None else (_robustness_figures(source),)
+    return experiment_report(source, "Robustness under a load", "robustness experiment", results, _ROBUSTNESS_NOTES)
 
 
 def _robustness_figures(source: RunData) -> ReportSection:
@@ -404,19 +406,19 @@ def tracking_report(source: RunData) -> Report:
     """Build the report of a tracking run; for a run without a result it says why."""
     metrics = source.result.metrics if source.result else None
     steps = (metrics.steps if metrics else None) or ()
-    seen = []
-    law = papers_law(source) if source.columns["t"].size else None
+    results = []
+    law = simulate_paper_law(source) if source.columns["t"].size else None
     if source.columns["t"].size:
-        seen.append(_tracking_figures(source, metrics, steps, law))
+        results.append(_tracking_figures(source, metrics, steps, law))
     if steps:
         compared = make_law_comparison(steps, law, source.angles) if law else ()
-        seen.append(ReportSection("Steps", (*steps_table(steps, source.angles), *compared)))
+        results.append(ReportSection("Steps", (*steps_table(steps, source.angles), *compared)))
     return experiment_report(
-        source, "Tracking experiment", "tracking experiment", seen, (*_TRACKING_NOTES, *_law_notes(law))
+        source, "Tracking experiment", "tracking experiment", results, (*_TRACKING_NOTES, *_law_notes(law))
     )
 
 
-def _law_notes(law: PapersLaw | None) -> tuple[str, ...]:
+def _law_notes(law: PaperLawResponse | None) -> tuple[str, ...]:
     if law is None:
         return ()
     if law.reason:
@@ -425,7 +427,7 @@ def _law_notes(law: PapersLaw | None) -> tuple[str, ...]:
 
 
 def _tracking_figures(
-    source: RunData, metrics: Metrics | None, steps: Sequence[StepFigures], law: PapersLaw | None
+    source: RunData, metrics: Metrics | None, steps: Sequence[StepFigures], law: PaperLawResponse | None
 ) -> ReportSection:
     columns = source.columns
     played_s = float(columns["t"][-1])
@@ -446,7 +448,7 @@ def _tracking_figures(
                 name="separate",
                 u_max=u_max,
                 angles=source.angles,
-                papers_law=theirs,
+                paper_response=theirs,
             ),
             f"Position and stiffness moved one after the other: {WHAT_IS_DRAWN}. References dashed.{law_note} "
             f"{CUT_OFF} Compare q, S and u with figure 7A–C of the paper{_of_governor(law)}.",
@@ -464,7 +466,7 @@ def _tracking_figures(
                     name="together",
                     u_max=u_max,
                     angles=source.angles,
-                    papers_law=theirs,
+                    paper_response=theirs,
                 ),
                 "Position and stiffness moved at once: the same in (G) to (L). "
                 f"References dashed.{law_note} Compare q, S and u with figure 7D–F of the paper{_of_governor(law)}.",
@@ -485,11 +487,11 @@ def _tracking_figures(
     return ReportSection("Figures", tuple(blocks))
 
 
-def _of_governor(law: PapersLaw | None) -> str:
+def _of_governor(law: PaperLawResponse | None) -> str:
     return "" if law is None else ", which has the governor and no plan"
 
 
-def _what_shapes_a_step(law: PapersLaw | None) -> str:
+def _what_shapes_a_step(law: PaperLawResponse | None) -> str:
     if law is None:
         return (
             "The motor loops' lags delay the real one; the reference governor slows large steps, so that the motors "
@@ -615,18 +617,18 @@ _ON = {
 }
 
 
-def composed_report(source: RunData) -> Report:
+def program_report(source: RunData) -> Report:
     """Build the report of an experiment described by data."""
     plan = parse_stored_plan(source.run.kind, source.run.set_to.plan or {})
     if not isinstance(plan, ExperimentPlan):
         raise TypeError(f"run {source.run.id} is of no experiment that is data")
-    seen = list(_make_signal_sections(source, plan)) if source.columns["t"].size else []
+    results = list(_make_signal_sections(source, plan)) if source.columns["t"].size else []
     notes = (
         *_COMPOSED_NOTES,
         *(note for measure, sentences in _ON.items() if measure in plan.experiment.measures for note in sentences),
     )
     name = plan.experiment.name.replace("_", " ")
-    return experiment_report(source, plan.experiment.title, name, seen, notes)
+    return experiment_report(source, plan.experiment.title, name, results, notes)
 
 
 def _make_signal_sections(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
@@ -719,8 +721,8 @@ def _sections(source: RunData, plan: ExperimentPlan) -> Iterator[ReportSection]:
     in_force = _in_force(source, plan)
     if Measure.BODE in measures and (lines := build_bode_lines(columns, program, in_force)):
         yield sections.bode_section(lines)
-    if Measure.PUSHES in measures and (seen := measure_pushes(columns, program, in_force)):
-        yield sections.pushes_section(columns, seen, source.angles)
+    if Measure.PUSHES in measures and (pushes := measure_pushes(columns, program, in_force)):
+        yield sections.pushes_section(columns, pushes, source.angles)
     if Measure.HOLDS in measures and (holds := measure_holds(columns, program, in_force.parameters)):
         yield sections.holds_section(columns, holds, in_force.parameters.sensors.joint_step, source.angles)
 

@@ -325,11 +325,11 @@ def _actuator_data(found: Identification | None) -> tuple[Block, ...]:
         f"from sample {data.first_sample} of that run on: input θ_A,ref, outputs q and S. "
         f"Method: {read_method_name(found)}."
     )
-    again = "\n".join(again_command(found, key) for key in CHANNELS)
+    again = "\n".join(build_estimate_command(found, key) for key in CHANNELS)
     return (Paragraph(text), Code("To estimate G_q and G_S again from data.csv, the samples of the run:", again))
 
 
-def again_command(found: Identification, key: ChannelName) -> str:
+def build_estimate_command(found: Identification, key: ChannelName) -> str:
     """Return the command that repeats the estimate of a channel from exported samples.
 
     It gives the same figures and the same verdict.

@@ -321,9 +321,9 @@ def bode_panels(
         ):
             model, first_order = build_model(channels[key]), channels[key].first_order
             reduced: Complex = np.asarray(first_order.K / (1j * omega * first_order.T + 1.0), dtype=np.complex128)
-            seen, response = _frequency_response(columns, start, output, period_s)
+            frequencies, response = _frequency_response(columns, start, output, period_s)
             dots = {"marker": "o", "markersize": 2.0, "linestyle": "none"}
-            _bode(top, bottom, seen, response, color=COLOURS[output], label="data", **dots)
+            _bode(top, bottom, frequencies, response, color=COLOURS[output], label="data", **dots)
             _bode(top, bottom, omega, model.response(omega), color=INK, label=label)
             _bode(top, bottom, omega, reduced, color=LIMIT_GREY, linestyle=_DASHES, label="first order")
             top.set(yscale="log", xscale="log", ylabel=f"|{label}| [{unit} per rad]")
@@ -448,14 +448,14 @@ def tracking_panels(
     name: str,
     u_max: float,
     angles: AngleUnit,
-    papers_law: Columns | None = None,
+    paper_response: Columns | None = None,
 ) -> str:
     """Draw q, q − q_ref, S, S − S_ref, u_A and u_B between two times (figure 7).
 
-    Figure 7 has q, S and u. ``papers_law`` has t, q and S under the paper's law, which are drawn behind.
+    Figure 7 has q, S and u. ``paper_response`` has t, q and S under the paper's law, which are drawn behind.
     """
     part = _between(columns, start_s, end_s)
-    theirs = _between(papers_law, start_s, end_s) if papers_law else None
+    theirs = _between(paper_response, start_s, end_s) if paper_response else None
     with figure(6, height_in=6.3, sharex=True, height_ratios=(5, 3, 5, 3, 3, 3)) as (drawn, axes):
         for (row, error), signal in zip((axes[:2], axes[2:4]), ("q", "S"), strict=True):
             if theirs is not None:

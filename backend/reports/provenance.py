@@ -431,10 +431,10 @@ def figures_table(metrics: Metrics, angles: AngleUnit) -> Table:
     return Table(f"Metrics on measured signals.{part}", columns, rows)
 
 
-def _with_reason(text: str, reason: str, seen: str) -> str:
+def _with_reason(text: str, reason: str, comparison: str) -> str:
     if not reason:
         return text
-    return f"{text}; {seen}: {reason}" if seen else f"{text}; {reason}"
+    return f"{text}; {comparison}: {reason}" if comparison else f"{text}; {reason}"
 
 
 # Reproduction --------------------------------------------------------------------------------------
@@ -581,11 +581,11 @@ def _quote_toml(words: str) -> str:
 
 
 def experiment_report(
-    source: RunData, title: str, name: str, seen: Iterable[ReportSection], notes: tuple[str, ...]
+    source: RunData, title: str, name: str, results: Iterable[ReportSection], notes: tuple[str, ...]
 ) -> Report:
     """Build the report of an experiment.
 
-    It has verdict and criteria, origin, figures (``seen``), notes and parameters. ``name`` is the name of the
+    It has verdict and criteria, origin, figures (``results``), notes and parameters. ``name`` is the name of the
     experiment in the footer. The report of a run without a result says why.
     """
     outcome, sentence = verdict(source)
@@ -598,7 +598,7 @@ def experiment_report(
         sections=(
             *results_section(source),
             ReportSection("How it was made", (settings_table(source), *reproduction(source), *lineage(source))),
-            *seen,
+            *results,
             ReportSection("Notes", tuple(Paragraph(note) for note in notes)),
             parameter_section(source),
         ),

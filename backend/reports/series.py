@@ -140,8 +140,8 @@ _WORST = (Outcome.FAILED, Outcome.INCOMPLETE, Outcome.NEUTRAL, Outcome.PASSED)
 
 def series_report(sources: Sequence[RunData]) -> Report:
     """Build the report of two or more runs, no sessions; differences are to the first."""
-    evidence = SeriesEvidence(format=SERIES, runs=tuple(one for one in map(build_manifest, sources) if one is not None))
-    if len(evidence.runs) != len(sources) or len(sources) < 2:
+    manifest = SeriesEvidence(format=SERIES, runs=tuple(one for one in map(build_manifest, sources) if one is not None))
+    if len(manifest.runs) != len(sources) or len(sources) < 2:
         raise ValueError("a series is of two runs or more, of each of which something was computed")
     outcomes = [Outcome(verdict(source)[0]) for source in sources]
     numbers = ", ".join(str(source.run.id) for source in sources)
@@ -158,11 +158,11 @@ def series_report(sources: Sequence[RunData]) -> Report:
             ReportSection("What differs", tuple(_make_difference_tables(sources, angles))),
             ReportSection("Metrics", (*_metric_tables(sources, angles), _spread(sources, angles), *_partial(sources))),
             ReportSection("Figures", tuple(_figures(sources, angles))),
-            ReportSection("What it was made of", (_hashes(evidence), Code(_PROOF, "sinew report verify series.html"))),
+            ReportSection("What it was made of", (_hashes(manifest), Code(_PROOF, "sinew report verify series.html"))),
         ),
         footer=f"Sinew {__version__} · series of runs {numbers}",
         date=max(source.run.started_at for source in sources),
-        evidence=to_element(evidence),
+        evidence=to_element(manifest),
     )
     return format_report_angles(report, angles)
 
@@ -373,7 +373,7 @@ def _figures(sources: Sequence[RunData], angles: AngleUnit) -> Iterator[Figure]:
         yield Figure("bode", overlay_bode(answered, "bode"), words)
 
 
-def _hashes(evidence: SeriesEvidence) -> Table:
+def _hashes(manifest: SeriesEvidence) -> Table:
     columns = (Column("Run"), Column("SHA-256 of its samples", number=False, wide=True))
-    rows = tuple((str(one.run.id), one.hashes["samples"]) for one in evidence.runs)
+    rows = tuple((str(one.run.id), one.hashes["samples"]) for one in manifest.runs)
     return Table("Content hashes.", columns, rows)

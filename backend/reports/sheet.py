@@ -129,7 +129,7 @@ class _Reading:
 
     parts: list[str] = field(default_factory=list)
     titles: list[str] = field(default_factory=list)
-    seen: list[str] = field(default_factory=list)
+    visible_texts: list[str] = field(default_factory=list)
     open: list[str] = field(default_factory=list)
     elements: int = 0
     texts: int = 0
@@ -180,16 +180,18 @@ class _Reading:
             self.letters_in_all += len(letters)
             _require_few("letters of a text", self.letters_of_text, MOST_LETTERS_OF_A_TEXT, "shorten it")
             _require_few("letters of all texts", self.letters_in_all, MOST_LETTERS, "shorten them, or draw fewer")
-            seen = escape_lines(letters)
-            self.parts.append(escape(seen))
-            self.seen.append(seen)
+            visible_text = escape_lines(letters)
+            self.parts.append(escape(visible_text))
+            self.visible_texts.append(visible_text)
         elif self.open == ["svg", "title"]:
             self.letters_of_title += len(letters)
             _require_few("letters of the title", self.letters_of_title, MOST_OF_A_TITLE, "shorten it")
             self.titles.append(letters)
 
     def sheet(self) -> Sheet:
-        return Sheet("".join(self.parts), self.width_mm, self.height_mm, "".join(self.titles), "".join(self.seen))
+        return Sheet(
+            "".join(self.parts), self.width_mm, self.height_mm, "".join(self.titles), "".join(self.visible_texts)
+        )
 
     def _measure(self, attributes: dict[str, str]) -> None:
         missing = [key for key in ("xmlns", "width", "height", "viewBox") if key not in attributes]

@@ -29,29 +29,29 @@ from backend.models import CRITERIA, DEFINITIONS, METRICS, Metrics, RunCriterion
 from backend.recording import Columns, count_missing_ticks, read_recorded_columns
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.evidence import (
-    ACCOUNT,
     BLOCK_S,
     DRAWING,
     HASHED,
     LAYOUT,
+    MANIFEST,
     SINEW,
     EvidenceError,
     ReportManifest,
     SeriesEvidence,
     StoredEstimate,
-    account_hash,
     compute_block_hashes,
     compute_hashes,
+    compute_manifest_hash,
     find_element,
+    get_unverified_defaults,
     made_with,
     of_samples,
+    read_manifest,
     rebuild_run_data,
     to_element,
     to_stored_estimate,
-    unseen,
     without_element,
 )
-from backend.reports.evidence import read_accounts as read_evidence
 from backend.reports.model import to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.run_data import RunData
@@ -191,20 +191,20 @@ _STYLES = {
 _STYLE_SHEET = "*{stroke-linejoin: round; stroke-linecap: butt}"
 
 
-def compare_pages(page: str, evidence: ReportManifest | SeriesEvidence, make_again: Callable[[], str]) -> Verified:
+def compare_pages(page: str, manifest: ReportManifest | SeriesEvidence, make_again: Callable[[], str]) -> Verified:
     """Compare a page, from which the manifest was read, with the page made anew.
 
     The versions in the manifest decide nothing, because anybody can change them. They only explain why a page that
     differs may have been written by another version. Such a page is not verified; it does not hold.
     """
     here = made_with()
-    reported = evidence.made_with if isinstance(evidence, ReportManifest) else evidence.runs[0].made_with
+    reported = manifest.made_with if isinstance(manifest, ReportManifest) else manifest.runs[0].made_with
     foreign = tuple(_foreign(page))
     try:
         again = make_again()
     except Exception as error:
         return Verified((not_made("the page", "one that can be made again", error), *foreign)[:MOST], ())
-    differences = [*_account(page, evidence), *_pages(page, again)]
+    differences = [*_compare_manifest(page, manifest), *_pages(page, again)]
     others = [name for name, other in here.items() if reported.get(name) != other] + [*({*reported} - {*here})]
     if SINEW in others or LAYOUT in others:
         by, this = (
@@ -224,12 +224,12 @@ def compare_pages(page: str, evidence: ReportManifest | SeriesEvidence, make_aga
 def _foreign(page: str) -> Iterator[ReportDifference]:
     """Yield foreign elements, attributes, styles and addresses of drawings of a page."""
     for number, drawing in enumerate(_drawings(page), start=1):
-        found = next(_strangers(drawing), None)
+        found = next(_find_foreign_markup(drawing), None)
         if found is not None:
             yield ReportDifference(f"{_DRAWING_OF} {number}", f"“{found[:80]}”", "nothing but lines, letters and areas")
 
 
-def _strangers(drawing: str) -> Iterator[str]:
+def _find_foreign_markup(drawing: str) -> Iterator[str]:
     end, before = 0, ""
     for tag in _XML.finditer(drawing):
         between = _COMMENT.sub("", drawing[end : tag.start()])
@@ -264,11 +264,11 @@ def _is_harmless(element: str, attribute: str, value: str) -> bool:
     return True
 
 
-def _account(page: str, evidence: ReportManifest | SeriesEvidence) -> Iterator[ReportDifference]:
+def _compare_manifest(page: str, manifest: ReportManifest | SeriesEvidence) -> Iterator[ReportDifference]:
     """Compare the manifest text with the parsed manifest; nothing else may be in it."""
-    reported, found = find_element(page), to_element(evidence)
+    reported, found = find_element(page), to_element(manifest)
     if reported != found:
-        yield ReportDifference("the account as it is written", *where_they_differ(reported, found))
+        yield ReportDifference("the account as it is written", *find_difference(reported, found))
 
 
 def _pages(page: str, again: str) -> Iterator[ReportDifference]:
@@ -285,7 +285,7 @@ def _pages(page: str, again: str) -> Iterator[ReportDifference]:
     lines = [_without_drawings(text).replace("<dt>", "\n<dt>").split("\n") for text in (reported, found)]
     for number, (one, other) in enumerate(zip(*lines, strict=False), start=1):
         if one != other:
-            yield ReportDifference(_name_line(one[:_LINE], number), *where_they_differ(one, other))
+            yield ReportDifference(_name_line(one[:_LINE], number), *find_difference(one, other))
     sizes = [len(each) for each in lines]
     if sizes[0] != sizes[1]:
         yield ReportDifference("length of the page", f"{sizes[0]} lines", f"{sizes[1]} lines")
@@ -327,7 +327,7 @@ def _plain(line: str) -> str:
     return " ".join(unescape(_TAG.sub(" ", _SET.sub("", line.replace("<sub>", "_")))).split())
 
 
-def where_they_differ(one: str, other: str) -> tuple[str, str]:
+def find_difference(one: str, other: str) -> tuple[str, str]:
     """Return the text around the first difference of two lines.
 
     Markup is removed, unless only the markup differs.
@@ -398,18 +398,18 @@ def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Repo
 # The stored run of a report, found by its content, because another installation may number it differently.
 
 
-def read_stored_samples(database: Database, evidence: ReportManifest) -> tuple[Columns | None, int | None]:
+def read_stored_samples(database: Database, manifest: ReportManifest) -> tuple[Columns | None, int | None]:
     """Return the stored samples of the run of a manifest and its number here.
 
     Both are None if there is none. Among runs that began at the same moment it is the one with the hash of the samples,
     else the first one, so that the differences can be listed.
     """
     with database.reading() as session:
-        began = runs.began_at(session, evidence.run.started_at)
+        began = runs.began_at(session, manifest.run.started_at)
     found: list[tuple[Columns, int]] = []
     for run in began:
         columns, _ = read_recorded_columns(database, run.id)
-        if of_samples(columns) == evidence.hashes.get("samples"):
+        if of_samples(columns) == manifest.hashes.get("samples"):
             return columns, run.id
         found.append((columns, run.id))
     return found[0] if found else (None, None)
@@ -447,27 +447,27 @@ def verify_report(page: str, columns: Columns | None, files: AccompanyingFiles =
 
     Raises EvidenceError for a page without a manifest, and if there are no samples.
     """
-    evidence = _of_a_run(page)
-    return _verify_files(*_verify_page(page, evidence, columns), evidence, files)
+    manifest = _of_a_run(page)
+    return _verify_files(*_verify_page(page, manifest, columns), manifest, files)
 
 
 def _verify_files(
-    found: Verified, source: RunData | None, evidence: ReportManifest, files: AccompanyingFiles
+    found: Verified, source: RunData | None, manifest: ReportManifest, files: AccompanyingFiles
 ) -> Verified:
     """Return the result with differences of metrics.json and of the stored run added."""
     differences = list(found.differences)
     left_out = list(found.left_out)
     if files.stored is not None:
-        stored = _samples(evidence, _without_unrecorded(evidence, files.stored))
+        stored = _samples(manifest, _without_unrecorded(manifest, files.stored))
         differences += (replace(one, name=f"{files.stored_as}, {one.name}") for one in stored)
     if files.metrics is not None and source is None:
         left_out.append("metrics.json: what its numbers come from cannot be computed again")
     elif files.metrics is not None and source is not None:
-        differences += _metrics_file(files.metrics, source, evidence)
+        differences += _metrics_file(files.metrics, source, manifest)
     return replace(found, differences=tuple(differences[:MOST]), left_out=tuple(left_out))
 
 
-def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Iterator[ReportDifference]:
+def _metrics_file(text: str, source: RunData, manifest: ReportManifest) -> Iterator[ReportDifference]:
     """Compare metrics.json with the same document made here.
 
     Texts are compared only if the same version wrote them.
@@ -482,7 +482,7 @@ def _metrics_file(text: str, source: RunData, evidence: ReportManifest) -> Itera
         return
     reported = _metrics_in_present_form(reported, source)
     found = json.loads(json.dumps(build_metrics_document(source)))
-    same = all(evidence.made_with.get(name) == made_with()[name] for name in (SINEW, LAYOUT))
+    same = all(manifest.made_with.get(name) == made_with()[name] for name in (SINEW, LAYOUT))
     words = () if same else ("labels", "verdict", "problem")
     for document in (reported, found):
         for name in words:
@@ -509,16 +509,16 @@ def _metrics_in_present_form(document: dict[str, Any], source: RunData) -> dict[
     return {**document, **{name: part for name, part in upgraded.items() if name in document}}
 
 
-def _verify_page(page: str, evidence: ReportManifest, columns: Columns | None) -> tuple[Verified, RunData | None]:
+def _verify_page(page: str, manifest: ReportManifest, columns: Columns | None) -> tuple[Verified, RunData | None]:
     """Return the result of the comparison, and the recomputed source data."""
     if columns is None:
         raise EvidenceError(
             "the samples that it was made of are not here: name their file with --samples, or the folder with their run"
         )
-    again, source = computed_again(evidence, columns)
+    again, source = computed_again(manifest, columns)
     if source is None:
         return again, None
-    return join_verified(again, compare_pages(page, evidence, lambda: to_html(build_report(source)))), source
+    return join_verified(again, compare_pages(page, manifest, lambda: to_html(build_report(source)))), source
 
 
 def join_verified(*found: Verified) -> Verified:
@@ -533,12 +533,12 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: Accompanyi
 
     A PDF has no manifest; it is made again and compared byte by byte. Raises EvidenceError.
     """
-    evidence = _of_a_run(page)
-    verified, source = _verify_page(page, evidence, columns)
-    verified = _verify_files(verified, source, evidence, files)
+    manifest = _of_a_run(page)
+    verified, source = _verify_page(page, manifest, columns)
+    verified = _verify_files(verified, source, manifest, files)
     if verified.differences or source is None:
         return verified
-    if evidence.made_with != made_with():
+    if manifest.made_with != made_with():
         words = f"of the page beside it: {verified.compared}"
         return replace(verified, left_out=(*verified.left_out, _OTHER_PDF), compared=words)
     try:
@@ -551,75 +551,81 @@ def verify_pdf(pdf: bytes, page: str, columns: Columns | None, files: Accompanyi
 
 
 def _of_a_run(page: str) -> ReportManifest:
-    evidence = read_evidence(page)
-    if isinstance(evidence, SeriesEvidence):
+    manifest = read_manifest(page)
+    if isinstance(manifest, SeriesEvidence):
         raise EvidenceError("it is of a series: its runs are looked for where they are stored, in the folder of --data")
-    return evidence
+    return manifest
 
 
-def computed_again(evidence: ReportManifest, columns: Columns) -> tuple[Verified, RunData | None]:
+def computed_again(manifest: ReportManifest, columns: Columns) -> tuple[Verified, RunData | None]:
     """Compare a manifest with samples; return differences and recomputed source data.
 
     The source data is None if recomputing fails for any reason.
     """
     differences: list[ReportDifference] = []
-    columns = _without_unrecorded(evidence, columns)
+    columns = _without_unrecorded(manifest, columns)
     try:
-        differences += _samples(evidence, columns)
-        differences += _hashes(evidence.hashes, {**compute_hashes(evidence, columns), ACCOUNT: account_hash(evidence)})
-        evidence = _in_present_form(evidence)
-        again = _again(evidence, columns)
-        if evidence.metrics is None and again[0] is not None:
-            source = rebuild_run_data(evidence, columns, None, (), None)
+        differences += _samples(manifest, columns)
+        differences += _hashes(
+            manifest.hashes, {**compute_hashes(manifest, columns), MANIFEST: compute_manifest_hash(manifest)}
+        )
+        manifest = _in_present_form(manifest)
+        again = _recompute_result(manifest, columns)
+        if manifest.metrics is None and again[0] is not None:
+            source = rebuild_run_data(manifest, columns, None, (), None)
             return Verified(tuple(differences[:MOST]), (_NO_RESULT,)), source
-        older = _older(evidence)
-        left_out = (*older, *_unseen(evidence))
-        others = [] if older else list(_results(evidence, again))
+        older = _describe_older_definitions(manifest)
+        left_out = (*older, *_list_unverified_fields(manifest))
+        others = [] if older else list(_results(manifest, again))
         is_complete = bool(older) or not others
-        source = rebuild_run_data(evidence, columns, *(_normalise_result(evidence) if is_complete else again))
+        source = rebuild_run_data(manifest, columns, *(_normalise_result(manifest) if is_complete else again))
     except Exception as error:
         problem = not_made("what it was computed from", "a run that can be computed again", error)
         return Verified((*differences, problem)[:MOST], ()), None
     return Verified((*differences, *others)[:MOST], left_out), source
 
 
-def _in_present_form(evidence: ReportManifest) -> ReportManifest:
+def _in_present_form(manifest: ReportManifest) -> ReportManifest:
     """Return a manifest with its documents upgraded to the present form.
 
     Its hashes remain those of the documents as they were embedded.
     """
-    estimate = evidence.identification
+    estimate = manifest.identification
     if estimate is not None:
         quality = upgrades.upgrade_quality(estimate.kind, estimate.model, estimate.quality)
         estimate = replace(estimate, quality=quality)
     return replace(
-        evidence,
-        run=replace(evidence.run, settings=upgrades.upgrade_run_settings(evidence.run.settings)),
-        metrics=upgrades.upgrade_metrics(evidence.metrics),
-        criteria=upgrades.upgrade_criteria(evidence.criteria),
+        manifest,
+        run=replace(manifest.run, settings=upgrades.upgrade_run_settings(manifest.run.settings)),
+        metrics=upgrades.upgrade_metrics(manifest.metrics),
+        criteria=upgrades.upgrade_criteria(manifest.criteria),
         identification=estimate,
     )
 
 
-def _older(evidence: ReportManifest) -> tuple[str, ...]:
+def _describe_older_definitions(manifest: ReportManifest) -> tuple[str, ...]:
     """Return the reason why a result of older definitions is not compared; else empty."""
-    if evidence.metrics is None or evidence.metrics.get("definitions", 0) == DEFINITIONS:
+    if manifest.metrics is None or manifest.metrics.get("definitions", 0) == DEFINITIONS:
         return ()
-    definitions = evidence.metrics.get("definitions", 0)
+    definitions = manifest.metrics.get("definitions", 0)
     text = (
         f"the result: it was computed by version {definitions} of the definitions of figures and criteria, this Sinew "
-        f"computes by version {DEFINITIONS}: compute it anew with `sinew runs evaluate {evidence.run.id}`, and make "
+        f"computes by version {DEFINITIONS}: compute it anew with `sinew runs evaluate {manifest.run.id}`, and make "
         "the report again"
     )
     return (text,)
 
 
-def _unseen(evidence: ReportManifest) -> tuple[str, ...]:
+def _list_unverified_fields(manifest: ReportManifest) -> tuple[str, ...]:
     """Return the fields of the run that neither pages nor samples show.
 
     Reports of the present version omit them.
     """
-    missing = [name for name, nothing in unseen(evidence.metrics).items() if getattr(evidence.run, name) != nothing]
+    missing = [
+        name
+        for name, nothing in get_unverified_defaults(manifest.metrics).items()
+        if getattr(manifest.run, name) != nothing
+    ]
     return (f"{', '.join(missing)} of the run: nothing in the report depends on it",) if missing else ()
 
 
@@ -629,11 +635,11 @@ def _hashes(reported: Mapping[str, str], found: Mapping[str, str]) -> Iterator[R
             yield ReportDifference(f"hash of the {name}", reported.get(name, "nothing"), found.get(name, "nothing"))
 
 
-def _again(evidence: ReportManifest, columns: Columns) -> _Result:
-    run = evidence.run
+def _recompute_result(manifest: ReportManifest, columns: Columns) -> _Result:
+    run = manifest.run
     plan = parse_stored_plan(run.kind, run.set_to.plan or {})
     parameters = parse_parameters(run.parameters_name, run.parameters)
-    missed = evidence.missed_before + count_missing_ticks(columns)
+    missed = manifest.missed_before + count_missing_ticks(columns)
     try:
         result, estimate = compute_result(
             columns=columns,
@@ -641,27 +647,27 @@ def _again(evidence: ReportManifest, columns: Columns) -> _Result:
             parameters=parameters,
             plan=plan,
             run=run,
-            points=load_bank_points(evidence.bank),
+            points=load_bank_points(manifest.bank),
         )
     except NoSamplesError:
         return None, (), None
     return result.metrics, result.criteria, None if estimate is None else to_stored_estimate(estimate)
 
 
-def _normalise_result(evidence: ReportManifest) -> _Result:
+def _normalise_result(manifest: ReportManifest) -> _Result:
     """Return the result as the report has it, so that rounding changes no hash."""
-    metrics, of = evidence.metrics, f"run {evidence.run.id}"
-    criteria = CRITERIA.read(evidence.criteria, of)
-    return None if metrics is None else METRICS.read(metrics, of), criteria, evidence.identification
+    metrics, of = manifest.metrics, f"run {manifest.run.id}"
+    criteria = CRITERIA.read(manifest.criteria, of)
+    return None if metrics is None else METRICS.read(metrics, of), criteria, manifest.identification
 
 
-def _results(evidence: ReportManifest, again: _Result) -> Iterator[ReportDifference]:
+def _results(manifest: ReportManifest, again: _Result) -> Iterator[ReportDifference]:
     metrics, criteria, estimate = again
     like = LIKE if estimate is None else LIKE_ESTIMATE
-    yield from compare_documents("metrics", evidence.metrics, None if metrics is None else METRICS.write(metrics), like)
-    yield from compare_documents("criteria", evidence.criteria, CRITERIA.write(criteria))
-    reported, found = _document(evidence.identification), _document(estimate)
-    if evidence.made_with.get(LAYOUT) != made_with()[LAYOUT]:  # another state of the code may phrase it differently
+    yield from compare_documents("metrics", manifest.metrics, None if metrics is None else METRICS.write(metrics), like)
+    yield from compare_documents("criteria", manifest.criteria, CRITERIA.write(criteria))
+    reported, found = _document(manifest.identification), _document(estimate)
+    if manifest.made_with.get(LAYOUT) != made_with()[LAYOUT]:  # another state of the code may phrase it differently
         reported, found = _without_sentences(reported), _without_sentences(found)
     yield from compare_documents("identification", reported, found, like)
 
@@ -679,7 +685,7 @@ def _document(estimate: StoredEstimate | None) -> dict[str, Any] | None:
     return None if estimate is None else vars(estimate)
 
 
-def _without_unrecorded(evidence: ReportManifest, columns: Columns) -> Columns:
+def _without_unrecorded(manifest: ReportManifest, columns: Columns) -> Columns:
     """Return columns without all-NaN signals that have no checksum in the report.
 
     An export adds such signals.
@@ -687,18 +693,18 @@ def _without_unrecorded(evidence: ReportManifest, columns: Columns) -> Columns:
     return {
         name: column
         for name, column in columns.items()
-        if name == "t" or name in evidence.blocks or not np.isnan(column).all()
+        if name == "t" or name in manifest.blocks or not np.isnan(column).all()
     }
 
 
-def _samples(evidence: ReportManifest, columns: Columns) -> Iterator[ReportDifference]:
+def _samples(manifest: ReportManifest, columns: Columns) -> Iterator[ReportDifference]:
     size = columns["t"].size
-    if size != evidence.samples:
-        yield ReportDifference("number of samples", str(evidence.samples), str(size))
+    if size != manifest.samples:
+        yield ReportDifference("number of samples", str(manifest.samples), str(size))
         return
     found = compute_block_hashes(columns)
     for name in HASHED:
-        reported = evidence.blocks.get(name, [])
+        reported = manifest.blocks.get(name, [])
         for place, (one, other) in enumerate(zip(reported, found.get(name, []), strict=False)):
             if one != other:
                 start = place * BLOCK_S
@@ -713,17 +719,17 @@ def _samples(evidence: ReportManifest, columns: Columns) -> Iterator[ReportDiffe
 
 
 def verify_series_report(
-    page: str, evidence: SeriesEvidence, find: Callable[[ReportManifest], Columns | None]
+    page: str, manifest: SeriesEvidence, find: Callable[[ReportManifest], Columns | None]
 ) -> Verified:
     """Compare the report of a series with the samples that ``find`` returns.
 
     Each manifest is compared with the samples of its run, then the page with the same page made anew. Raises
     EvidenceError if the samples of a run are missing.
     """
-    if len(evidence.runs) < 2 or any(one.run.kind == RunKind.SESSION for one in evidence.runs):
+    if len(manifest.runs) < 2 or any(one.run.kind == RunKind.SESSION for one in manifest.runs):
         raise EvidenceError("its account is of no series: that is of two runs or more, none of them a session")
     found, sources = [], []
-    for one in evidence.runs:
+    for one in manifest.runs:
         columns = find(one)
         if columns is None:
             raise EvidenceError(f"the samples of its run {one.run.id} are not here: name the folder with its runs")
@@ -731,8 +737,8 @@ def verify_series_report(
         found.append(_of_run(one.run.id, again))
         if source is not None:
             sources.append(source)
-    if len(sources) == len(evidence.runs):
-        found.append(compare_pages(page, evidence, lambda: to_html(series_report(sources))))
+    if len(sources) == len(manifest.runs):
+        found.append(compare_pages(page, manifest, lambda: to_html(series_report(sources))))
     return join_verified(*found)
 
 

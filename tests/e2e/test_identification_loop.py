@@ -113,7 +113,7 @@ def beside_unseen_data(operator: Operator, first: int, second: int) -> None:
     known = {run: get(operator, f"/api/identifications/{run}") for run in (first, second)}
     for side in "AB":
         table = card.get_by_role("table", name=f"Candidates of Motor {side}", exact=True)
-        told = {run: unseen(operator, run, second, side) for run in (first, second)}
+        told = {run: get_unverified_defaults(operator, run, second, side) for run in (first, second)}
         expect(table.get_by_role("row")).to_have_count(3)
         for run, row in zip((first, second), cells(table), strict=True):
             motor = known[run]["motors"]["AB".index(side)]
@@ -253,7 +253,7 @@ def forecast(operator: Operator) -> float:
     return float(next(one["value"] for one in answer.json()["figures"] if one["name"] == "omega_max"))
 
 
-def unseen(operator: Operator, run: int, of: int, name: str) -> Any:
+def get_unverified_defaults(operator: Operator, run: int, of: int, name: str) -> Any:
     view = get(operator, f"/api/identifications/{run}/unseen?of={of}")
     assert (view["run"], view["of"], view["own"]) == (run, of, run == of)
     return next(output for output in view["outputs"] if output["name"] == name)

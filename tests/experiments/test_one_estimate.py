@@ -18,7 +18,7 @@ from backend.identification.fitting import Method
 from backend.models.identification import ChannelName
 from backend.models.run import Metrics
 from backend.reports.build import build_report
-from backend.reports.identification_report import again_command
+from backend.reports.identification_report import build_estimate_command
 from backend.reports.model import Code, Paragraph, Report
 from backend.reports.run_data import RunData
 from backend.storage.identifications import Identification
@@ -145,7 +145,7 @@ def test_the_data_file_gives_the_same_estimate_by_the_command_in_the_report(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     found: Identification = request.getfixturevalue(estimator)
-    command = again_command(found, key)
+    command = build_estimate_command(found, key)
     assert command in words_of(report_of(found, record))
     (tmp_path / "data.csv").write_bytes(to_csv(record))
     monkeypatch.chdir(tmp_path)

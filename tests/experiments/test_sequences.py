@@ -27,13 +27,13 @@ from backend.realtime.program import Law, Program, Segment, Shape
 from backend.recording.reader import read_recorded_columns
 from backend.reports.build import build_metrics_document
 from backend.reports.evidence import (
-    ACCOUNT,
     LAYOUT,
+    MANIFEST,
     ReportManifest,
-    account_hash,
     compute_hashes,
+    compute_manifest_hash,
     find_element,
-    read_accounts,
+    read_manifest,
     to_element,
 )
 from backend.reports.rendering import render_report
@@ -192,7 +192,7 @@ def test_a_report_and_a_record_of_before_are_read_and_hold(database: Database) -
     earlier = {**source.run.settings, "plan": {"segments": RECORDED["segments"]}}
     page = render_report(source, "html").decode()
     assert verify_report(page, columns).holds
-    account = read_accounts(page)
+    account = read_manifest(page)
     assert isinstance(account, ReportManifest)
     account = replace(
         account, run=replace(account.run, settings=earlier), made_with={**account.made_with, LAYOUT: "0" * 16}
@@ -200,7 +200,7 @@ def test_a_report_and_a_record_of_before_are_read_and_hold(database: Database) -
     hashes = compute_hashes(account, columns)
     assert hashes["settings"] != account.hashes["settings"]
     account = replace(account, hashes=hashes)
-    account = replace(account, hashes={**hashes, ACCOUNT: account_hash(account)})
+    account = replace(account, hashes={**hashes, MANIFEST: compute_manifest_hash(account)})
     metrics = json.dumps(build_metrics_document(source) | {"settings": earlier})
     beside = AccompanyingFiles(metrics=metrics, stored=columns, stored_as="run 1")
     found = verify_report(page.replace(find_element(page), to_element(account)), columns, beside)

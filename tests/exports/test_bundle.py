@@ -14,7 +14,7 @@ from backend.exports import bundle
 from backend.exports.base import ExportError, ImportRefusedError
 from backend.exports.importer import ImportResult, import_bundle
 from backend.models.document import document_digest
-from backend.reports.evidence import ReportManifest, read_accounts
+from backend.reports.evidence import ReportManifest, read_manifest
 from backend.reports.verification import Verified, read_stored_samples, verify_report
 from backend.services.downloads import stream_bundle
 from backend.storage import banks, results, runs
@@ -53,7 +53,7 @@ def test_a_report_from_a_bundle_holds_where_it_was_taken_in(there: Database, fil
         kept = results.newest_report(session, run, "html")
         assert kept is not None
         page = kept.content.decode()
-    said = read_accounts(page)
+    said = read_manifest(page)
     assert isinstance(said, ReportManifest)
     columns, number = read_stored_samples(there, said)
     assert number == run

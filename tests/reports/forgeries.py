@@ -8,12 +8,12 @@ from typing import Any
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from backend.reports.evidence import (
-    ACCOUNT,
+    MANIFEST,
     EvidenceError,
     ReportManifest,
-    account_hash,
+    compute_manifest_hash,
     find_element,
-    read_accounts,
+    read_manifest,
     to_element,
 )
 from backend.reports.signing import derive_public_key, sign_page
@@ -89,10 +89,10 @@ def of_the_drawings(page: str) -> Iterator[tuple[str, str]]:
 
 def with_versions(page: str) -> Iterator[tuple[str, str]]:
     """Name other versions in the account, seal it again, and change the page besides."""
-    evidence = read_accounts(page)
-    assert isinstance(evidence, ReportManifest)
-    for name in evidence.made_with:
-        said = {**evidence.made_with, name: "0.0.9"}
+    manifest = read_manifest(page)
+    assert isinstance(manifest, ReportManifest)
+    for name in manifest.made_with:
+        said = {**manifest.made_with, name: "0.0.9"}
         for what, changed in (
             ("the page", page),
             ("a figure", page.replace("</td>", "9</td>", 1)),
@@ -136,13 +136,13 @@ def _change(account: Any, path: Path) -> None:
 def _sealed(page: str, changed: str) -> str | None:
     """Return a changed page whose account has its hash again, on the page too; None where it cannot be read."""
     try:
-        evidence = read_accounts(changed)
+        manifest = read_manifest(changed)
     except EvidenceError:
         return None
-    assert isinstance(evidence, ReportManifest)
-    before, after = evidence.hashes.get(ACCOUNT, ""), account_hash(evidence)
-    evidence.hashes[ACCOUNT] = after
-    sealed = changed.replace(find_element(changed), to_element(evidence))
+    assert isinstance(manifest, ReportManifest)
+    before, after = manifest.hashes.get(MANIFEST, ""), compute_manifest_hash(manifest)
+    manifest.hashes[MANIFEST] = after
+    sealed = changed.replace(find_element(changed), to_element(manifest))
     return sealed.replace(before, after) if before else sealed
 
 

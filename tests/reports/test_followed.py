@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backend.models.run import StepFigures
-from backend.reports.experiment_report import PapersLaw, make_law_comparison, papers_law, tracking_report
+from backend.reports.experiment_report import PaperLawResponse, make_law_comparison, simulate_paper_law, tracking_report
 from backend.reports.model import Fact, Figure, Report, Table, to_html
 from backend.reports.provenance import tuning_facts
 from backend.reports.run_data import RunData
@@ -27,8 +27,8 @@ def planned(**changed: object) -> RunData:
 
 
 @pytest.fixture(scope="module")
-def law() -> PapersLaw:
-    found = papers_law(planned())
+def law() -> PaperLawResponse:
+    found = simulate_paper_law(planned())
     assert found is not None
     return found
 
@@ -91,12 +91,12 @@ def test_the_figures_show_it_and_say_what_it_is(report: Report) -> None:
 
 
 def test_nothing_is_beside_a_run_that_had_the_governor_or_another_law() -> None:
-    assert papers_law(source_of(samples(PLAN))) is None
-    assert papers_law(planned(motion="lambda")) is None
+    assert simulate_paper_law(source_of(samples(PLAN))) is None
+    assert simulate_paper_law(planned(motion="lambda")) is None
     other = planned()
     plan = {**other.run.settings["plan"], "controller": "single-loop"}
     settings = {**other.run.settings, "plan": plan}
-    assert papers_law(replace(other, run=replace(other.run, settings=settings))) is None
+    assert simulate_paper_law(replace(other, run=replace(other.run, settings=settings))) is None
 
 
 def test_what_cannot_be_computed_says_why() -> None:
@@ -104,14 +104,14 @@ def test_what_cannot_be_computed_says_why() -> None:
     changed = {**source.columns, "lam_q": np.linspace(0.5, 0.6, source.columns["t"].size)}
     gaps = {name: np.delete(column, 500) for name, column in source.columns.items()}
     for columns, reason in ((changed, "λ was changed during the run"), (gaps, "samples are missing")):
-        found = papers_law(replace(source, columns=columns))
-        assert found == PapersLaw(reason=reason)
-        assert make_law_comparison([], PapersLaw(reason=reason), AngleUnit.DEGREES) == ()
+        found = simulate_paper_law(replace(source, columns=columns))
+        assert found == PaperLawResponse(reason=reason)
+        assert make_law_comparison([], PaperLawResponse(reason=reason), AngleUnit.DEGREES) == ()
     report = tracking_report(replace(source, columns=changed))
     assert "would have made of these references was not computed" in to_html(report)
 
 
-def test_a_step_that_does_not_get_there_is_not_measured(law: PapersLaw) -> None:
+def test_a_step_that_does_not_get_there_is_not_measured(law: PaperLawResponse) -> None:
     step = StepFigures(
         signal="q", phase="q", start_s=0.0, end_s=0.1, before=0.0, after=9.0, alone=True, rise_s=None, reach_s=None,
         settling_s=None, overshoot_percent=None, steady_error=None, cross_coupling=None,

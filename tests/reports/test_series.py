@@ -18,7 +18,7 @@ from backend.experiments.library import build_ready_plan
 from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_report
-from backend.reports.evidence import EvidenceError, ReportManifest, SeriesEvidence, read_accounts
+from backend.reports.evidence import EvidenceError, ReportManifest, SeriesEvidence, read_manifest
 from backend.reports.model import Report, Table, to_html
 from backend.reports.pdf import to_pdf
 from backend.reports.rendering import render_series_report
@@ -64,7 +64,7 @@ def tables(report: Report, heading: str) -> list[Table]:
 
 
 def account(page: str) -> SeriesEvidence:
-    found = read_accounts(page)
+    found = read_manifest(page)
     assert isinstance(found, SeriesEvidence)
     return found
 
@@ -178,17 +178,17 @@ def test_a_series_is_no_report_of_a_run_and_needs_its_runs(page: str, sources: l
 
 
 def test_the_run_is_found_by_its_samples_whatever_its_number(database: Database, sources: list[RunData]) -> None:
-    evidence = account(to_html(series_report(sources))).runs[1]
-    elsewhere = replace(evidence, run=replace(evidence.run, id=77))
+    manifest = account(to_html(series_report(sources))).runs[1]
+    elsewhere = replace(manifest, run=replace(manifest.run, id=77))
     columns, number = read_stored_samples(database, elsewhere)
     assert number == 2
     assert columns is not None
     with database.reading() as session:
         began = runs.get(session, 1).started_at
-    columns, number = read_stored_samples(database, replace(evidence, run=replace(evidence.run, started_at=began)))
+    columns, number = read_stored_samples(database, replace(manifest, run=replace(manifest.run, started_at=began)))
     assert number == 1  # another one that began then: what differs can be told
     never = began.replace(year=2001)
-    assert read_stored_samples(database, replace(evidence, run=replace(evidence.run, started_at=never))) == (None, None)
+    assert read_stored_samples(database, replace(manifest, run=replace(manifest.run, started_at=never))) == (None, None)
 
 
 @pytest.mark.parametrize(

@@ -18,14 +18,14 @@ from backend.experiments.plans import LoopSettings
 from backend.recording.reader import Columns
 from backend.reports.build import build_metrics_document, build_report
 from backend.reports.evidence import (
-    ACCOUNT,
     LAYOUT,
+    MANIFEST,
     EvidenceError,
     ReportManifest,
-    account_hash,
+    compute_manifest_hash,
     find_element,
     made_with,
-    read_accounts,
+    read_manifest,
     to_element,
 )
 from backend.reports.model import to_html
@@ -299,7 +299,7 @@ def test_what_is_no_report_or_has_no_samples_cannot_be_told(report: Made, tmp_pa
         verify_report(report.page, None)
     for page in ("", "<html></html>", f"{BEGIN}{{}}{END}", f"{BEGIN}[1]{END}", f"{BEGIN}no JSON{END}"):
         with pytest.raises(EvidenceError):
-            read_accounts(page)
+            read_manifest(page)
     (tmp_path / "data.csv").write_text("t,q\n0,1\n")
     with pytest.raises(SamplesFileError, match="no export of a run"):
         read_samples_file(tmp_path / "data.csv")
@@ -327,11 +327,11 @@ def test_a_page_of_another_layout_is_not_verified(report: Made, said: str | None
     assert changed != report.page
     versions = {name: one for name, one in made_with().items() if name != LAYOUT or said is not None}
     versions |= {} if said is None else {LAYOUT: said}
-    evidence = read_accounts(report.page)
-    assert isinstance(evidence, ReportManifest)
-    evidence = replace(evidence, made_with=versions)
-    evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
-    page = changed.replace(find_element(changed), to_element(evidence))
+    manifest = read_manifest(report.page)
+    assert isinstance(manifest, ReportManifest)
+    manifest = replace(manifest, made_with=versions)
+    manifest = replace(manifest, hashes={**manifest.hashes, MANIFEST: compute_manifest_hash(manifest)})
+    page = changed.replace(find_element(changed), to_element(manifest))
     found = verify_report(page, report.source.columns)
     assert (found.holds, found.differences) == (None, ())
     assert len(found.left_out) == 1

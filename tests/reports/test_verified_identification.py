@@ -20,13 +20,13 @@ from backend.experiments.plans import (
 from backend.identification.validation import critical_deviation
 from backend.reports.build import build_report
 from backend.reports.evidence import (
-    ACCOUNT,
     LAYOUT,
+    MANIFEST,
     ReportManifest,
-    account_hash,
     compute_hashes,
+    compute_manifest_hash,
     find_element,
-    read_accounts,
+    read_manifest,
     to_element,
 )
 from backend.reports.model import to_html
@@ -91,11 +91,11 @@ def test_another_model_with_all_its_hashes_is_found_and_named(identified: tuple[
 def of_another_layout(source: RunData) -> str:
     """Return the page of a run as another state of the source code has written it, with a true account."""
     page = to_html(build_report(source))
-    evidence = read_accounts(page)
-    assert isinstance(evidence, ReportManifest)
-    evidence = replace(evidence, made_with={**evidence.made_with, LAYOUT: "0123456789abcdef"})
-    evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
-    return page.replace(find_element(page), to_element(evidence))
+    manifest = read_manifest(page)
+    assert isinstance(manifest, ReportManifest)
+    manifest = replace(manifest, made_with={**manifest.made_with, LAYOUT: "0123456789abcdef"})
+    manifest = replace(manifest, hashes={**manifest.hashes, MANIFEST: compute_manifest_hash(manifest)})
+    return page.replace(find_element(page), to_element(manifest))
 
 
 def test_of_another_layout_numbers_of_a_model_are_compared_and_its_sentences_are_not(
@@ -117,10 +117,10 @@ def test_an_account_with_documents_of_an_earlier_form_is_compared_as_others_are(
     kind, source, _ = identified
     assert source.identification is not None
     page = of_another_layout(source)
-    evidence = read_accounts(page)
-    assert isinstance(evidence, ReportManifest)
-    assert evidence.identification is not None
-    quality = copy.deepcopy(evidence.identification.quality)
+    manifest = read_manifest(page)
+    assert isinstance(manifest, ReportManifest)
+    assert manifest.identification is not None
+    quality = copy.deepcopy(manifest.identification.quality)
     for name in {"motor": ("A", "B"), "actuator": ("G_q", "G_S")}.get(kind, ()):
         if kind == "motor":
             del quality[name]["grade"]
@@ -129,13 +129,13 @@ def test_an_account_with_documents_of_an_earlier_form_is_compared_as_others_are(
             bound = quality[name]["residuals"][test].pop("bound")
             share = critical_deviation(1) / critical_deviation(len(bound))
             quality[name]["residuals"][test]["band"] = [share * one for one in bound]
-    loop = {part: value for part, value in evidence.run.settings["loop"].items() if part != "motion"}
-    settings = evidence.run.settings | {"loop": loop | {"u_plan": 0.0}}
-    estimate = replace(evidence.identification, quality=quality)
-    evidence = replace(evidence, run=replace(evidence.run, settings=settings), identification=estimate)
-    evidence = replace(evidence, hashes=compute_hashes(evidence, source.columns))
-    evidence = replace(evidence, hashes={**evidence.hashes, ACCOUNT: account_hash(evidence)})
-    found = verify_report(page.replace(find_element(page), to_element(evidence)), source.columns)
+    loop = {part: value for part, value in manifest.run.settings["loop"].items() if part != "motion"}
+    settings = manifest.run.settings | {"loop": loop | {"u_plan": 0.0}}
+    estimate = replace(manifest.identification, quality=quality)
+    manifest = replace(manifest, run=replace(manifest.run, settings=settings), identification=estimate)
+    manifest = replace(manifest, hashes=compute_hashes(manifest, source.columns))
+    manifest = replace(manifest, hashes={**manifest.hashes, MANIFEST: compute_manifest_hash(manifest)})
+    found = verify_report(page.replace(find_element(page), to_element(manifest)), source.columns)
     assert (found.holds, found.differences) == (None, ())
 
 

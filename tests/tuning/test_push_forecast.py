@@ -31,13 +31,13 @@ def integrated(lam: float, k_ext: float, tau: float, seconds: float, f: float = 
     D = 4.0 * T_M - LAM_M
     k_p, k_i = 4.0 * T_M**2 / (K_M * LAM_M**2 * D), T_M**2 / (K_M * LAM_M**3 * D)
     k_d, t_f = (6.0 * T_M**2 - LAM_M * D) / (K_M * LAM_M * D), T_M * LAM_M / D
-    T, unseen = 4.0 * LAM_M, 0.0 if f else UNSEEN_F * R_J
+    T, get_unverified_defaults = 4.0 * LAM_M, 0.0 if f else UNSEEN_F * R_J
     p, i = ((2.0 * T - lam) / lam, T / lam**2) if lam < 2.0 * T else (0.0, 0.5 / lam)
 
     def rate(t: float, x: Array) -> Array:
         plant, (outer, inner, inner_f, y_f), seen, lags = x[:5], x[5:9], x[9:12], x[12:]
         acts = tau * (math.sin(2.0 * math.pi * f * t) if f else 1.0)
-        answered = math.copysign(max(abs(seen[2]) - unseen, 0.0), seen[2])
+        answered = math.copysign(max(abs(seen[2]) - get_unverified_defaults, 0.0), seen[2])
         q = plant[0] - k_ext * (answered - lags[3]) / HELD
         reference = R_J / R_M * (outer - p * q - k_ext * answered / HELD)
         u = inner_f - k_p * y_f - k_d / t_f * (plant[2] - y_f)
