@@ -363,8 +363,8 @@ def name_station(
             with database.session() as session:
                 run_count = assign_unowned_rows(session, station)
         finally:
-            claim.let_go()
-            station_lock.let_go()
+            claim.release()
+            station_lock.release()
     with open_configured_database(settings):  # opening it rebuilds the search index
         console.print(f"{run_count} runs are of station {station} now; start its service with --station {station}")
 

@@ -51,7 +51,7 @@ def open_headless_rig(
 
     def record(_ring: Ring) -> None:
         for recorder in recorders:
-            recorder.drain_what_is_worth_it()
+            recorder.drain_if_due()
 
     loop = make_headless_loop(parameters, settings, bank, record, plant)
     recorder = Recorder(database, loop.ring)

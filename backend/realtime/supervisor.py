@@ -269,7 +269,7 @@ class Supervisor:
         return self.granted is not None
 
     @property
-    def beat_age_s(self) -> float | None:
+    def heartbeat_age_s(self) -> float | None:
         """Time since the last heartbeat to the loop process [s], None without one."""
         return None if self._heartbeat is None else self._heartbeat.age_s
 

@@ -42,7 +42,7 @@ from plant import ErrorCode, InvariantError, Obstacle, SinewError, T_s
 _MOST_WAITING = 10_000
 
 
-class Walls:
+class ObstacleChanges:
     """Pending changes of the obstacle, until their samples are stored.
 
     Belongs to the recorder. Events and samples arrive separately: an event may arrive before its sample is read, or
@@ -61,7 +61,7 @@ class Walls:
         if len(self._waiting) > _MOST_WAITING:  # before a run only the last change counts
             self._current = self._waiting.pop(0).wall
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Reset for a new loop, whose plant has no obstacle."""
         self._waiting, self._current = [], None
 
@@ -147,7 +147,7 @@ class Recorder:
         self._open: set[int] = set()
         self._run_ends: dict[int, RunEnded] = {}
         self._notes: deque[_Note] = deque()
-        self._walls = Walls()
+        self._obstacle_changes = ObstacleChanges()
         self._closing = threading.Event()
         self._one_at_a_time = threading.Lock()
 
@@ -195,7 +195,7 @@ class Recorder:
         """
         self._attempt(self._drain)
 
-    def drain_what_is_worth_it(self) -> None:
+    def drain_if_due(self) -> None:
         """Drain if enough samples for one transaction or an end event are pending.
 
         For loops without real time.
@@ -237,13 +237,13 @@ class Recorder:
             case RunEnded():
                 self._run_ends[note.run] = note
             case WallChanged():
-                self._walls.add(note)
+                self._obstacle_changes.add(note)
             case LoopExited(reason):
                 self._finish(EndState.LINK_LOST, f"the loop process died: {reason}")
             case Ring():
                 self._finish(EndState.LINK_LOST, "the loop process was replaced")
                 self._ring, self._position = note, 0
-                self._walls.forget()
+                self._obstacle_changes.reset()
 
     def _finish(self, end_state: EndState, detail: str) -> None:
         while self._store_next(partial=True):
@@ -282,10 +282,10 @@ class Recorder:
             return False
         if not len(rows):
             return False
-        strange = _count_strange(rows)
-        if strange:
-            self._end_recording(f"a sample of run {rows[0, _RUN]:g} at tick {rows[0, _TICK]:g}", strange)
-            self._position += strange
+        invalid = _count_invalid(rows)
+        if invalid:
+            self._end_recording(f"a sample of run {rows[0, _RUN]:g} at tick {rows[0, _TICK]:g}", invalid)
+            self._position += invalid
             return True
         run, tick = int(rows[0, _RUN]), int(rows[0, _TICK])
         if run == self._run != 0 and tick < self._next_tick:
@@ -336,7 +336,7 @@ class Recorder:
             self._refused_run = run
         else:
             self._run, self._next_tick = run, tick
-            self._walls.begin(tick)
+            self._obstacle_changes.begin(tick)
 
     def _store(self, rows: Rows) -> None:
         table = rows[:, STORED_COLUMNS].astype(np.float32)
@@ -346,9 +346,9 @@ class Recorder:
             if not (again and recordings.has_chunk(session, self._run, tick)):
                 self._note_gap(session, tick)
                 recordings.add_chunks(session, self._run, _split_chunks(tick, table))
-                runs.save_walls(session, self._run, self._walls.until(tick + len(rows) - 1))
+                runs.save_walls(session, self._run, self._obstacle_changes.until(tick + len(rows) - 1))
         self._next_tick = tick + len(rows)
-        self._walls.discard_until(self._next_tick - 1)
+        self._obstacle_changes.discard_until(self._next_tick - 1)
 
     def _leave_run(self, tick: int) -> None:
         """Finish a run without further samples; ``tick`` is the next one."""
@@ -391,11 +391,11 @@ def _stretch(rows: Rows) -> int:
     return int(breaks[0]) + 1 if len(breaks) else len(rows)
 
 
-def _count_strange(rows: Rows) -> int:
+def _count_invalid(rows: Rows) -> int:
     """Return the number of leading rows with an invalid run or tick.
 
     Valid are integers from 0 on.
     """
     named = rows[:, [_RUN, _TICK]]
-    sound = np.flatnonzero(((named >= 0.0) & (np.floor(named) == named) & np.isfinite(named)).all(axis=1))
-    return int(sound[0]) if len(sound) else len(rows)
+    valid = np.flatnonzero(((named >= 0.0) & (np.floor(named) == named) & np.isfinite(named)).all(axis=1))
+    return int(valid[0]) if len(valid) else len(rows)

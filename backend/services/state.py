@@ -199,7 +199,7 @@ def build_safety_chain(
     ``holder`` is None while no session has the control lease; ``fault`` is the latched fault of the newest sample.
     """
     alive = supervisor.is_alive
-    heartbeat_age_s = supervisor.beat_age_s
+    heartbeat_age_s = supervisor.heartbeat_age_s
     is_ticking = alive and link.silent_s < LOOP_SILENT_S
     if supervisor.restarting is not None and not is_ticking:
         return [_build_page_link(holder), *_build_restarting_links(supervisor, link, fault)]

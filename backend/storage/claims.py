@@ -25,7 +25,7 @@ from backend import __version__
 from backend.storage.orm import SettingRow
 from backend.storage.stations import StationTakenError
 
-BEAT_S = 1.0
+HEARTBEAT_S = 1.0
 """Period of the heartbeat [s]."""
 
 LIFE_S = 10.0
@@ -98,15 +98,15 @@ class HeldClaim:
 
     def run(self) -> None:
         """Count a heartbeat once a second until ``end``; a failed one is retried."""
-        while not self._over.wait(BEAT_S):
+        while not self._over.wait(HEARTBEAT_S):
             with suppress(SQLAlchemyError):  # a database that cannot be written is reported by the writers of data
-                self.beat()
+                self.renew()
 
     def end(self) -> None:
         """End ``run``."""
         self._over.set()
 
-    def beat(self) -> None:
+    def renew(self) -> None:
         """Count a heartbeat, or record that another service has the claim."""
         with self._engine.begin() as connection:
             now = _load_claim(connection, self._station)
@@ -120,7 +120,7 @@ class HeldClaim:
             self._claim = replace(self._claim, beat=self._claim.beat + 1)
             _write(connection, self._station, self._claim)
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Release the claim if it is still held."""
         self.end()
         with suppress(SQLAlchemyError), self._engine.begin() as connection:

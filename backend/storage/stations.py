@@ -114,7 +114,7 @@ class HeldStation:
             raise StationTakenError(station)
         self._connection = connection
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Release the station."""
         if self._connection is not None:
             with suppress(DBAPIError):  # of a closed connection, whose lock is gone

@@ -125,7 +125,7 @@ def refresh_claim(session: Session, study_id: int, runner: str) -> bool:
     return not row.stop_asked
 
 
-def let_go(session: Session, study_id: int, runner: str, problem: str = "") -> None:
+def release(session: Session, study_id: int, runner: str, problem: str = "") -> None:
     """Record that ``runner`` no longer computes the study."""
     row = _own(session, study_id)
     if row.runner == runner:

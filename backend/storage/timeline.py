@@ -205,7 +205,7 @@ def _of_events(session: Session, asked: LogQuery) -> _Query:
 
 def _event(row: _Row) -> tuple[LogEntry, str]:
     event, text, flight = row
-    happening = LogEntry(
+    entry = LogEntry(
         at=event.at,
         kind=EventKind(event.kind) if event.kind in set(EventKind) else EventKind.NOTE,
         who=event.who,
@@ -218,7 +218,7 @@ def _event(row: _Row) -> tuple[LogEntry, str]:
         tags=() if text is None else tuple(text.tags.split()),
         remark_by="" if text is None else text.who,
     )
-    return happening, ""
+    return entry, ""
 
 
 def _began(session: Session, asked: LogQuery, limit: int | None) -> list[LogEntry]:

@@ -93,7 +93,7 @@ def run_study(
         raise
     finally:
         with suppress(StorageError), database.session() as session:
-            studies.let_go(session, study_id, runner, problem)
+            studies.release(session, study_id, runner, problem)
 
 
 class _StudyExecution:

@@ -83,7 +83,7 @@ class Running:
     def problems(self) -> list[str]:
         return list(self.client.get("/api/state").raise_for_status().json()["problems"])
 
-    def told(self, name: str) -> str:
+    def read_problem(self, name: str) -> str:
         return until(lambda: next((text for text in self.problems() if text.startswith(f"{name} died")), ""))
 
 
@@ -145,9 +145,9 @@ def test_each_task_that_is_killed_is_told_and_runs_again(inside: Running) -> Non
     for victim in victims.values():
         inside.call(victim.cancel)
     for name, victim in victims.items():
-        assert "it was cancelled" in inside.told(name)
+        assert "it was cancelled" in inside.read_problem(name)
         until(lambda name=name, victim=victim: inside.tasks().get(name, victim) is not victim)  # type: ignore[misc] # defaults bind the loop's names
-        until(lambda name=name: "was started anew" in inside.told(name))  # type: ignore[misc] # defaults bind the loop's names
+        until(lambda name=name: "was started anew" in inside.read_problem(name))  # type: ignore[misc] # defaults bind the loop's names
     assert inside.client.get("/api/health").json()["alive"]
 
 
@@ -156,7 +156,7 @@ def test_a_thread_that_is_killed_is_told_and_runs_again(inside: Running, name: s
     victims = {thread for thread in threading.enumerate() if thread.name == name}
     for thread in victims:
         kill(thread)
-    assert "SystemExit" in inside.told(name)
+    assert "SystemExit" in inside.read_problem(name)
 
     def again() -> bool:
         present = {thread for thread in threading.enumerate() if thread.name == name}
@@ -181,8 +181,9 @@ def test_the_loop_stops_by_itself_when_the_heartbeat_keeps_dying(moving: Running
     until(stop_beating)
     state = moving.client.get("/api/state").json()
     assert state["fault"]["code"] == "service_lost"
-    assert "ended without being told" in moving.told("The heartbeat to the loop process")
-    until(lambda: "was started anew" in moving.told("The heartbeat to the loop process"))  # or the next one stops too
+    assert "ended without being told" in moving.read_problem("The heartbeat to the loop process")
+    # or the next one stops too
+    until(lambda: "was started anew" in moving.read_problem("The heartbeat to the loop process"))
     until(lambda: moving.client.post("/api/reset").is_success)
     assert wait_for(moving.client, "mode", "off")
 

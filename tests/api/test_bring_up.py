@@ -54,18 +54,18 @@ def begin(client: httpx.Client, name: str) -> None:
 
 def confirmed(client: httpx.Client, name: str) -> tuple[dict[str, Any], set[str]]:
     """Confirm whatever a step asks for until it is over; return how it stands, and what it has asked for."""
-    told: set[str] = set()
+    read_problems: set[str] = set()
 
     def over() -> dict[str, Any] | None:
         step = step_of(client, name)
         if step["running"] is None:
             return step
         if step["running"]["confirm"]:
-            told.add(step["running"]["confirm"])
+            read_problems.add(step["running"]["confirm"])
             client.post(f"{URL}/confirm")
         return None
 
-    return until(over), told
+    return until(over), read_problems
 
 
 def switch_on(client: httpx.Client) -> None:
@@ -96,9 +96,9 @@ def test_the_wiring_test_is_played_confirmed_and_kept(rig: httpx.Client) -> None
     for order, body in STARTING:
         refused = problem(rig.post(order, json=body))
         assert "Wiring test of the bring-up is under way" in str(refused["message"]), order
-    step, told = confirmed(rig, "wiring_test")
+    step, read_problems = confirmed(rig, "wiring_test")
     assert (step["state"], step["result"]["passed"]) == ("current", True), step
-    assert len(told) >= 6
+    assert len(read_problems) >= 6
     assert step_of(rig, "zero")["blocked"] == ""
     # Nobody has said yet that the hands are off the rig.
     assert "drives are switched off" in str(problem(rig.post("/api/mode", json={"mode": "pretension"}))["message"])
@@ -116,27 +116,28 @@ def test_a_step_that_is_given_up_leaves_no_result(rig: httpx.Client) -> None:
 def test_what_has_to_come_before_pretension_is_in_the_state(rig: httpx.Client) -> None:
     """A direction step that has failed leaves the directions unproven until it has passed."""
 
-    def told() -> tuple[str, list[str]]:
+    def read_readiness() -> tuple[str, list[str]]:
         state = rig.get("/api/state").raise_for_status().json()
         return state["unready"], state["legal_modes"]
 
-    assert ("drives are switched off" in told()[0], told()[1]) == (True, [])  # the step given up was one by hand
+    unready, legal = read_readiness()
+    assert ("drives are switched off" in unready, legal) == (True, [])  # the step given up was one by hand
     switch_on(rig)
-    assert told() == ("", ["pretension"])
+    assert read_readiness() == ("", ["pretension"])
     begin(rig, "zero")
     confirmed(rig, "zero")
     rig.post("/api/faults/injection", json={"kind": "swapped_motors"}).raise_for_status()
     begin(rig, "direction")
     assert confirmed(rig, "direction")[0]["state"] == "failed"
     switch_on(rig)
-    unready, legal = told()
+    unready, legal = read_readiness()
     assert ("directions are not proven" in unready, legal) == (True, [])
     assert problem(rig.post("/api/mode", json={"mode": "pretension"}))["message"] == unready
     rig.request("DELETE", "/api/faults/injection").raise_for_status()
     begin(rig, "direction")
     assert confirmed(rig, "direction")[0]["state"] == "current"
     switch_on(rig)
-    assert told() == ("", ["pretension"])
+    assert read_readiness() == ("", ["pretension"])
 
 
 def test_there_is_no_homing_without_a_position_of_the_end_switch(rig: httpx.Client) -> None:
@@ -165,7 +166,7 @@ def played(client: httpx.Client, name: str, before: Callable[[str], None] = lamb
     return until(over)
 
 
-def told(client: httpx.Client) -> list[str]:
+def read_problems(client: httpx.Client) -> list[str]:
     """What the state says is wrong with the bring-up."""
     problems = client.get("/api/state").raise_for_status().json()["problems"]
     return [problem for problem in problems if "of the bring-up" in problem]
@@ -189,12 +190,12 @@ def test_a_tare_that_is_not_taken_up_is_told_and_takes_effect_later(rig: httpx.C
     step = played(rig, "tare", before=stop)
     assert (step["state"], step["result"]["passed"]) == ("out_of_date", True)
     assert "at the next start of the loop" in step["why"]
-    (problem_told,) = told(rig)
+    (problem_told,) = read_problems(rig)
     assert "Tare of the bring-up has measured takes effect at the next start of the loop" in problem_told
     assert "tripped" in problem_told
     rig.post("/api/reset").raise_for_status()
     assert played(rig, "tare")["state"] == "current"
-    assert told(rig) == []
+    assert read_problems(rig) == []
 
 
 def test_a_result_that_cannot_be_kept_is_told(rig: httpx.Client, folder: Path) -> None:
@@ -208,7 +209,7 @@ def test_a_result_that_cannot_be_kept_is_told(rig: httpx.Client, folder: Path) -
     rename("bring_up", "mislaid")
     try:
         rig.post(f"{URL}/confirm")
-        (given_up,) = until(lambda: told(rig))
+        (given_up,) = until(lambda: read_problems(rig))
     finally:
         rename("mislaid", "bring_up")
     assert "Zero of the bring-up was given up, and has to be done again" in given_up

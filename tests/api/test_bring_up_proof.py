@@ -46,10 +46,10 @@ VIRTUAL = PlantChoice(PlantKind.VIRTUAL_CARD)
 def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither a person nor the end of the service gives it up any more: the loop may be starting anew with it."""
     database = open_database(tmp_path)
-    let_go, keep = threading.Event(), standing.store_result
+    release, keep = threading.Event(), standing.store_result
 
     def slowly(*arguments: Any) -> StoredStepResult:
-        assert let_go.wait(60.0)
+        assert release.wait(60.0)
         return keep(*arguments)
 
     async def work(parts: Parts) -> None:
@@ -65,7 +65,7 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
             await bring_up.cancel()
         closing_down = asyncio.create_task(bring_up.close())
         await asyncio.sleep(0.0)
-        let_go.set()
+        release.set()
         await closing_down
         assert standing.load_newest_results(database)[StepId.WIRING_TEST].who == "Ada"
 
@@ -73,7 +73,7 @@ def test_a_step_whose_result_is_being_kept_is_over(tmp_path: Path, monkeypatch: 
     try:
         stepped(database, IDEAL, work)
     finally:
-        let_go.set()
+        release.set()
         database.close()
 
 
@@ -208,11 +208,11 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
     cells = tuple(CellCalibration(tendon, 10.0, 0.0, "calibrated") for tendon in "AB")
     for step in (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO, StepId.DIRECTION):
         standing.store_result(database, step, wiring, StepFinding(True, "well", (), cells), "Ada")
-    asked, let_go = threading.Event(), threading.Event()
+    asked, release = threading.Event(), threading.Event()
 
     def slowly(*arguments: Any) -> Run:
         asked.set()
-        assert let_go.wait(60.0)
+        assert release.wait(60.0)
         return create_run(*arguments)
 
     async def work(parts: Parts) -> None:
@@ -233,7 +233,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         await asyncio.wait((step, mode), timeout=0.5)  # neither can be answered yet
         assert not step.done()
         assert not mode.done()
-        let_go.set()
+        release.set()
         assert await run > 0
         with pytest.raises(RequestRejectedError, match="run 1 is under way"):
             await step
@@ -244,7 +244,7 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
     try:
         stepped(database, IDEAL, work, VirtualRig(wiring, Simulator(IDEAL, 0)))
     finally:
-        let_go.set()
+        release.set()
         database.close()
 
 
@@ -252,11 +252,11 @@ def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path, monkeypa
     """A start of the loop, or a disk that is slow, is waited for by the answer, not by the drives."""
     database = open_database(tmp_path)
     rig = VirtualRig(load_wiring("pcie-6323"), Simulator(IDEAL, 0))
-    asked, let_go = threading.Event(), threading.Event()
+    asked, release = threading.Event(), threading.Event()
 
     def slowly(*_arguments: Any) -> BroughtUp:
         asked.set()
-        assert let_go.wait(60.0)
+        assert release.wait(60.0)
         raise StorageError("the disk has failed")
 
     async def work(parts: Parts) -> None:
@@ -268,7 +268,7 @@ def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path, monkeypa
         while rig.card_state().drive_enabled:
             await asyncio.sleep(0.001)
             assert not off.done()
-        let_go.set()
+        release.set()
         with pytest.raises(StorageError):
             await start
         await off
@@ -278,5 +278,5 @@ def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path, monkeypa
     try:
         stepped(database, IDEAL, work, rig)
     finally:
-        let_go.set()
+        release.set()
         database.close()

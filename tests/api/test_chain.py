@@ -38,7 +38,7 @@ def test_a_planned_restart_is_no_fault_of_the_chain(planned: bool) -> None:
     card = Card.create()
     restart = Restart("applying run 3", 0.0) if planned else None
     stand_in = SimpleNamespace(
-        is_alive=False, beat_age_s=None, restarting=restart, card=card, watchdog_monitor=WatchdogMonitor(card),
+        is_alive=False, heartbeat_age_s=None, restarting=restart, card=card, watchdog_monitor=WatchdogMonitor(card),
         setup=SimpleNamespace(plant=PlantChoice(PlantKind.SIMULATOR)),
     )  # fmt: skip
     link = LinkView(alive=False, silent_s=3.0, starts=1, restarting="applying run 3" if planned else "")

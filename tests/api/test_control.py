@@ -117,15 +117,15 @@ def swap_the_session(control: ControlLease) -> None:
 def test_a_lease_that_is_not_consistent_is_ended(spoil: Callable[[ControlLease], None]) -> None:
     desk = Desk()
     page = desk.take(ANA).page_key
-    let_go: list[int] = []
-    desk.events.subscribe(ControlReleased, lambda _: let_go.append(1))
+    released: list[int] = []
+    desk.events.subscribe(ControlReleased, lambda _: released.append(1))
     spoil(desk.control)
     for person in (ANA, VERA):
         with pytest.raises(InvariantError):
             desk.command(person, CommandToken(page, 1))
     with pytest.raises(InvariantError):  # by which its watch dies: the supervision stops softly whatever moves
         desk.wait(POLL_S)
-    assert (desk.control.holder, let_go) == (None, [1])
+    assert (desk.control.holder, released) == (None, [1])
     desk.wait(1.0)
     desk.take(VERA)
 
@@ -168,26 +168,26 @@ def test_a_page_that_is_loaded_again_goes_on_and_what_it_was_before_does_not() -
 
 
 def test_what_is_held_by_hand_is_let_go_with_control_however_that_ends() -> None:
-    desk, let_go = Desk(), []  # type: Desk, list[float]
-    desk.events.subscribe(ControlReleased, lambda _: let_go.append(desk.now))
+    desk, released = Desk(), []  # type: Desk, list[float]
+    desk.events.subscribe(ControlReleased, lambda _: released.append(desk.now))
     page = desk.take(ANA).page_key
     desk.control.record_ping(ANA, page)
-    let_go.clear()
+    released.clear()
     desk.wait(LOST_S - POLL_S)
-    assert let_go == []
+    assert released == []
     desk.wait(3 * POLL_S)
-    assert len(let_go) == 1  # as soon as the page is not heard, and once
+    assert len(released) == 1  # as soon as the page is not heard, and once
     desk.control.resume(ANA, page)
-    assert len(let_go) == 2
+    assert len(released) == 2
     holder = desk.take(VERA, take_over=True)
-    assert len(let_go) == 3
+    assert len(released) == 3
     asyncio.run(desk.control.give_up(VERA, CommandToken(holder.page_key, 1)))
-    assert len(let_go) == 4
+    assert len(released) == 4
     desk.command(SCRIPT, None)
-    let_go.clear()
+    released.clear()
     desk.wait(SCRIPT_S + 2 * POLL_S)
     assert desk.control.holder is None
-    assert len(let_go) == 1
+    assert len(released) == 1
 
 
 def test_a_silent_page_is_lost_after_its_time_and_a_stamp_of_before_does_nothing() -> None:

@@ -21,10 +21,10 @@ def test_who_comes_and_goes_is_kept(service: Service, viewer: httpx.Client) -> N
         browser.post("/api/session", json={"token": token, "name": "Zoë"}).raise_for_status()
         browser.delete("/api/session").raise_for_status()
 
-    def told() -> list[tuple[str, str]]:
+    def read_entries() -> list[tuple[str, str]]:
         return [(entry["text"], entry["who"]) for entry in log(viewer, kind="access", words="Zoë")]
 
-    assert until(lambda: told() if len(told()) == 2 else None) == [
+    assert until(lambda: read_entries() if len(read_entries()) == 2 else None) == [
         ("signed out", "Zoë"),
         ("signed in as operator", "Zoë"),
     ]
@@ -61,8 +61,8 @@ def test_a_mode_is_told_with_whoever_ordered_it_and_a_stop_without(off: httpx.Cl
     def modes() -> list[tuple[str, str]]:
         """The changes from this test's first order on; the log may get the reset before it late."""
         found = [one for one in log(viewer, kind="mode") if one["event"] > last]
-        told = [(one["text"], one["who"]) for one in reversed(found)]
-        return told[told.index(ordered) :] if ordered in told else []
+        read_entries = [(one["text"], one["who"]) for one in reversed(found)]
+        return read_entries[read_entries.index(ordered) :] if ordered in read_entries else []
 
     ordered = ("off → pretension", "operator")
     off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
@@ -81,7 +81,7 @@ def test_a_stop_is_one_entry_with_whoever_pressed_it_and_its_flight_record_and_a
     proof = off.post("/api/stop").raise_for_status().json()
     off.post("/api/reset").raise_for_status()
 
-    def told() -> list[dict[str, Any]]:
+    def read_entries() -> list[dict[str, Any]]:
         return [one for one in log(viewer) if one["kind"] in ("fault", "trip") or one["text"] == "reset"]
 
     def holds(flight: dict[str, Any]) -> bool:
@@ -89,7 +89,7 @@ def test_a_stop_is_one_entry_with_whoever_pressed_it_and_its_flight_record_and_a
 
     flight = until(lambda: next(filter(holds, viewer.get("/api/flights").json()["flights"]), None))
     # what the fixture did before, and what was done here
-    assert [(one["kind"], one["who"]) for one in told()[:4]] == 2 * [("note", "operator"), ("trip", "operator")]
+    assert [(one["kind"], one["who"]) for one in read_entries()[:4]] == 2 * [("note", "operator"), ("trip", "operator")]
     (trip,) = [one for one in log(viewer, kind="trip") if one["event"] == flight["id"]]
     assert trip["flight"]
 

@@ -41,7 +41,7 @@ class Flood:
     def end(self) -> None:
         self._ends.pop()()
 
-    def told(self) -> list[tuple[str, str]]:
+    def read_refusals(self) -> list[tuple[str, str]]:
         self._event_log.close()
         with self._database.reading() as session:
             found = [event for event in events.find(session) if event.kind == EventKind.REFUSAL]
@@ -54,7 +54,7 @@ def test_repeated_refusals_are_counted_per_user(database: Database) -> None:
         flood.refusals.add("set mode (mode run)", "a fault is latched", "Ana")
     flood.refusals.add("set mode (mode run)", "a fault is latched", "Bo")
     flood.end()
-    assert flood.told() == [
+    assert flood.read_refusals() == [
         ("set mode (mode run) refused: a fault is latched", "Ana"),
         ("set mode (mode run) refused: a fault is latched", "Bo"),
         ("set mode (mode run) refused: a fault is latched (499 times more in 10 s)", "Ana"),
@@ -67,8 +67,8 @@ def test_flood_of_refusals_is_bounded_and_its_windows_grow(database: Database) -
         for number in range(1000):
             flood.refusals.add("set references", f"{window} {number} is too much", "Ana")
         flood.end()
-    assert len(flood.told()) == 20 * (MOST + 1)
-    assert flood.told()[MOST] == ("990 further commands were refused in 10 s", "")
+    assert len(flood.read_refusals()) == 20 * (MOST + 1)
+    assert flood.read_refusals()[MOST] == ("990 further commands were refused in 10 s", "")
     assert flood.windows_s[:3] == [WINDOW_S, 2 * WINDOW_S, 4 * WINDOW_S]
     assert flood.windows_s[-1] == LONGEST_WINDOW_S
 
@@ -80,13 +80,13 @@ def test_window_is_short_again_after_a_quiet_one(database: Database) -> None:
             flood.refusals.add("push", "not now", "Ana")
         flood.end()
     assert flood.windows_s == [WINDOW_S, 2 * WINDOW_S, WINDOW_S]
-    assert len(flood.told()) == 4
+    assert len(flood.read_refusals()) == 4
 
 
 def test_long_reason_is_cut_and_invisible_characters_are_escaped(database: Database) -> None:
     flood = Flood(database)
     flood.refusals.add("push", "\x00\u202e" + 2000 * "x", "Ana")
-    ((text, _),) = flood.told()
+    ((text, _),) = flood.read_refusals()
     assert len(text) == TEXT_MAX
     assert text.isprintable()
 

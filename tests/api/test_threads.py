@@ -14,7 +14,7 @@ from backend.server.threads import THREADS, ThreadRoute
 from tests.docs.test_costs import calls, routes
 
 
-async def _answers(application: FastAPI, asked: int, let_go: threading.Event) -> tuple[list[int], list[int]]:
+async def _answers(application: FastAPI, asked: int, release: threading.Event) -> tuple[list[int], list[int]]:
     transport = httpx.ASGITransport(application)
     async with httpx.AsyncClient(transport=transport, base_url="http://here", timeout=60.0) as client:
         slow = [asyncio.create_task(client.get("/slow")) for _ in range(asked)]
@@ -22,13 +22,13 @@ async def _answers(application: FastAPI, asked: int, let_go: threading.Event) ->
             async with asyncio.timeout(30.0):
                 quick = [await client.get(path) for path in ("/quick", "/page.html", "/quick")]
         finally:
-            let_go.set()
+            release.set()
         return [one.status_code for one in quick], [one.status_code for one in await asyncio.gather(*slow)]
 
 
 def test_routes_that_wait_for_the_database_leave_room_for_all_others(tmp_path: Path) -> None:
     (tmp_path / "page.html").write_text("page")
-    let_go, counting, under_way, most = threading.Event(), threading.Lock(), 0, 0
+    release, counting, under_way, most = threading.Event(), threading.Lock(), 0, 0
     router = APIRouter(route_class=ThreadRoute)
 
     @router.get("/slow")
@@ -37,7 +37,7 @@ def test_routes_that_wait_for_the_database_leave_room_for_all_others(tmp_path: P
         with counting:
             under_way += 1
             most = max(most, under_way)
-        assert let_go.wait(60.0)
+        assert release.wait(60.0)
         with counting:
             under_way -= 1
         return threading.current_thread().name
@@ -49,7 +49,7 @@ def test_routes_that_wait_for_the_database_leave_room_for_all_others(tmp_path: P
     application = FastAPI()
     application.include_router(router)
     application.mount("/", StaticFiles(directory=tmp_path))
-    quickly, slowly = asyncio.run(_answers(application, 50, let_go))
+    quickly, slowly = asyncio.run(_answers(application, 50, release))
     assert (quickly, slowly) == ([200] * 3, [200] * 50)
     assert most == THREADS
 

@@ -231,7 +231,7 @@ class Stage:
         shown = forms.shown(form)
         assert differences(CHANGED, {name: shown[name] for name in CHANGED}, ROUNDED) == []
         start(self, form, "/api/experiments")
-        let_go(self)
+        release(self)
         discard_changes(self, "tracking")
 
     def _script(self) -> httpx.Client:
@@ -281,7 +281,7 @@ def start(stage: Stage, form: Locator, path: str) -> tuple[int, Values, list[str
     return int(answer["id"]), sent, differences(forms.as_sent(shown, sent), sent, ROUNDED)
 
 
-def let_go(stage: Stage) -> None:
+def release(stage: Stage) -> None:
     """Let the program move, then end it, and give up control."""
     stage.operator.wait(lambda: stage.get("/api/state")["mode"] in ("experiment", "identify"))
     stage.operator.go("Operate")

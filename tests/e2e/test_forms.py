@@ -22,7 +22,7 @@ from tests.e2e.stage import (
     Stage,
     declared,
     form_of,
-    let_go,
+    release,
     start,
 )
 from tests.e2e.told import not_kept, not_queued, undeclared, words_of
@@ -65,7 +65,7 @@ def run_of(kind: str) -> Callable[[Stage], None]:
         form = form_of(stage, kind, LASTING[kind])
         assert undeclared(stage, form, declared(stage, kind)["settings"], own) == []
         number, settings, wrong = start(stage, form, path)
-        let_go(stage)
+        release(stage)
         # an identification runs with the tuning in force, which its form tells in words
         with_tuning = settings if kind in EXPERIMENTS else {**settings, **own, "seed": 0}
         assert [*wrong, *not_kept(stage, number, path, with_tuning)] == []

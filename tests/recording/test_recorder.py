@@ -261,12 +261,12 @@ def test_a_headless_station_drains_what_is_worth_it_and_each_end_that_is_told(
     counts = []
     for length in (19_999, 1, 500):
         long_writer.write(length, run.id)
-        recorder.drain_what_is_worth_it()
+        recorder.drain_if_due()
         with database.reading() as session:
             counts.append(sum(chunk.count for chunk in recordings.chunks(session, run.id, 0, 10**6)))
     assert counts == [0, 20_000, 20_000]
     long_writer.write(1)
-    recorder.drain_what_is_worth_it()
+    recorder.drain_if_due()
     assert stored_run(database, run.id).end_state == EndState.COMPLETED
     with database.reading() as session:
         assert recordings.span(session, run.id).end_tick == 20_500

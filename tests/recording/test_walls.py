@@ -2,7 +2,7 @@
 
 from backend.models.run import MAX_WALL_CHANGES, StoredWall, build_stored_wall, find_wall_at, merge_wall_changes
 from backend.realtime.commands import WallChanged
-from backend.recording.recorder import Walls
+from backend.recording.recorder import ObstacleChanges
 from backend.storage.database import Database
 from plant.dynamics import Obstacle
 from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
@@ -76,7 +76,7 @@ def test_what_stands_at_a_moment() -> None:
 
 
 def test_many_changes_before_a_run_leave_the_last() -> None:
-    walls = Walls()
+    walls = ObstacleChanges()
     for tick in range(12_000):
         walls.add(WallChanged(tick, 0, ABOVE if tick % 2 else None))
     walls.begin(20_000)

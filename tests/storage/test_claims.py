@@ -12,7 +12,7 @@ import pytest
 
 from backend.storage import claims
 from backend.storage import database as migrate
-from backend.storage.claims import BEAT_S, LIFE_S, HeldClaim, describe_claim, is_alive, own_claim
+from backend.storage.claims import HEARTBEAT_S, LIFE_S, HeldClaim, describe_claim, is_alive, own_claim
 from backend.storage.database import (
     Database,
     OutdatedError,
@@ -45,16 +45,16 @@ def test_a_second_service_is_refused_by_whatever_path(
         with pytest.raises(StationTakenError):
             HeldClaim(other.engine, "")
         other.close()
-    held.let_go()
-    HeldClaim(database.engine, "").let_go()
+    held.release()
+    HeldClaim(database.engine, "").release()
 
 
 def test_stations_of_one_database_are_claimed_apart(database: Database) -> None:
     first, second = HeldClaim(database.engine, "rig-a"), HeldClaim(database.engine, "rig-b")
     with pytest.raises(StationTakenError, match="rig-a"):
         HeldClaim(database.engine, "rig-a")
-    first.let_go()
-    second.let_go()
+    first.release()
+    second.release()
 
 
 def test_a_service_that_was_killed_is_in_nobodys_way(database: Database, tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_a_service_that_was_killed_is_in_nobodys_way(database: Database, tmp_pat
     )
     ended = subprocess.run([sys.executable, "-c", claiming, str(tmp_path / "data")], check=False)
     assert ended.returncode == -9
-    HeldClaim(database.engine, "").let_go()
+    HeldClaim(database.engine, "").release()
 
 
 @pytest.fixture
@@ -80,20 +80,20 @@ def test_what_another_machine_claims_is_told_by_its_beats(database: Database) ->
     held = HeldClaim(database.engine, "")
     found = held._claim
     for _ in range(3):
-        held.beat()
+        held.renew()
     assert is_alive(database.engine, "", found)  # a beat came since it was read
     assert not is_alive(database.engine, "", held._claim)  # none came for a life
     HeldClaim(database.engine, "")
-    held.beat()
+    held.renew()
     assert "taken over" in held.problem()
-    held.let_go()  # is not the other's to give up
+    held.release()  # is not the other's to give up
     assert claims._read_claim(database.engine, "") is not None
 
 
 @pytest.mark.usefixtures("elsewhere")
 def test_a_claim_that_beats_is_never_taken(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     held = HeldClaim(database.engine, "")
-    monkeypatch.setattr("backend.storage.claims.time.sleep", lambda _: held.beat())
+    monkeypatch.setattr("backend.storage.claims.time.sleep", lambda _: held.renew())
     with pytest.raises(StationTakenError):
         HeldClaim(database.engine, "")
     assert held.problem() == ""
@@ -107,7 +107,7 @@ def test_another_process_of_the_same_number_is_not_the_one_that_claimed(database
 
 
 def test_a_life_is_longer_than_a_beat_may_wait() -> None:
-    assert LIFE_S > 5.0 + 2.0 * BEAT_S  # busy_timeout of SQLite
+    assert LIFE_S > 5.0 + 2.0 * HEARTBEAT_S  # busy_timeout of SQLite
 
 
 def test_no_database_is_migrated_while_a_service_works_on_it(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_no_database_is_migrated_while_a_service_works_on_it(tmp_path: Path) -> 
             open_database(tmp_path)
         assert read_revision(engine) == "0012_chunk_digest"
         assert describe_claim(engine)
-        held.let_go()
+        held.release()
         open_database(tmp_path).close()
         assert read_revision(engine) != "0012_chunk_digest"
 

@@ -11,9 +11,9 @@ def test_one_service_for_each_station_of_a_server(postgres: str) -> None:
     first, other = HeldStation(engines[0], "rig-a"), HeldStation(engines[1], "rig-b")
     with pytest.raises(StationTakenError, match="another service works on this database as station rig-a"):
         HeldStation(engines[2], "rig-a")
-    first.let_go()
-    HeldStation(engines[2], "rig-a").let_go()
-    other.let_go()
+    first.release()
+    HeldStation(engines[2], "rig-a").release()
+    other.release()
 
 
 def test_a_station_is_free_before_its_connection_has_ended(postgres: str) -> None:
@@ -22,8 +22,8 @@ def test_a_station_is_free_before_its_connection_has_ended(postgres: str) -> Non
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Connection, "invalidate", lambda self: None)
         patch.setattr(Connection, "close", lambda self: None)
-        held.let_go()
-    HeldStation(other, "rig-a").let_go()
+        held.release()
+    HeldStation(other, "rig-a").release()
     engine.dispose()
     other.dispose()
 
@@ -33,7 +33,7 @@ def test_a_lock_of_a_service_that_was_killed_is_let_go(postgres: str) -> None:
     held = HeldStation(engine, "rig-a")
     with other.connect() as connection:
         connection.execute(text("SELECT pg_terminate_backend(pid, 5000) FROM pg_locks WHERE locktype = 'advisory'"))
-    HeldStation(other, "rig-a").let_go()
-    held.let_go()
+    HeldStation(other, "rig-a").release()
+    held.release()
     engine.dispose()
     other.dispose()

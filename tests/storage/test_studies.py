@@ -47,7 +47,7 @@ def test_who_computes_a_study_goes_on_until_it_is_asked_to_stop_or_another_one_t
     assert (may("one:1"), may("two:2")) == (False, True)
     with database.session() as session:
         studies.ask_to_stop(session, study)
-        studies.let_go(session, study, "one:1", "not its own any more")
+        studies.release(session, study, "one:1", "not its own any more")
     assert not may("two:2")
     with database.reading() as session:
         assert (studies.get(session, study).runner, studies.get(session, study).problem) == ("two:2", "")

@@ -104,7 +104,7 @@ def test_the_table_of_a_study_that_is_computed_is_not_read_at_each_look(
         shown = [(await page.build_detail(study, "worst")).study.state for _ in range(3)]
         assert (shown, reading.asked - before) == (["running"] * 3, 1)
         with database.session() as session:
-            studies.let_go(session, study, "elsewhere:1")
+            studies.release(session, study, "elsewhere:1")
         await page.build_detail(study, "worst")
         assert reading.asked - before == 2
         await page.close()
