@@ -14,13 +14,13 @@ from backend.auth import User
 from backend.errors import RequestRejectedError
 from backend.schemas import UNITS
 from backend.server import (
-    ALL_PLACES,
+    CONNECTION_LIMITER,
+    CONNECTION_SLOT,
     LONGEST_WAIT_S,
     PASSES_BY,
-    PLACE,
-    Arrivals,
     ConnectionLimiter,
     ConnectionSlot,
+    WebsocketThrottle,
     body_limit,
     find_authentication,
     has_body,
@@ -49,7 +49,7 @@ PROTECTED_PREFIXES = ("/api/", "/scene", "/replay")
 class AuthenticationMiddleware:
     """ASGI middleware that rejects bodies and websockets of anonymous clients.
 
-    Signed-in users get a connection slot; costly work also needs a place in its limiter before its body is read. The
+    Signed-in users get a connection slot; costly work also needs a slot in its limiter before its body is read. The
     middleware reads and checks the body: size, number of JSON parts, and characters that cannot be stored (lone
     surrogates, NUL).
     """
@@ -57,7 +57,7 @@ class AuthenticationMiddleware:
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
         self._validation_lock = asyncio.Lock()
-        self._arrivals = Arrivals()
+        self._websocket_throttle = WebsocketThrottle()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Forward an accepted request, or send the error response."""
@@ -87,7 +87,7 @@ class AuthenticationMiddleware:
 
         Raises RequestRejectedError if that takes too long.
         """
-        pause_s = self._arrivals.wait_s(f"{person.role} {person.session}", asyncio.get_running_loop().time())
+        pause_s = self._websocket_throttle.wait_s(f"{person.role} {person.session}", asyncio.get_running_loop().time())
         if pause_s is None:
             message = "too many websockets were opened by this session: it may open a few in a second"
             raise RequestRejectedError(ErrorCode.TOO_MANY, message, retry_after_s=math.ceil(LONGEST_WAIT_S))
@@ -110,7 +110,7 @@ class AuthenticationMiddleware:
 
 
 def _reserve_work(connection: HTTPConnection, person: User | None, stack: ExitStack) -> None:
-    """Reserve a place in the limiter of a costly work until ``stack`` ends.
+    """Reserve a slot in the limiter of a costly work until ``stack`` ends.
 
     Raises RequestRejectedError, before the body is read.
     """
@@ -118,9 +118,9 @@ def _reserve_work(connection: HTTPConnection, person: User | None, stack: ExitSt
     if person is None or scope["type"] != "http":
         return
     service: Service | None = getattr(connection.app.state, "service", None)
-    places = None if service is None else service.get_work_limiter(scope["method"], scope["path"])
-    if places is not None:
-        stack.enter_context(places.reserve(person))
+    limiter = None if service is None else service.get_work_limiter(scope["method"], scope["path"])
+    if limiter is not None:
+        stack.enter_context(limiter.reserve(person))
 
 
 def _authenticate(connection: HTTPConnection) -> User | None:
@@ -138,9 +138,9 @@ def _authenticate(connection: HTTPConnection) -> User | None:
             require_signed_in(connection)  # raises, with the remedy
         return None  # a route may still accept an expired session for STOP
     state = scope.get("state", {})
-    place: ConnectionSlot | None = state.get(PLACE)
-    places: ConnectionLimiter | None = state.get(ALL_PLACES)
-    if places is None or place is None or places.authenticate(place, person, is_socket=is_socket) or not is_socket:
+    slot: ConnectionSlot | None = state.get(CONNECTION_SLOT)
+    limiter: ConnectionLimiter | None = state.get(CONNECTION_LIMITER)
+    if limiter is None or slot is None or limiter.authenticate(slot, person, is_socket=is_socket) or not is_socket:
         return person
     raise RequestRejectedError(
         ErrorCode.UNAVAILABLE,

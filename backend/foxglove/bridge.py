@@ -106,7 +106,7 @@ class Gateway:
     def __init__(self, port: int, tickets: MessageSlots) -> None:
         self._port, self._tickets = port, tickets
         self._key: str | None = None
-        self._inside: set[ServerConnection] = set()
+        self._clients: set[ServerConnection] = set()
 
     @asynccontextmanager
     async def open(self, port: int) -> AsyncIterator[int]:
@@ -126,12 +126,12 @@ class Gateway:
         ) as server:
             yield _get_port(server)
 
-    async def let_in(self, key: str) -> None:
+    async def accept_key(self, key: str) -> None:
         """Accept ``key`` from now on; clients with the previous key are disconnected."""
         if key != self._key:
             self._key = key
             why = "the token was replaced: take the new address"
-            await asyncio.gather(*(_send_away(client, POLICY_VIOLATION, why) for client in tuple(self._inside)))
+            await asyncio.gather(*(_disconnect(client, POLICY_VIOLATION, why) for client in tuple(self._clients)))
 
     def _check_request(self, connection: ServerConnection, request: Request) -> Response | None:
         refused = self._find_rejection(request)
@@ -144,25 +144,25 @@ class Gateway:
                 HTTPStatus.UNAUTHORIZED,
                 "the address needs ?token= with the viewer's token, as sinew foxglove prints it",
             )
-        if len(self._inside) >= MOST_CLIENTS:
+        if len(self._clients) >= MOST_CLIENTS:
             return HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_CLIENTS} are connected already"
         return None
 
     async def _relay(self, client: ServerConnection) -> None:
         assert client.request is not None  # checked before
         if refused := self._find_rejection(client.request):  # meanwhile, by a new key or other clients
-            await _send_away(client, POLICY_VIOLATION, refused[1])
+            await _disconnect(client, POLICY_VIOLATION, refused[1])
             return
-        self._inside.add(client)
+        self._clients.add(client)
         try:
             async with connect(
                 f"ws://{HOST}:{self._port}", subprotocols=[VENDORS], compression=None, max_size=None, proxy=None
             ) as server:
                 await _run_until_first(self._show(server, client), _forward_requests(client, server))
         except (OSError, InvalidHandshake):
-            await _send_away(client, FAILED, "the vendor's server has ended: start sinew foxglove again")
+            await _disconnect(client, FAILED, "the vendor's server has ended: start sinew foxglove again")
         finally:
-            self._inside.discard(client)
+            self._clients.discard(client)
 
     async def _show(self, server: ClientConnection, client: ServerConnection) -> None:
         async for message in server:
@@ -178,13 +178,13 @@ async def _forward_requests(client: ServerConnection, server: ClientConnection) 
         try:
             asked = json.loads(message) if isinstance(message, str) else {}
         except (ValueError, RecursionError):
-            await _send_away(client, POLICY_VIOLATION, "this is not JSON")
+            await _disconnect(client, POLICY_VIOLATION, "this is not JSON")
             return
         if isinstance(asked, dict) and asked.get("op") in FORWARDED_OPERATIONS:
             await server.send(message)
 
 
-async def _send_away(client: ServerConnection, code: int, why: str) -> None:
+async def _disconnect(client: ServerConnection, code: int, why: str) -> None:
     """Close a connection, also if the client does not respond or read."""
     try:
         async with asyncio.timeout(FAREWELL_S):
@@ -240,7 +240,7 @@ _PERIOD_NS = round(T_s * 1e9)
 _ASTRAY_NS = 50_000_000
 """Deviation after which times are recomputed: the machine's clock was set, or the loop was paused."""
 
-_AWAY = "service"
+_SERVICE_STATUS = "service"
 _LEVELS = {MarkKind.FAULT: messages.LogLevel.Error, MarkKind.TRIP: messages.LogLevel.Error}
 
 
@@ -299,7 +299,7 @@ class Publisher:
 
     def publish_disconnected(self, why: str) -> None:
         """Publish that the service is disconnected."""
-        self._server.publish_status(why, StatusLevel.Error, _AWAY)
+        self._server.publish_status(why, StatusLevel.Error, _SERVICE_STATUS)
 
     def close(self) -> None:
         """Stop the server and close its connections."""
@@ -311,7 +311,7 @@ class Publisher:
             raise OtherVersionError(
                 "the service streams other signals than this version knows: use one version of both"
             )
-        self._server.remove_status([_AWAY])
+        self._server.remove_status([_SERVICE_STATUS])
         self._began_ns = None
 
     def _note(self, state: StateMessage) -> None:
@@ -388,7 +388,7 @@ async def serve_foxglove(
                     has_received, why = False, "no service works on the folder"
                 else:
                     key = key_of(source)
-                    await gateway.let_in(key)
+                    await gateway.accept_key(key)
                     if key != shown:
                         report(f"Foxglove or Lichtblick, Open connection: ws://{HOST}:{open_on}/?token={key}")
                         shown = key

@@ -121,7 +121,7 @@ MOST_AT_ONCE = 300.0
 """Limits of messages from a browser. viser's page sends its camera position, in 300 bytes, at most 50 times a
 second."""
 
-PATIENCE_S = 20.0
+SEND_TIMEOUT_S = 20.0
 """Time after which a browser that receives nothing is disconnected [s]."""
 
 VERSION = re.compile(r"viser-v[0-9.]{1,20}")
@@ -130,7 +130,7 @@ POLICY_VIOLATION, TOO_BIG, WRONG_VERSION, FAILED, LATER = 1008, 1009, 1002, 1011
 _LOG = logging.getLogger(__name__)
 
 
-class SentAwayError(SinewError):
+class DisconnectError(SinewError):
     """A browser sent a message that viser's page never sends."""
 
     def __init__(self, code: int, reason: str) -> None:
@@ -142,7 +142,7 @@ class SentAwayError(SinewError):
 class InboundLimiter:
     """Counts and discards the messages of one browser.
 
-    Raises SentAwayError for a message that viser's page never sends.
+    Raises DisconnectError for a message that viser's page never sends.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -156,11 +156,11 @@ class InboundLimiter:
         self._left = min(MOST_AT_ONCE, self._left + MOST_PER_S * (now_s - self._last_received_s)) - 1.0
         self._last_received_s = now_s
         if message is None:
-            raise SentAwayError(POLICY_VIOLATION, "text is not understood here")
+            raise DisconnectError(POLICY_VIOLATION, "text is not understood here")
         if len(message) > MOST_BYTES:
-            raise SentAwayError(TOO_BIG, f"a message has {len(message)} bytes, at most {MOST_BYTES} are taken")
+            raise DisconnectError(TOO_BIG, f"a message has {len(message)} bytes, at most {MOST_BYTES} are taken")
         if self._left < 0.0:
-            raise SentAwayError(POLICY_VIOLATION, f"more than {MOST_PER_S:g} messages a second")
+            raise DisconnectError(POLICY_VIOLATION, f"more than {MOST_PER_S:g} messages a second")
 
 
 def create_scene_router(
@@ -172,7 +172,7 @@ def create_scene_router(
     """
     routes = APIRouter(include_in_schema=False)
     html = page()
-    gallery = _Gallery(scene, path)
+    viewers = _SceneViewers(scene, path)
 
     @routes.get(path)
     def redirect(request: Request) -> RedirectResponse:
@@ -188,18 +188,18 @@ def create_scene_router(
     @routes.websocket(f"{path}/")
     async def messages(websocket: WebSocket) -> None:
         authorise(websocket)
-        await gallery.serve(websocket)
+        await viewers.serve(websocket)
 
     return routes
 
 
-class _Gallery:
+class _SceneViewers:
     """Viewers of one scene, including those that wait."""
 
     def __init__(self, scene: SceneMirror, path: str) -> None:
         self._scene = scene
         self._path = path
-        self._inside = 0
+        self._viewer_count = 0
         self._start_lock = asyncio.Lock()
 
     async def serve(self, websocket: WebSocket) -> None:
@@ -209,20 +209,20 @@ class _Gallery:
             await _refuse_version(websocket, offered)
             return
         await websocket.accept(subprotocol=PROTOCOL)
-        if self._inside >= MOST_VIEWERS:
+        if self._viewer_count >= MOST_VIEWERS:
             await websocket.close(LATER, f"{MOST_VIEWERS} look at the scene already")
             return
-        self._inside += 1
+        self._viewer_count += 1
         try:
             end = await self._show(websocket)
         finally:
-            self._inside -= 1
+            self._viewer_count -= 1
         if end is not None:
             _LOG.warning("%s: the service closed the connection of a browser: %s", self._path, end.reason)
             with suppress(WebSocketDisconnected, WebSocketDisconnect):  # it may have disconnected meanwhile
                 await websocket.close(end.code, end.reason)
 
-    async def _show(self, websocket: WebSocket) -> SentAwayError | None:
+    async def _show(self, websocket: WebSocket) -> DisconnectError | None:
         """Stream the scene; return the reason to disconnect the browser.
 
         None if the browser has disconnected.
@@ -238,7 +238,7 @@ class _Gallery:
 
     async def _send(self, websocket: WebSocket) -> None:
         async def send(message: bytes) -> None:
-            async with asyncio.timeout(PATIENCE_S):
+            async with asyncio.timeout(SEND_TIMEOUT_S):
                 await websocket.send_bytes(message)
 
         async with self._start_lock:
@@ -263,16 +263,16 @@ async def _receive(websocket: WebSocket) -> None:
         limiter.take(message.get("bytes"))
 
 
-def _find_reason(ended: asyncio.Task[None]) -> SentAwayError | None:
+def _find_reason(ended: asyncio.Task[None]) -> DisconnectError | None:
     error = SceneEndedError() if ended.cancelled() else ended.exception()
     match error:
         case None | WebSocketDisconnect() | WebSocketDisconnected():
             return None
-        case SentAwayError():
+        case DisconnectError():
             return error
         case TimeoutError():
-            return SentAwayError(POLICY_VIOLATION, f"nothing was taken for {PATIENCE_S:g} s")
+            return DisconnectError(POLICY_VIOLATION, f"nothing was taken for {SEND_TIMEOUT_S:g} s")
         case SceneEndedError():
-            return SentAwayError(LATER, "the 3D view has ended")
+            return DisconnectError(LATER, "the 3D view has ended")
         case _:
-            return SentAwayError(FAILED, f"the 3D view failed: {type(error).__name__}")
+            return DisconnectError(FAILED, f"the 3D view failed: {type(error).__name__}")

@@ -1,12 +1,12 @@
 from .connections import (
-    ALL_PLACES,
+    CONNECTION_LIMITER,
+    CONNECTION_SLOT,
     LONGEST_WAIT_S,
     PASSES_BY,
-    PLACE,
-    Arrivals,
     ConnectionLimiter,
     ConnectionSlot,
     RequestSchedulingMiddleware,
+    WebsocketThrottle,
 )
 from .deployment import COOKIE_PATH, PEER, PUBLIC, find_deployment_problems, missing_page_message
 from .descriptors import raise_limit
@@ -34,7 +34,8 @@ from .server import Server, prepare_routes
 from .threads import ThreadRoute, in_thread
 
 __all__ = [
-    "ALL_PLACES",
+    "CONNECTION_LIMITER",
+    "CONNECTION_SLOT",
     "COOKIE",
     "COOKIE_PATH",
     "DOCUMENT_POLICY",
@@ -42,10 +43,8 @@ __all__ = [
     "LONGEST_WAIT_S",
     "PASSES_BY",
     "PEER",
-    "PLACE",
     "PUBLIC",
     "SHEETS",
-    "Arrivals",
     "ConnectionLimiter",
     "ConnectionSlot",
     "Ending",
@@ -54,6 +53,7 @@ __all__ = [
     "Server",
     "SessionExpiryMiddleware",
     "ThreadRoute",
+    "WebsocketThrottle",
     "body_limit",
     "browser_address",
     "describe_served_addresses",

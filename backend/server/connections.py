@@ -48,12 +48,12 @@ from backend.server.security import (
 RESERVE = 40
 """File descriptors reserved for the database, the loop process, pools, and connections being opened or closed."""
 
-MOST_PLACES = 2048
+MOST_SLOTS = 2048
 MAX_ANONYMOUS = 64
 SOCKET_COSTS = 3
 """Slots of a websocket: the 3D view needs three descriptors per page."""
 
-BROWSER_PLACES = 96
+BROWSER_SLOTS = 96
 """Most slots of one browser session: a session is one person with a few tabs."""
 
 _log = logging.getLogger(__name__)
@@ -85,7 +85,7 @@ class ConnectionBudget:
     @classmethod
     def within(cls, limit: int, in_use: int) -> "ConnectionBudget":
         """Divide the descriptors left by those in use and the reserve."""
-        free = max(12, min(MOST_PLACES, limit - in_use - RESERVE))
+        free = max(12, min(MOST_SLOTS, limit - in_use - RESERVE))
         anonymous = min(MAX_ANONYMOUS, free // 3)
         return cls(anonymous, free - anonymous)
 
@@ -106,13 +106,13 @@ class ConnectionLimiter:
     @property
     def known(self) -> int:
         """Number of slots of authenticated connections."""
-        return sum(place.costs for place in self._known)
+        return sum(slot.costs for slot in self._known)
 
-    def enter(self, place: ConnectionSlot) -> None:
+    def enter(self, slot: ConnectionSlot) -> None:
         """Add an anonymous connection; if the pool is full, another one is closed."""
         if self.anonymous >= self.budget.anonymous:
             self.evict_anonymous()
-        self._anonymous.setdefault(place.network, {})[place] = None
+        self._anonymous.setdefault(slot.network, {})[slot] = None
 
     def evict_anonymous(self) -> bool:
         """Close an anonymous connection, idle ones first. Return False if there is none.
@@ -134,50 +134,50 @@ class ConnectionLimiter:
         crowds: Iterable[dict[ConnectionSlot, None]] = (
             [largest] if 2 * len(largest) > self.budget.anonymous else self._anonymous.values()
         )
-        silent = max(([place for place in crowd if not place.is_answered()] for crowd in crowds), key=len)
+        silent = max(([slot for slot in crowd if not slot.is_answered()] for crowd in crowds), key=len)
         return silent[0] if silent else next(iter(largest))
 
-    def leave(self, place: ConnectionSlot) -> None:
+    def leave(self, slot: ConnectionSlot) -> None:
         """Free a slot, whoever held it."""
-        self._known.discard(place)
-        crowd = self._anonymous.get(place.network, {})
-        if place in crowd:
-            del crowd[place]
+        self._known.discard(slot)
+        crowd = self._anonymous.get(slot.network, {})
+        if slot in crowd:
+            del crowd[slot]
             if not crowd:
-                del self._anonymous[place.network]
+                del self._anonymous[slot.network]
 
-    def authenticate(self, place: ConnectionSlot, person: User, *, is_socket: bool = False) -> bool:
+    def authenticate(self, slot: ConnectionSlot, person: User, *, is_socket: bool = False) -> bool:
         """Give slots to an authenticated connection. Return False if the share is full.
 
         It then stays anonymous: its requests are answered nevertheless. A websocket, which is long-lived, must be
         rejected.
         """
         costs = SOCKET_COSTS if is_socket else 1
-        if place not in self._known and place not in self._anonymous.get(place.network, {}):
+        if slot not in self._known and slot not in self._anonymous.get(slot.network, {}):
             return False  # closed meanwhile: it must not take a slot again
-        if place.costs >= costs:
+        if slot.costs >= costs:
             return True
         if self._sum_costs() + costs > self.budget.known or not self._has_part(person, costs):
             return False
-        self.leave(place)
-        place.holder, place.costs = person, costs
-        self._known.add(place)
+        self.leave(slot)
+        slot.holder, slot.costs = person, costs
+        self._known.add(slot)
         return True
 
     def _has_part(self, person: User, costs: int) -> bool:
         part = self.budget.known // 2
         if person.role is Role.VIEWER and self._sum_costs(role=Role.VIEWER) + costs > part:
             return False
-        own = part if person.session in (BEARER, OPEN) else min(part, BROWSER_PLACES)
+        own = part if person.session in (BEARER, OPEN) else min(part, BROWSER_SLOTS)
         return self._sum_costs(session=person.session, role=person.role) + costs <= own
 
     def _sum_costs(self, role: Role | None = None, session: str | None = None) -> int:
         return sum(
-            place.costs
-            for place in self._known
-            if place.holder is not None
-            and (role is None or place.holder.role is role)
-            and (session is None or place.holder.session == session)
+            slot.costs
+            for slot in self._known
+            if slot.holder is not None
+            and (role is None or slot.holder.role is role)
+            and (session is None or slot.holder.session == session)
         )
 
 
@@ -229,11 +229,11 @@ class ConnectionAcceptor:
     def __init__(
         self,
         listening: socket.socket,
-        places: ConnectionLimiter,
+        limiter: ConnectionLimiter,
         protocol: Callable[[ConnectionSlot], asyncio.Protocol],
         highest: int,
     ) -> None:
-        self.places = places
+        self.limiter = limiter
         self.protocol = protocol
         self._loop = asyncio.get_running_loop()
         self._listening = listening
@@ -255,7 +255,7 @@ class ConnectionAcceptor:
 
     def _accept(self) -> None:
         until = self._loop.time() + ACCEPT_TURN_S
-        for _ in range(self.places.budget.anonymous // 2):
+        for _ in range(self.limiter.budget.anonymous // 2):
             if self._loop.time() > until:
                 return
             try:
@@ -265,22 +265,22 @@ class ConnectionAcceptor:
             except OSError as error:
                 self._accept_later(error)
                 return
-            if connection.fileno() > self._highest and not self.places.evict_anonymous():
+            if connection.fileno() > self._highest and not self.limiter.evict_anonymous():
                 _log.warning("The service refused a connection: no file descriptor is free.")
                 connection.close()
                 continue
-            _Newcomer(self, connection, str(address[0]))
+            _PendingConnection(self, connection, str(address[0]))
 
     def _accept_later(self, error: OSError) -> None:
         """Leave the connections in the kernel's queue for a moment."""
         _log.error("The service cannot accept connections at present: %s", error)
         if error.errno in _OUT_OF_RESOURCES:
-            self.places.evict_anonymous()
+            self.limiter.evict_anonymous()
         self._loop.remove_reader(self._listening)
         self._retry = self._loop.call_later(PAUSE_S, self._accept_from_now_on)
 
 
-class _Newcomer:
+class _PendingConnection:
     """A connection until its first data are passed on, or until its end."""
 
     def __init__(self, listener: ConnectionAcceptor, connection: socket.socket, address: str) -> None:
@@ -288,18 +288,18 @@ class _Newcomer:
         self._connection = connection
         self._loop = asyncio.get_running_loop()
         self._handover: asyncio.Task[None] | None = None
-        self._sent_away = False
+        self._is_closed = False
         connection.setblocking(False)
         with suppress(
             OSError
         ):  # closed already; without this option a response in two parts would wait 40 ms for an acknowledgement
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._place = ConnectionSlot(address, self._end)
-        listener.places.enter(self._place)
+        self._slot = ConnectionSlot(address, self._end)
+        listener.limiter.enter(self._slot)
         self._patience = self._loop.call_later(SILENCE_S, self._end)
         # Under load its data have waited in the kernel with it, so each turn of the event loop counts.
         self._listen()
-        if self._handover is None and not self._sent_away:
+        if self._handover is None and not self._is_closed:
             self._loop.add_reader(connection, self._listen)
 
     def _listen(self) -> None:
@@ -314,29 +314,29 @@ class _Newcomer:
             return
         self._patience.cancel()
         self._loop.remove_reader(self._connection)
-        self._place.first_words = words
-        self._place.is_answered = lambda: True  # evicted last: its data have not been read yet
-        self._handover = self._loop.create_task(self._hand_over())
+        self._slot.first_words = words
+        self._slot.is_answered = lambda: True  # evicted last: its data have not been read yet
+        self._handover = self._loop.create_task(self._pass_on())
 
-    async def _hand_over(self) -> None:
-        """Pass the connection to a protocol, which takes over ``place.end``."""
+    async def _pass_on(self) -> None:
+        """Pass the connection to a protocol, which takes over ``slot.end``."""
         try:
-            factory = partial(self._listener.protocol, self._place)
+            factory = partial(self._listener.protocol, self._slot)
             transport, _ = await self._loop.connect_accepted_socket(factory, self._connection)
         except OSError:
-            self._listener.places.leave(self._place)
+            self._listener.limiter.leave(self._slot)
             return
         except Exception:
             _log.exception("The listener could not pass a connection to its protocol.")
-            self._listener.places.leave(self._place)
+            self._listener.limiter.leave(self._slot)
             self._connection.close()
             return
-        if self._sent_away:
+        if self._is_closed:
             transport.abort()
 
     def _end(self) -> None:
-        self._listener.places.leave(self._place)
-        self._sent_away = True
+        self._listener.limiter.leave(self._slot)
+        self._is_closed = True
         if self._handover is None:
             self._patience.cancel()
             self._loop.remove_reader(self._connection)
@@ -367,7 +367,7 @@ FRAMES_PER_S, FRAMES_AT_ONCE = 100.0, 400.0
 BYTES_PER_S, BYTES_AT_ONCE = 64.0 * 1024, 2.0 * 1024 * 1024
 """Sustained rate and burst of a websocket's bytes."""
 
-PATIENCE_S = 5.0
+READ_TIMEOUT_S = 5.0
 """Time beyond its budget after which a websocket is closed [s]."""
 
 
@@ -387,14 +387,14 @@ class ReadScheduler:
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._waiting: deque[Connection] = deque()
-        self._lined_up: set[int] = set()
+        self._scheduled: set[int] = set()
         self._is_due = False
 
     def add(self, connection: Connection) -> None:
         """Schedule a connection for parsing, at once if none waits."""
-        if id(connection) in self._lined_up:
+        if id(connection) in self._scheduled:
             return
-        self._lined_up.add(id(connection))
+        self._scheduled.add(id(connection))
         self._waiting.append(connection)
         if not self._is_due:
             self._is_due = True
@@ -406,9 +406,9 @@ class ReadScheduler:
             connection = self._waiting.popleft()
             pause_s = _parse_head(connection)
             if pause_s is None:
-                self._lined_up.discard(id(connection))
+                self._scheduled.discard(id(connection))
             elif pause_s > 0.0:
-                self._loop.call_later(pause_s, self._line_up_again, connection)
+                self._loop.call_later(pause_s, self._resume, connection)
             else:
                 self._waiting.append(connection)
             if self._loop.time() > until:
@@ -422,7 +422,7 @@ class ReadScheduler:
         else:
             self._is_due = False
 
-    def _line_up_again(self, connection: Connection) -> None:
+    def _resume(self, connection: Connection) -> None:
         self._waiting.append(connection)
         if not self._is_due:
             self._is_due = True
@@ -462,7 +462,7 @@ class Budget:
 
     def is_overdrawn(self, now: float) -> bool:
         """Return whether the connection has exceeded its budget for too long."""
-        return self._short_since is not None and now - self._short_since > PATIENCE_S
+        return self._short_since is not None and now - self._short_since > READ_TIMEOUT_S
 
 
 SOCKETS_PER_S, SOCKETS_AT_ONCE = 4.0, 24
@@ -472,7 +472,7 @@ LONGEST_WAIT_S = 10.0
 MOST_SESSIONS = 1000
 
 
-class Arrivals:
+class WebsocketThrottle:
     """Limits the rate of new websockets per session: some wait, many are rejected."""
 
     def __init__(self) -> None:
@@ -514,10 +514,10 @@ ANONYMOUS_PAUSE_S, AUTHENTICATED_PAUSE_S = 5.0, 60.0
 STALL_S = 30.0
 """Time without progress of a response after which its connection is closed [s]."""
 
-PLACE = "place"
+CONNECTION_SLOT = "connection_slot"
 """Key of the connection's slot in the ``state`` of a request's scope."""
 
-ALL_PLACES = "places"
+CONNECTION_LIMITER = "connection_limiter"
 """Key of the ``ConnectionLimiter`` in the same ``state``."""
 
 READING = "reading"
@@ -553,16 +553,16 @@ class _LimitedProtocol(asyncio.Protocol):
     _stalled: asyncio.TimerHandle | None = None
 
     @property
-    def place(self) -> ConnectionSlot:
+    def slot(self) -> ConnectionSlot:
         """Slot of this connection."""
-        place: ConnectionSlot = self.app_state[PLACE]
-        return place
+        slot: ConnectionSlot = self.app_state[CONNECTION_SLOT]
+        return slot
 
     @property
-    def places(self) -> ConnectionLimiter:
+    def limiter(self) -> ConnectionLimiter:
         """Limiter of all slots."""
-        places: ConnectionLimiter = self.app_state[ALL_PLACES]
-        return places
+        limiter: ConnectionLimiter = self.app_state[CONNECTION_LIMITER]
+        return limiter
 
     def end(self) -> None:
         """Close at once; unsent data are lost."""
@@ -570,7 +570,7 @@ class _LimitedProtocol(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Free the slot."""
-        self.places.leave(self.place)
+        self.limiter.leave(self.slot)
         self._unset_stall()
         super().connection_lost(exc)
 
@@ -651,13 +651,13 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
 
     def __init__(
         self,
-        places: ConnectionLimiter,
-        place: ConnectionSlot,
+        limiter: ConnectionLimiter,
+        slot: ConnectionSlot,
         reading: ReadScheduler,
         config: Config,
         server_state: ServerState,
     ) -> None:
-        super().__init__(config, server_state, {ALL_PLACES: places, PLACE: place, READING: reading})
+        super().__init__(config, server_state, {CONNECTION_LIMITER: limiter, CONNECTION_SLOT: slot, READING: reading})
         self._unread = bytearray()
         self._waits_for = _Wait.NOTHING
         self._patience: asyncio.TimerHandle | None = None
@@ -665,8 +665,8 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override] # as in uvicorn
         """Take over the slot and the data received before."""
         super().connection_made(transport)
-        self.place.end = self.end
-        self.place.is_answered = lambda: bool(self.place.first_words) or self._find_wait() is _Wait.NOTHING
+        self.slot.end = self.end
+        self.slot.is_answered = lambda: bool(self.slot.first_words) or self._find_wait() is _Wait.NOTHING
         self._watch()
         # Deferred: until this returns, the transport cannot be paused.
         self.loop.call_soon(self._take_first_words)
@@ -690,7 +690,7 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
 
     def on_response_complete(self) -> None:
         """Keep the connection for the next request."""
-        self.timeout_keep_alive = int(AUTHENTICATED_PAUSE_S if self.place.costs else ANONYMOUS_PAUSE_S)
+        self.timeout_keep_alive = int(AUTHENTICATED_PAUSE_S if self.slot.costs else ANONYMOUS_PAUSE_S)
         super().on_response_complete()
         self._watch()
 
@@ -733,7 +733,7 @@ class HttpProtocol(_LimitedProtocol, H11Protocol):
         self.transport.close()
 
     def _take_first_words(self) -> None:
-        words, self.place.first_words = self.place.first_words, b""
+        words, self.slot.first_words = self.slot.first_words, b""
         if not self.transport.is_closing():
             self.data_received(words)
 
@@ -775,8 +775,8 @@ class SocketProtocol(_LimitedProtocol, WebSocketsSansIOProtocol):
         self.conn = self._counted = _Handshake(max_size=config.ws_max_size, logger=self.logger)
         self._unread = bytearray()
         self._budget = Budget(self.loop.time())
-        self.place.end = self.end
-        self.place.is_answered = lambda: True
+        self.slot.end = self.end
+        self.slot.is_answered = lambda: True
 
     def parse(self, piece: bytes) -> float:
         """Parse frames within the budget; close the connection after a long excess.
@@ -796,12 +796,12 @@ class SocketProtocol(_LimitedProtocol, WebSocketsSansIOProtocol):
         return pause_s
 
     def _close_for_too_much(self) -> None:
-        holder = self.place.holder
+        holder = self.slot.holder
         _log.warning(
             "The service closed a websocket of %s (%s): for %g s it sent more than %g frames or %g bytes in a second.",
             "somebody not signed in" if holder is None else holder.name,
             self.client[0] if self.client else "unknown address",
-            PATIENCE_S,
+            READ_TIMEOUT_S,
             FRAMES_PER_S,
             BYTES_PER_S,
         )
@@ -908,5 +908,5 @@ class RequestSchedulingMiddleware:
 
 
 def _is_operator(scope: Scope) -> bool:
-    place = scope.get("state", {}).get(PLACE)
-    return place is not None and place.holder is not None and place.holder.role is Role.OPERATOR
+    slot = scope.get("state", {}).get(CONNECTION_SLOT)
+    return slot is not None and slot.holder is not None and slot.holder.role is Role.OPERATOR

@@ -85,14 +85,14 @@ class Server(EndingServer):
         if not self.started:
             return
         limit = descriptor_limit()
-        places = ConnectionLimiter(ConnectionBudget.within(limit, open_descriptors()))
+        limiter = ConnectionLimiter(ConnectionBudget.within(limit, open_descriptors()))
         reading = ReadScheduler()
 
-        def protocol(place: ConnectionSlot) -> asyncio.Protocol:
-            return HttpProtocol(places, place, reading, self.config, self.server_state)
+        def protocol(slot: ConnectionSlot) -> asyncio.Protocol:
+            return HttpProtocol(limiter, slot, reading, self.config, self.server_state)
 
         highest = limit - RESERVE // 2
-        self._listeners = [ConnectionAcceptor(listening, places, protocol, highest) for listening in sockets or []]
+        self._listeners = [ConnectionAcceptor(listening, limiter, protocol, highest) for listening in sockets or []]
         self._ready()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:

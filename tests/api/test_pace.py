@@ -7,15 +7,15 @@ from starlette.types import Receive, Scope, Send
 from backend.api.export import build_openapi_schema
 from backend.auth.authentication import BEARER, User
 from backend.schemas.session import Role
-from backend.server.connections import PASSES_BY, PLACE, ConnectionSlot, RequestSchedulingMiddleware
+from backend.server.connections import CONNECTION_SLOT, PASSES_BY, ConnectionSlot, RequestSchedulingMiddleware
 
 CROWD = 20
 
 
 def asked(path: str, role: Role | None = None) -> Scope:
-    place = ConnectionSlot("127.0.0.1", lambda: None)
-    place.holder = User(role, role, BEARER) if role else None
-    return {"type": "http", "path": path, "state": {PLACE: place}}
+    slot = ConnectionSlot("127.0.0.1", lambda: None)
+    slot.holder = User(role, role, BEARER) if role else None
+    return {"type": "http", "path": path, "state": {CONNECTION_SLOT: slot}}
 
 
 class Answers:

@@ -7,24 +7,24 @@ import pytest
 from backend.auth.authentication import BEARER, User
 from backend.logs import LINES_PER_WINDOW, WINDOW_S, RateLimit
 from backend.schemas.session import Role
-from backend.server.connections import BROWSER_PLACES, SOCKET_COSTS, ConnectionBudget, ConnectionLimiter, ConnectionSlot
+from backend.server.connections import BROWSER_SLOTS, SOCKET_COSTS, ConnectionBudget, ConnectionLimiter, ConnectionSlot
 
 OPERATOR = User("operator", Role.OPERATOR, BEARER)
 VIEWER = User("viewer", Role.VIEWER, BEARER)
 
 
 class Crowd:
-    """All places, and those who were sent away."""
+    """All slots, and the clients that were disconnected."""
 
     def __init__(self, room: ConnectionBudget) -> None:
-        self.places = ConnectionLimiter(room)
+        self.limiter = ConnectionLimiter(room)
         self.gone: list[str] = []
 
     def comes(self, name: str, address: str, is_answered: bool = False) -> ConnectionSlot:
-        place = ConnectionSlot(address, lambda: self.gone.append(name))
-        place.is_answered = lambda: is_answered
-        self.places.enter(place)
-        return place
+        slot = ConnectionSlot(address, lambda: self.gone.append(name))
+        slot.is_answered = lambda: is_answered
+        self.limiter.enter(slot)
+        return slot
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def test_the_oldest_guest_gives_way(crowd: Crowd) -> None:
     for name in "abcdef":
         crowd.comes(name, "10.0.0.1")
     assert crowd.gone == ["a", "b"]
-    assert crowd.places.anonymous == 4
+    assert crowd.limiter.anonymous == 4
 
 
 def test_one_address_does_not_push_out_another(crowd: Crowd) -> None:
@@ -73,7 +73,7 @@ def test_an_idle_crowd_of_many_addresses_does_not_push_out_who_asked(crowd: Crow
 
 
 def test_who_is_recognised_stays(crowd: Crowd) -> None:
-    assert crowd.places.authenticate(crowd.comes("operator", "10.0.0.1"), OPERATOR)
+    assert crowd.limiter.authenticate(crowd.comes("operator", "10.0.0.1"), OPERATOR)
     for name in "abcdef":
         crowd.comes(name, "10.0.0.1")
     assert "operator" not in crowd.gone
@@ -82,26 +82,26 @@ def test_who_is_recognised_stays(crowd: Crowd) -> None:
 def test_viewers_and_one_browser_have_a_part_only() -> None:
     crowd = Crowd(ConnectionBudget(anonymous=4, known=400))
     viewers = [User(f"viewer {number}", Role.VIEWER, str(number)) for number in range(10)]
-    let_in = [
+    accepted = [
         viewer.session
         for viewer in viewers
         for number in range(50)
-        if crowd.places.authenticate(crowd.comes(str(number), "10.0.0.1"), viewer, is_socket=True)
+        if crowd.limiter.authenticate(crowd.comes(str(number), "10.0.0.1"), viewer, is_socket=True)
     ]
-    assert let_in.count("0") == BROWSER_PLACES // SOCKET_COSTS
-    assert len(let_in) == 200 // SOCKET_COSTS
-    assert crowd.places.authenticate(crowd.comes("operator", "10.0.0.1"), OPERATOR, is_socket=True)
+    assert accepted.count("0") == BROWSER_SLOTS // SOCKET_COSTS
+    assert len(accepted) == 200 // SOCKET_COSTS
+    assert crowd.limiter.authenticate(crowd.comes("operator", "10.0.0.1"), OPERATOR, is_socket=True)
 
 
 def test_a_place_is_free_again_when_its_holder_leaves(crowd: Crowd) -> None:
-    place = crowd.comes("viewer", "10.0.0.1")
-    assert crowd.places.authenticate(place, VIEWER, is_socket=True)
-    assert crowd.places.known == SOCKET_COSTS
-    crowd.places.leave(place)
-    crowd.places.leave(place)
-    assert (crowd.places.known, crowd.places.anonymous) == (0, 0)
-    assert not crowd.places.authenticate(place, VIEWER)
-    assert crowd.places.known == 0
+    slot = crowd.comes("viewer", "10.0.0.1")
+    assert crowd.limiter.authenticate(slot, VIEWER, is_socket=True)
+    assert crowd.limiter.known == SOCKET_COSTS
+    crowd.limiter.leave(slot)
+    crowd.limiter.leave(slot)
+    assert (crowd.limiter.known, crowd.limiter.anonymous) == (0, 0)
+    assert not crowd.limiter.authenticate(slot, VIEWER)
+    assert crowd.limiter.known == 0
 
 
 @pytest.mark.parametrize(("limit", "in_use"), [(64, 60), (128, 40), (1024, 60), (8192, 60)])

@@ -12,12 +12,12 @@ from backend.server.connections import (
     FRAMES_AT_ONCE,
     FRAMES_PER_S,
     LONGEST_WAIT_S,
-    PATIENCE_S,
+    READ_TIMEOUT_S,
     SOCKETS_AT_ONCE,
     SOCKETS_PER_S,
-    Arrivals,
     Budget,
     ReadScheduler,
+    WebsocketThrottle,
 )
 
 
@@ -116,7 +116,7 @@ def test_a_page_is_never_slowed(frames_per_s: float) -> None:
     """Pings once a second, references of a slider, the 3D view in a drag: for ten minutes."""
     budget = Budget(0.0)
     count = round(600.0 * frames_per_s)
-    assert all(budget.spend(place / frames_per_s, 1, 120) == 0.0 for place in range(count))
+    assert all(budget.spend(slot / frames_per_s, 1, 120) == 0.0 for slot in range(count))
     assert not budget.is_overdrawn(600.0)
 
 
@@ -131,7 +131,7 @@ def test_a_flood_is_slowed_to_its_rate_and_then_closed(frames: int, size: int) -
     most_bytes = BYTES_AT_ONCE + BYTES_PER_S * now + 2 * size
     assert sent * frames <= most_frames
     assert sent * size <= most_bytes
-    assert PATIENCE_S < now < 60.0
+    assert READ_TIMEOUT_S < now < 60.0
 
 
 def test_a_burst_that_ends_is_forgiven() -> None:
@@ -142,7 +142,7 @@ def test_a_burst_that_ends_is_forgiven() -> None:
 
 
 def test_a_session_opens_websockets_at_a_rate_and_slows_no_other() -> None:
-    arrivals, now = Arrivals(), 100.0
+    arrivals, now = WebsocketThrottle(), 100.0
     assert [arrivals.wait_s("vic", now) for _ in range(SOCKETS_AT_ONCE)] == [0.0] * SOCKETS_AT_ONCE
     assert arrivals.wait_s("vic", now) == pytest.approx(1.0 / SOCKETS_PER_S)
     assert arrivals.wait_s("ana", now) == 0.0

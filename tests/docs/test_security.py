@@ -29,8 +29,8 @@ def test_numbers_are_those_of_the_code() -> None:
         "largest body of a request": f"{security.MAX_BODY_BYTES // 1024} kB",
         "largest sheet of charts for a PDF": f"{security.MAX_SHEET_BYTES // 1024} kB",
         "anonymous connections": f"{connections.MAX_ANONYMOUS}",
-        "connections in total, as far as descriptors allow": f"{connections.MOST_PLACES}",
-        "connections of one browser session": f"{connections.BROWSER_PLACES}",
+        "connections in total, as far as descriptors allow": f"{connections.MOST_SLOTS}",
+        "connections of one browser session": f"{connections.BROWSER_SLOTS}",
         "descriptors reserved for all other purposes": f"{connections.RESERVE}",
         "largest head of a request, and of a websocket": f"{security.LONGEST_HEAD // 1024} kB",
         "time for the head of a request, and for its body": f"{connections.HEAD_S:g} s each",
@@ -44,7 +44,7 @@ def test_numbers_are_those_of_the_code() -> None:
         "bytes of a websocket per second, sustained and burst": (
             f"{connections.BYTES_PER_S / 1024:g} kB, {connections.BYTES_AT_ONCE / 1024:g} kB"
         ),
-        "time until a websocket with a higher rate is closed": f"{connections.PATIENCE_S:g} s",
+        "time until a websocket with a higher rate is closed": f"{connections.READ_TIMEOUT_S:g} s",
         "websockets opened by a session per second, sustained and burst": (
             f"{connections.SOCKETS_PER_S:g}, {connections.SOCKETS_AT_ONCE}"
         ),

@@ -25,7 +25,7 @@ async def opened() -> AsyncIterator[tuple[Gateway, int]]:
     async with serve(vendor, HOST, 0, subprotocols=[VENDORS]) as server:
         door = Gateway(next(iter(server.sockets)).getsockname()[1], MessageSlots())
         async with door.open(0) as port:
-            await door.let_in("old")
+            await door.accept_key("old")
             yield door, port
 
 
@@ -41,7 +41,7 @@ async def silent(port: int) -> Stream:
 
 
 async def until_inside(door: Gateway, count: int) -> None:
-    while len(door._inside) != count:
+    while len(door._clients) != count:
         await asyncio.sleep(0.01)
 
 
@@ -51,7 +51,7 @@ def test_clients_that_do_not_answer_hold_nobody_up() -> None:
             kept = [await silent(port) for _ in range(4)]
             await until_inside(door, 4)
             begun = time.monotonic()
-            await door.let_in("new")
+            await door.accept_key("new")
             lasted = time.monotonic() - begun
             for reader, writer in kept:
                 await reader.read()  # to the end: they are cut off
@@ -72,7 +72,7 @@ def test_no_more_than_the_most_are_inside_however_they_come() -> None:
                 assert b"are connected already" in await last.read()
                 for _, writer in kept:
                     writer.close()
-                return len(door._inside)
+                return len(door._clients)
 
     assert asyncio.run(go()) == MOST_CLIENTS
 
@@ -93,6 +93,6 @@ def test_a_key_that_was_replaced_during_the_handshake_does_not_open() -> None:
                 connect(f"ws://{HOST}:{other}/?token=old", subprotocols=[VENDORS]) as client,
             ):
                 await client.wait_closed()
-                return client.close_code, len(door._inside)
+                return client.close_code, len(door._clients)
 
     assert asyncio.run(go()) == (1008, 0)
