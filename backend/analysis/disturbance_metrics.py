@@ -108,9 +108,9 @@ def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_pus
     F_expected = expected - expected[rest].mean()
     errors = [rms(F[pushed + delay :] - F_expected[pushed : F.size - delay]) for delay in range(longest + 1)]
     delay = int(np.argmin(errors))
-    felt, q = F[pushed + delay :], columns["q"][pushed : F.size - delay]
+    applied, q = F[pushed + delay :], columns["q"][pushed : F.size - delay]
     tensions = np.concatenate([columns["F_A"], columns["F_B"]])
-    largest_push_N = float(np.abs(felt).max())
+    largest_push_N = float(np.abs(applied).max())
     reasons = _find_reasons(largest_push_N, delay == longest)
     estimated = _select_estimated_force(columns, rest, slice(pushed, F.size - delay))
     if estimated is None:
@@ -118,9 +118,9 @@ def compute_compliance_metrics(columns: ComplianceColumns, r_j: float, first_pus
     return ComplianceMetrics(
         rmse_raw_N=rms(measured[pushed:] - expected[pushed:]),
         rmse_aligned_N=None if "rmse_aligned_N" in reasons else errors[delay],
-        rmse_estimated_N=None if estimated is None or "rmse_estimated_N" in reasons else rms(estimated + felt),
+        rmse_estimated_N=None if estimated is None or "rmse_estimated_N" in reasons else rms(estimated + applied),
         delay_s=None if "delay_s" in reasons else delay * T_s,
-        stiffness_felt=None if "stiffness_felt" in reasons else _compute_slope(q, -r_j * felt),
+        stiffness_felt=None if "stiffness_felt" in reasons else _compute_slope(q, -r_j * applied),
         largest_push_N=largest_push_N,
         deviation_S=float(np.abs(columns["S"] - columns["S_ref"])[pushed:].max()),
         min_tension_N=float(tensions.min()),
@@ -358,8 +358,8 @@ class Hit(NamedTuple):
 
     ``S_ref`` [N·m/rad] and approach ``speed`` [rad/s] at the first contact; largest force [N], impulse [N·s] and time
     in contact [s]. ``contact_N`` [N] is the threshold of the contact reaction, nan without one. Times [s], nan if it
-    did not happen: ``felt_s`` from the contact until the estimate exceeds the threshold, ``gave_way_s`` from there
-    until the joint complies, ``fell_s`` from there until the force has its maximum.
+    did not happen: ``detection_s`` from the contact until the estimate exceeds the threshold, ``reaction_s`` from there
+    until the joint complies, ``to_peak_s`` from there until the force has its maximum.
     """
 
     window: slice
@@ -369,9 +369,9 @@ class Hit(NamedTuple):
     impulse_Ns: float
     contact_s: float
     contact_N: float = math.nan
-    felt_s: float = math.nan
-    gave_way_s: float = math.nan
-    fell_s: float = math.nan
+    detection_s: float = math.nan
+    reaction_s: float = math.nan
+    to_peak_s: float = math.nan
 
     @property
     def reacts(self) -> bool:
@@ -456,17 +456,17 @@ def _measure_hit(columns: Columns, force: np.ndarray, touched: np.ndarray, thres
 def _measure_reaction(columns: Columns, force: np.ndarray, window: slice, contact_N: float) -> tuple[float, ...]:
     """Return the threshold [N] and the times [s] to detection, reaction and largest force."""
     end = window.stop + round(HIT_DISTANCE_S / T_s)  # detection may follow after the joint has bounced off
-    felt = (
+    detected = (
         _find_first(np.abs(columns["F_ext_hat"][window.start : end]) > contact_N) if math.isfinite(contact_N) else None
     )
-    if felt is None:
+    if detected is None:
         return contact_N, math.nan, math.nan, math.nan
-    began = window.start + felt
+    began = window.start + detected
     reaction = _find_first(columns["limits"][began:end].astype(np.int64) & int(Limit.CONTACT) != 0)
-    largest = int(np.argmax(force[window])) - felt
+    largest = int(np.argmax(force[window])) - detected
     return (
         contact_N,
-        felt * T_s,
+        detected * T_s,
         math.nan if reaction is None else reaction * T_s,
         math.nan if reaction is None else max(largest, 0) * T_s,
     )
@@ -489,7 +489,7 @@ def compute_impact_metrics(columns: Columns, program: Program | None = None) -> 
     pairs, reason = _pair_by_stiffness(plain or hits)
     paired, why = pair_hits(hits)
     no_reaction = "" if reacting else _NO_REACTION
-    missed = sum(not math.isfinite(hit.gave_way_s) for hit in reacting)
+    missed = sum(not math.isfinite(hit.reaction_s) for hit in reacting)
     if missed:
         no_reaction = f"{missed} of {len(reacting)} hits were not felt or not given way to"
     reasons = dict.fromkeys(("soft_to_stiff_peak", "soft_to_stiff_impulse"), reason)
@@ -505,9 +505,9 @@ def compute_impact_metrics(columns: Columns, program: Program | None = None) -> 
         soft_to_stiff_impulse=_mean_or_none([soft.impulse_Ns / stiff.impulse_Ns for soft, stiff in pairs]),
         reaction_peak=_mean_or_none([reacted.peak_N / plain.peak_N for plain, reacted in paired]),
         reaction_impulse=_mean_or_none([reacted.impulse_Ns / plain.impulse_Ns for plain, reacted in paired]),
-        felt_after_s=None if no_reaction else max(hit.felt_s for hit in reacting),
-        gave_way_after_s=None if no_reaction else max(hit.gave_way_s for hit in reacting),
-        fell_after_s=None if no_reaction else max(hit.fell_s for hit in reacting),
+        felt_after_s=None if no_reaction else max(hit.detection_s for hit in reacting),
+        gave_way_after_s=None if no_reaction else max(hit.reaction_s for hit in reacting),
+        fell_after_s=None if no_reaction else max(hit.to_peak_s for hit in reacting),
         reasons={name: why for name, why in reasons.items() if why},
     )
 

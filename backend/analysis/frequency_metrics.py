@@ -228,7 +228,7 @@ class PredictedResponse:
     def response(self, f: Array) -> Complex:
         """Return the response at ``f`` (n,) [Hz]."""
         parameters, closed = self.context.parameters, self.context.has_position_loop
-        if self.tuning.following.budget > 0.0:
+        if self.tuning.reference_tracking.budget > 0.0:
             H = planned_response(parameters, self.tuning, self.S, f, position_loop=closed)
         else:
             H = make_sampled_loop(parameters, self.tuning, self.S, position_loop=closed).closed.response(f)
@@ -251,7 +251,7 @@ def predict_response(
     """
     tuning = context.compute_gains_at(excitation.window.start)
     _, S = context.compute_references_before(excitation.window.start)
-    budget = tuning.following.budget
+    budget = tuning.reference_tracking.budget
     if budget > 0.0:
         asked = compute_required_voltage(tuning, S, references)
         if asked > budget:
@@ -263,7 +263,7 @@ def predict_response(
 
 def compute_required_voltage(tuning: cascade.CascadeTuning, S: float, references: Array) -> float:
     """Return the voltage max(|u_d| + |u_c|) [V] that a trajectory needs to follow references (n, 2): (T θ'' + θ')/K."""
-    model = tuning.following.model
+    model = tuning.reference_tracking.model
     theta = (references - references[0]) @ decoupling_matrix(tuning.decoupler, S).T
     axes = np.column_stack([theta[:, 0] - theta[:, 1], theta[:, 0] + theta[:, 1]]) / 2.0
     rate = np.gradient(axes, T_s, axis=0)

@@ -11,7 +11,7 @@ from . import (
     tracking,
     trajectory,
 )
-from .cascade import CascadeTuning, Following
+from .cascade import CascadeTuning, ReferenceTracking
 from .decoupler import (
     STIFFNESS_RANGE,
     Bounds,
@@ -76,10 +76,10 @@ __all__ = [
     "Decoupler",
     "DetectedFault",
     "FaultDetectionState",
-    "Following",
     "LoopReferences",
     "MotorLoopState",
     "Moving",
+    "ReferenceTracking",
     "Rejection",
     "Resting",
     "Schedule",

@@ -81,7 +81,7 @@ OPEN_LOOP_FACTOR = 0.2
 """Fraction of ``dead_zone_q`` within which the joint is at rest while the position loop is open."""
 
 
-class Following(NamedTuple):
+class ReferenceTracking(NamedTuple):
     """How references are tracked: ``budget`` [V] of a trajectory, 0 for the governor.
 
     ``model`` is the model that the trajectory moves. ``dead_zone_q`` [rad], ``dead_zone_S`` [N·m/rad]: errors that the
@@ -102,7 +102,7 @@ class DeadZones(NamedTuple):
     S: float
 
 
-class FollowedReferences(NamedTuple):
+class TrackedReferences(NamedTuple):
     """Signals that the loops of this tick track.
 
     ``reference``, and the origin of position, stiffness and both motors; ``q_e`` and ``S_e`` are added to the outputs
@@ -122,18 +122,18 @@ class FollowedReferences(NamedTuple):
 
 
 @compiled
-def follow_governed(reference: GovernorState, moving: bool) -> FollowedReferences:
+def follow_governed(reference: GovernorState, moving: bool) -> TrackedReferences:
     """Return the signals of governed references: the origin of the loops is zero."""
-    return FollowedReferences(
+    return TrackedReferences(
         reference=reference, q=0.0, S=0.0, theta_A=0.0, theta_B=0.0, q_e=0.0, S_e=0.0, u_A=0.0, u_B=0.0, moving=moving
     )
 
 
 @compiled
-def follow_trajectory(model: trajectory.AxisState, drive: trajectory.Driven) -> FollowedReferences:
+def follow_trajectory(model: trajectory.AxisState, drive: trajectory.Driven) -> TrackedReferences:
     """Return the signals of a trajectory: the origin of the loops is its model."""
     reference = GovernorState(model.q, model.S)
-    return FollowedReferences(
+    return TrackedReferences(
         reference=reference,
         q=model.q,
         S=model.S,
@@ -148,19 +148,19 @@ def follow_trajectory(model: trajectory.AxisState, drive: trajectory.Driven) -> 
 
 
 @compiled
-def is_within_dead_zone(f: Following, e_q: float, e_S: float) -> bool:
+def is_within_dead_zone(f: ReferenceTracking, e_q: float, e_S: float) -> bool:
     """Return whether both errors [rad], [N·m/rad] are within the dead zones."""
     return abs(e_q) <= REST_FACTOR * f.dead_zone_q and abs(e_S) <= f.dead_zone_S
 
 
 @compiled
-def is_near_reference(f: Following, e_q: float, e_S: float) -> bool:
+def is_near_reference(f: ReferenceTracking, e_q: float, e_S: float) -> bool:
     """Return whether the errors [rad], [N·m/rad] show a joint not pushed away."""
     return abs(e_q) <= NEAR_FACTOR_Q * f.dead_zone_q and abs(e_S) <= NEAR_FACTOR_S * f.dead_zone_S
 
 
 @compiled
-def is_within_dead_zone_open_loop(f: Following, e_q: float, e_S: float) -> bool:
+def is_within_dead_zone_open_loop(f: ReferenceTracking, e_q: float, e_S: float) -> bool:
     """Like ``is_within_dead_zone``, for an error of the equilibrium [rad].
 
     Used while the position loop is open.
@@ -207,7 +207,7 @@ def convert_to_absolute(
 
 
 @compiled
-def select_dead_zones(f: Following, resting: bool, arrived: bool) -> DeadZones:
+def select_dead_zones(f: ReferenceTracking, resting: bool, arrived: bool) -> DeadZones:
     """Return the dead zones of the outer integrators.
 
     Infinite at rest, zero while moving towards a governed reference.
@@ -239,7 +239,7 @@ class CascadeTuning(NamedTuple):
     envelope: Envelope
     omega_max: float
     u_max: float
-    following: Following
+    reference_tracking: ReferenceTracking
     disturbance_feedforward: disturbance_observer.Rejection
 
 
@@ -310,17 +310,17 @@ def step(
     d = tuning.decoupler
     S = decoupler.stiffness(d, m.theta_A, m.theta_B)
     # A trajectory first brings its motion to rest: the loops alone let S overshoot by up to 0.5 N·m/rad.
-    follows_trajectory = tuning.following.budget > 0.0 or (
-        state.follows_trajectory and not trajectory.is_at_rest(tuning.following.model, state.trajectory_state)
+    follows_trajectory = tuning.reference_tracking.budget > 0.0 or (
+        state.follows_trajectory and not trajectory.is_at_rest(tuning.reference_tracking.model, state.trajectory_state)
     )
     tau_ext = tau_ext if position_loop and S > 0.0 else math.nan
     if follows_trajectory != state.follows_trajectory:
         state = _switch_following(tuning, state, S, position_loop, m)
     model = trajectory.compute_axis_state(d, state.trajectory_state)
     if follows_trajectory:
-        budget = tuning.following.budget * state.reserve
+        budget = tuning.reference_tracking.budget * state.reserve
         drive, trajectory_state = trajectory.step(
-            d=d, model=tuning.following.model, budget=budget, state=state.trajectory_state, at=model, r=r
+            d=d, model=tuning.reference_tracking.model, budget=budget, state=state.trajectory_state, at=model, r=r
         )
         followed = follow_trajectory(model, drive)
         is_standing = not drive.moving
@@ -356,15 +356,17 @@ def step(
     inner = pid.bumpless_motor_pair(state.motor_gains, tuning.motors, state.motors, y_A, y_B)
 
     if position_loop:
-        is_small = is_within_dead_zone(tuning.following, r_q - y_q, r_S - y_S)
+        is_small = is_within_dead_zone(tuning.reference_tracking, r_q - y_q, r_S - y_S)
     else:
         q_e = followed.q_e if follows_trajectory else followed.reference.q_ref
         is_small = is_within_dead_zone_open_loop(
-            tuning.following, q_e - decoupler.equilibrium(d, m.theta_A, m.theta_B), r_S - y_S
+            tuning.reference_tracking, q_e - decoupler.equilibrium(d, m.theta_A, m.theta_B), r_S - y_S
         )
     resting = is_standing and is_small
-    arrived = resting or (is_standing and state.arrived and is_near_reference(tuning.following, r_q - y_q, r_S - y_S))
-    dead_zone = select_dead_zones(tuning.following, resting, follows_trajectory or arrived)
+    arrived = resting or (
+        is_standing and state.arrived and is_near_reference(tuning.reference_tracking, r_q - y_q, r_S - y_S)
+    )
+    dead_zone = select_dead_zones(tuning.reference_tracking, resting, follows_trajectory or arrived)
     delta_q, position = pid.step_i_p(
         gains=gains_q,
         state=position,
@@ -462,7 +464,7 @@ def _switch_following(
     d, position_gains, stiffness_gains = tuning.decoupler, state.position_gains, state.stiffness_gains
     if state.follows_trajectory:
         model_state = trajectory.compute_axis_state(d, state.trajectory_state)
-        u_A, u_B = trajectory.compute_voltages(d, tuning.following.model, state.trajectory_state, model_state)
+        u_A, u_B = trajectory.compute_voltages(d, tuning.reference_tracking.model, state.trajectory_state, model_state)
         return _with_following(
             state=state,
             reference=GovernorState(model_state.q if position_loop else model_state.q_e, model_state.S),
@@ -495,9 +497,9 @@ def _switch_following(
     if state.resting:
         q_m, S_m = state.governor.q_ref, state.governor.S_ref
     trajectory_state = trajectory.begin_trajectory(
-        d=d, model=tuning.following.model, q=q_m, S=S_m, omega_A=omega_A, omega_B=omega_B
+        d=d, model=tuning.reference_tracking.model, q=q_m, S=S_m, omega_A=omega_A, omega_B=omega_B
     )
-    model_state, model = trajectory.compute_axis_state(d, trajectory_state), tuning.following.model
+    model_state, model = trajectory.compute_axis_state(d, trajectory_state), tuning.reference_tracking.model
     compensation = disturbance_observer.compute_compensation(state.disturbance_feedforward, S)
     # The loops' references were ahead of the moving motors; from here on the model's voltages move them. The outer
     # loops keep the offset of the motors from the model, such as under a push.
@@ -617,7 +619,7 @@ def initialize_bumpless(
         correction_q=0.0,
         correction_S=0.0,
         trajectory_state=trajectory.begin_trajectory(
-            d=d, model=tuning.following.model, q=m.q, S=S, omega_A=0.0, omega_B=0.0
+            d=d, model=tuning.reference_tracking.model, q=m.q, S=S, omega_A=0.0, omega_B=0.0
         ),
         follows_trajectory=False,
         clipped_s=0.0,

@@ -185,11 +185,11 @@ class ExcitationChips(NamedTuple):
 class TensionHoldState(NamedTuple):
     """State of the tension hold.
 
-    ``base_A``, ``base_B`` [rad] move to ``goal_A`` and zero. ``tick`` counts the ticks of the excitation.
+    ``base_A``, ``base_B`` [rad] move to ``target_A`` and zero. ``tick`` counts the ticks of the excitation.
     """
 
     F_ref: float
-    goal_A: float
+    target_A: float
     base_A: float
     base_B: float
     settle_ticks: int
@@ -209,10 +209,10 @@ def step_tension_hold(
     """Execute a step: move to the tension, settle, excite."""
     base_A, base_B, settle_ticks, tick = state.base_A, state.base_B, state.settle_ticks, state.tick
     chips, hold = state.chips, state.hold
-    arrived = base_A == state.goal_A and base_B == 0.0
+    arrived = base_A == state.target_A and base_B == 0.0
     offset, done = 0.0, False
     if not arrived:
-        base_A, base_B = step_along_line(base_A, base_B, state.goal_A, 0.0)
+        base_A, base_B = step_along_line(base_A, base_B, state.target_A, 0.0)
     elif settle_ticks > 0:
         settle_ticks -= 1
     elif tick >= chips.ticks:
@@ -237,7 +237,7 @@ def step_tension_hold(
         motor_loops,
         TensionHoldState(
             F_ref=state.F_ref,
-            goal_A=state.goal_A,
+            target_A=state.target_A,
             base_A=base_A,
             base_B=base_B,
             settle_ticks=settle_ticks,
@@ -256,11 +256,11 @@ def step_tension_hold(
 class TensionSweepState(NamedTuple):
     """State of the tension sweep.
 
-    ``goals`` (n + 1, 2): theta_A, theta_B [rad] at the start and after each leg. ``ticks`` (n,) of the legs; ``leg`` is
-    -1 on the way to the start.
+    ``targets`` (n + 1, 2): theta_A, theta_B [rad] at the start and after each leg. ``ticks`` (n,) of the legs; ``leg``
+    is -1 on the way to the start.
     """
 
-    goals: NDArray[np.float64]
+    targets: NDArray[np.float64]
     ticks: NDArray[np.int64]
     settle_ticks: int
     leg: int
@@ -276,18 +276,20 @@ def step_tension_sweep(
     m: Measurement,
 ) -> tuple[ControlOutput, MotorLoopState, TensionSweepState]:
     """Execute a step: move to the start, settle, then follow the legs."""
-    goals, ticks, leg, elapsed, done = state.goals, state.ticks, state.leg, state.elapsed, False
+    targets, ticks, leg, elapsed, done = state.targets, state.ticks, state.leg, state.elapsed, False
     if leg < 0:
-        theta_A, theta_B = step_along_line(motor_loops.theta_A_ref, motor_loops.theta_B_ref, goals[0, 0], goals[0, 1])
-        if theta_A == goals[0, 0] and theta_B == goals[0, 1]:
+        theta_A, theta_B = step_along_line(
+            motor_loops.theta_A_ref, motor_loops.theta_B_ref, targets[0, 0], targets[0, 1]
+        )
+        if theta_A == targets[0, 0] and theta_B == targets[0, 1]:
             elapsed += 1
             if elapsed >= state.settle_ticks:
                 leg, elapsed = 0, 0
     else:
         elapsed += 1
         share = elapsed / ticks[leg]
-        theta_A = goals[leg, 0] + share * (goals[leg + 1, 0] - goals[leg, 0])
-        theta_B = goals[leg, 1] + share * (goals[leg + 1, 1] - goals[leg, 1])
+        theta_A = targets[leg, 0] + share * (targets[leg + 1, 0] - targets[leg, 0])
+        theta_B = targets[leg, 1] + share * (targets[leg + 1, 1] - targets[leg, 1])
         if elapsed >= ticks[leg]:
             done = leg + 1 == ticks.shape[0]
             if not done:
@@ -301,16 +303,16 @@ def step_tension_sweep(
         m=m,
         done=done,
     )
-    return output, motor_loops, TensionSweepState(goals, ticks, state.settle_ticks, leg, elapsed)
+    return output, motor_loops, TensionSweepState(targets, ticks, state.settle_ticks, leg, elapsed)
 
 
 # Travel --------------------------------------------------------------------------------------------
 #
-# Move the motor references along a straight line to a goal and hold them there.
+# Move the motor references along a straight line to a target and hold them there.
 
 
 class TravelState(NamedTuple):
-    """Goal ``theta_A``, ``theta_B`` [rad], and time since the arrival there [s]."""
+    """Target ``theta_A``, ``theta_B`` [rad], and time since the arrival there [s]."""
 
     theta_A: float
     theta_B: float
@@ -321,7 +323,7 @@ class TravelState(NamedTuple):
 def step_travel(
     tuning: cascade.CascadeTuning, motor_loops: MotorLoopState, setpoint: Setpoint, state: TravelState, m: Measurement
 ) -> tuple[ControlOutput, MotorLoopState, TravelState]:
-    """Execute a step of moving to the goal, or of holding it."""
+    """Execute a step of moving to the target, or of holding it."""
     theta_A, theta_B, settled_s = state.theta_A, state.theta_B, state.settled_s
     theta_A_ref, theta_B_ref = step_along_line(motor_loops.theta_A_ref, motor_loops.theta_B_ref, theta_A, theta_B)
     if theta_A_ref == theta_A and theta_B_ref == theta_B:
@@ -435,11 +437,11 @@ def step_voltage_steps(
         if ticks > steps[at, _TICKS] or is_out_of_margin or max(m.F_A, m.F_B) > margin.F_slack:
             stage, ticks, braking = _BRAKED, 0, BrakeState(m.theta_A, m.theta_B, 0.0, 0.0)
     if is_travelling:
-        goal_A, goal_B = (
+        target_A, target_B = (
             (margin.centre_A, margin.centre_B) if stage == CENTRED else (steps[at, _START], steps[at, _START])
         )
-        theta_A, theta_B = step_along_line(motor_loops.theta_A_ref, motor_loops.theta_B_ref, goal_A, goal_B)
-        if theta_A != goal_A or theta_B != goal_B:
+        theta_A, theta_B = step_along_line(motor_loops.theta_A_ref, motor_loops.theta_B_ref, target_A, target_B)
+        if theta_A != target_A or theta_B != target_B:
             ticks = 0
         elif ticks >= settle_ticks:
             stage, ticks = stage + 1, 0

@@ -155,11 +155,11 @@ def make_voltage_limit_flags(A: bool, B: bool) -> int:
 
 
 @compiled
-def step_along_line(theta_A: float, theta_B: float, goal_A: float, goal_B: float) -> tuple[float, float]:
-    """Step along the straight line to the goal at TRAVEL_SPEED, ending exactly there."""
-    distance = max(abs(goal_A - theta_A), abs(goal_B - theta_B))
+def step_along_line(theta_A: float, theta_B: float, target_A: float, target_B: float) -> tuple[float, float]:
+    """Step along the straight line to the target at TRAVEL_SPEED, ending exactly there."""
+    distance = max(abs(target_A - theta_A), abs(target_B - theta_B))
     reach = TRAVEL_SPEED * T_s
     if distance <= reach:
-        return goal_A, goal_B
+        return target_A, target_B
     share = reach / distance
-    return theta_A + share * (goal_A - theta_A), theta_B + share * (goal_B - theta_B)
+    return theta_A + share * (target_A - theta_A), theta_B + share * (target_B - theta_B)

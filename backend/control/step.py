@@ -173,13 +173,13 @@ def _overload_step(tuning: Any, motor_loops: Any, setpoint: Any, state: Any, m: 
     return STEP_FUNCTIONS[state.instance_class].py_func
 
 
-def with_outside_torque(state: Any, tau_ext: float) -> Any:
+def set_external_torque(state: Any, tau_ext: float) -> Any:
     """Return a motion's state with an external torque [N·m]; only the cascade uses it."""
     return state._replace(tau_ext=tau_ext) if isinstance(state, tracking.TrackingState) else state
 
 
-@overload(with_outside_torque, cast(Any, STRICT), strict=False)
-def _overload_outside_torque(state: Any, tau_ext: Any) -> Any:
+@overload(set_external_torque, cast(Any, STRICT), strict=False)
+def _overload_external_torque(state: Any, tau_ext: Any) -> Any:
     if state.instance_class is tracking.TrackingState:
         return lambda state, tau_ext: tracking.TrackingState(
             state.law, state.position_loop, state.has_program, state.player, tau_ext
@@ -235,14 +235,14 @@ def detect_faults(control: StateBlock[ControlState], raw: Measurement, missed: i
     )
     store_compiled(control.fault_state, next_state)
     store_compiled(control.detected_fault, fault)
-    F_ext_hat = _estimate_outside_force(control, m, inputs.zeroed)
+    F_ext_hat = _estimate_external_force(control, m, inputs.zeroed)
     if fault.kind != fault_detection.NO_FAULT:
         return FAULT_DETECTED
     return CONTACT_DETECTED if abs(F_ext_hat) > inputs.contact_threshold else NO_EVENT
 
 
 @compiled
-def _estimate_outside_force(control: StateBlock[ControlState], m: Measurement, zeroed: bool) -> float:
+def _estimate_external_force(control: StateBlock[ControlState], m: Measurement, zeroed: bool) -> float:
     """Return the external force [N] in this tick; NaN unless the motors are zeroed."""
     observer, bias = control.observer.value, control.bias.value
     state = (
@@ -268,7 +268,7 @@ def compute_control(control: StateBlock[ControlState], moving: StateBlock[Moving
         control.tuning.value,
         motion.motor_loops,
         motion.setpoint,
-        with_outside_torque(motion.state, tau_ext),
+        set_external_torque(motion.state, tau_ext),
         control.m.value,
     )
     store_compiled(moving, Moving(motor_loops, output.setpoint, state))

@@ -9,7 +9,7 @@ from plant import T_s, compiled
 
 # Axis ----------------------------------------------------------------------------------------------
 #
-# One axis of a trajectory: a motor T θ'' + θ' = K u within a voltage limit, moving to a goal in the least time.
+# One axis of a trajectory: a motor T θ'' + θ' = K u within a voltage limit, moving to a target in the least time.
 
 
 LANDING_S = 0.010
@@ -40,8 +40,8 @@ class Lagged(NamedTuple):
     u: float
 
 
-class Goal(NamedTuple):
-    """Goal of an axis [rad], its speed [rad/s], 0 after a jump, and its end [rad].
+class AxisTarget(NamedTuple):
+    """Target of an axis [rad], its speed [rad/s], 0 after a jump, and its end [rad].
 
     ``end`` is NaN if unknown. ``displacement`` [rad]: change since the previous tick.
     """
@@ -113,31 +113,31 @@ def compute_duration(V: float, T: float, distance: float, omega: float) -> float
 
 
 @compiled
-def compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
+def compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, target: AxisTarget) -> float:
     """Return the voltage [V] within ±U up to the speed from which the axis can stop.
 
-    For a moving goal that is relative to the goal's speed, and limited by what still stops at the goal's end.
+    For a moving target that is relative to the target's speed, and limited by what still stops at the target's end.
     """
     U = max(U, MIN_VOLTAGE_V)
-    u = _compute_approach_voltage(K, T, U, axis, goal)
-    if goal.rate == 0.0 or math.isnan(goal.end):
+    u = _compute_approach_voltage(K, T, U, axis, target)
+    if target.rate == 0.0 or math.isnan(target.end):
         return u
-    to_end = _compute_approach_voltage(K, T, U, axis, Goal(goal.end, 0.0, math.nan, 0.0))
-    return min(u, to_end) if goal.rate > 0.0 else max(u, to_end)
+    to_end = _compute_approach_voltage(K, T, U, axis, AxisTarget(target.end, 0.0, math.nan, 0.0))
+    return min(u, to_end) if target.rate > 0.0 else max(u, to_end)
 
 
 @compiled
-def _compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, goal: Goal) -> float:
-    """Return the voltage [V] within ±U that reaches the goal at the goal's speed."""
-    e, w = goal.theta - axis.theta, axis.omega - goal.rate
+def _compute_approach_voltage(K: float, T: float, U: float, axis: AxisMotion, target: AxisTarget) -> float:
+    """Return the voltage [V] within ±U that reaches the target at the target's speed."""
+    e, w = target.theta - axis.theta, axis.omega - target.rate
     e -= T_s * w  # after this voltage has acted
     s = 1.0 if e >= 0.0 else -1.0
-    V = max(K * BRAKING_SHARE * U + s * goal.rate, 0.05 * K * U)
+    V = max(K * BRAKING_SHARE * U + s * target.rate, 0.05 * K * U)
     a = V / T
     landing = a * LANDING_S**2
     wanted = abs(e) / LANDING_S if abs(e) <= landing else braking_speed(V, T, abs(e) - 0.5 * landing)
     g = math.exp(-T_s / T)
-    u = (goal.rate + s * wanted - g * axis.omega) / (K * (1.0 - g))
+    u = (target.rate + s * wanted - g * axis.omega) / (K * (1.0 - g))
     return min(max(u, -U), U)
 
 
@@ -167,9 +167,9 @@ def advance_lagged_axis(K: float, T: float, tau_e: float, axis: Lagged, u: float
     )
 
 
-# Goals ---------------------------------------------------------------------------------------------
+# Targets -------------------------------------------------------------------------------------------
 #
-# Goals of the two axes of a trajectory, their speeds and ends.
+# Targets of the two axes of a trajectory, their speeds and ends.
 
 
 MIN_SPEED_RAD_S = 1e-3
@@ -189,79 +189,81 @@ class LoopReferences(NamedTuple):
 
 
 @compiled
-def compute_goals(d: Decoupler, before_d: Goal, before_c: Goal, r: LoopReferences, V: float) -> tuple[Goal, Goal]:
-    """Return the goals of difference and common axis, for motors that reach V [rad/s].
+def compute_targets(
+    d: Decoupler, before_d: AxisTarget, before_c: AxisTarget, r: LoopReferences, V: float
+) -> tuple[AxisTarget, AxisTarget]:
+    """Return the targets of difference and common axis, for motors that reach V [rad/s].
 
-    ``before_d``, ``before_c`` are the goals of the previous tick.
+    ``before_d``, ``before_c`` are the targets of the previous tick.
     """
     theta_A, theta_B = decoupler.motor_positions(d, r.q, r.S)
-    end_d, end_c = _compute_goal_ends(d, r)
+    end_d, end_c = _compute_target_ends(d, r)
     return (
-        _make_goal(before_d, 0.5 * (theta_A - theta_B), end_d, V),
-        _make_goal(before_c, 0.5 * (theta_A + theta_B), end_c, V),
+        _make_target(before_d, 0.5 * (theta_A - theta_B), end_d, V),
+        _make_target(before_c, 0.5 * (theta_A + theta_B), end_c, V),
     )
 
 
 @compiled
-def has_jumped(before: Goal, goal: Goal) -> bool:
-    """Return whether a goal has changed by more than a motor could follow."""
-    return goal.theta != before.theta and (goal.rate == 0.0 or before.rate == 0.0)
+def has_jumped(before: AxisTarget, target: AxisTarget) -> bool:
+    """Return whether a target has changed by more than a motor could follow."""
+    return target.theta != before.theta and (target.rate == 0.0 or before.rate == 0.0)
 
 
 @compiled
 def plan_fastest_stop(
-    K: float, T: float, U: float, d: AxisMotion, c: AxisMotion, goal_d: Goal, goal_c: Goal
-) -> tuple[Goal, Goal, float]:
-    """Return goals at which both axes stop soonest, and the difference axis's share.
+    K: float, T: float, U: float, d: AxisMotion, c: AxisMotion, target_d: AxisTarget, target_c: AxisTarget
+) -> tuple[AxisTarget, AxisTarget, float]:
+    """Return targets at which both axes stop soonest, and the difference axis's share.
 
-    No goal is beyond the old one. U [V] is shared in proportion to speed, but each axis gets the voltage that stops it
-    at its old goal, the common axis first.
+    No target is beyond the old one. U [V] is shared in proportion to speed, but each axis gets the voltage that stops
+    it at its old target, the common axis first.
     """
-    remaining_d, remaining_c = _compute_remaining_distance(d, goal_d), _compute_remaining_distance(c, goal_c)
+    remaining_d, remaining_c = _compute_remaining_distance(d, target_d), _compute_remaining_distance(c, target_c)
     w_d, w_c = abs(d.omega), abs(c.omega)
     share = w_d / (w_d + w_c) if w_d + w_c > 0.0 else 0.5
     share = max(share, least_voltage(K, T, w_d, remaining_d, U) / U)
     share = min(share, 1.0 - least_voltage(K, T, w_c, remaining_c, U) / U)
     return (
-        _make_stopping_goal(K * share * U, T, d, remaining_d),
-        _make_stopping_goal(K * (1.0 - share) * U, T, c, remaining_c),
+        _make_stopping_target(K * share * U, T, d, remaining_d),
+        _make_stopping_target(K * (1.0 - share) * U, T, c, remaining_c),
         share,
     )
 
 
 @compiled
-def _compute_remaining_distance(axis: AxisMotion, goal: Goal) -> float:
-    """Return the distance [rad] from an axis to the end of its goal.
+def _compute_remaining_distance(axis: AxisMotion, target: AxisTarget) -> float:
+    """Return the distance [rad] from an axis to the end of its target.
 
     inf if that is behind the axis or unknown.
     """
-    ahead = math.copysign(1.0, axis.omega) * ((goal.theta if goal.rate == 0.0 else goal.end) - axis.theta)
+    ahead = math.copysign(1.0, axis.omega) * ((target.theta if target.rate == 0.0 else target.end) - axis.theta)
     return ahead if ahead > 0.0 else math.inf
 
 
 @compiled
-def _make_stopping_goal(V: float, T: float, axis: AxisMotion, distance_max: float) -> Goal:
-    """Return the goal at which V [rad/s] stops an axis, at most ``distance_max`` away."""
+def _make_stopping_target(V: float, T: float, axis: AxisMotion, distance_max: float) -> AxisTarget:
+    """Return the target at which V [rad/s] stops an axis, at most ``distance_max`` away."""
     V = max(BRAKING_SHARE * V, MIN_SPEED_RAD_S)
     landing = 0.5 * V / T * LANDING_S**2
     distance = min(braking_distance(V, T, abs(axis.omega)) + landing, distance_max)
-    return Goal(axis.theta + math.copysign(distance, axis.omega), 0.0, math.nan, 0.0)
+    return AxisTarget(axis.theta + math.copysign(distance, axis.omega), 0.0, math.nan, 0.0)
 
 
 @compiled
-def _make_goal(before: Goal, theta: float, end: float, V: float) -> Goal:
-    """Return the goal of this tick, with its speed if it moves continuously.
+def _make_target(before: AxisTarget, theta: float, end: float, V: float) -> AxisTarget:
+    """Return the target of this tick, with its speed if it moves continuously.
 
-    A goal that changed by no more than a motor could follow is moving, any other has jumped. So has one that begins to
-    move, as a small step looks like a ramp in its first tick.
+    A target that changed by no more than a motor could follow is moving, any other has jumped. So has one that begins
+    to move, as a small step looks like a ramp in its first tick.
     """
     displacement, reach = theta - before.theta, V * T_s
     is_moving = 0.0 < abs(before.displacement) <= reach and abs(displacement) <= reach
-    return Goal(theta, displacement / T_s if is_moving else 0.0, end, displacement)
+    return AxisTarget(theta, displacement / T_s if is_moving else 0.0, end, displacement)
 
 
 @compiled
-def _compute_goal_ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]:
+def _compute_target_ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]:
     """Return the ends [rad] of difference and common axis, NaN if unknown."""
     if math.isnan(r.q_end) and math.isnan(r.S_end):
         return math.nan, math.nan
@@ -339,8 +341,8 @@ class TrajectoryState(NamedTuple):
     - ``F_held_A``, ``F_held_B`` [N]: tensions that the integrators of the motor loops already hold.
     """
 
-    goal_d: Goal
-    goal_c: Goal
+    target_d: AxisTarget
+    target_c: AxisTarget
     d: AxisMotion
     c: AxisMotion
     window_d: Window
@@ -383,7 +385,7 @@ class Driven(NamedTuple):
 def begin_trajectory(
     d: Decoupler, model: TrajectoryModel, q: float, S: float, omega_A: float, omega_B: float
 ) -> TrajectoryState:
-    """Return a model at ``q`` [rad], ``S`` [N·m/rad] with no other goal.
+    """Return a model at ``q`` [rad], ``S`` [N·m/rad] with no other target.
 
     Its motors move at ``omega_A``, ``omega_B`` [rad/s] and hold its joint, moving or at rest. The loops keep the offset
     of the actuator's motors, caused by a push or by springs that differ from the identified ones, so nothing has to
@@ -397,8 +399,8 @@ def begin_trajectory(
     F_A, F_B = _compute_tensions(d, q_e, S, q)
     K = min(model.K_A, model.K_B)
     return TrajectoryState(
-        goal_d=Goal(difference.theta, 0.0, math.nan, 0.0),
-        goal_c=Goal(common.theta, 0.0, math.nan, 0.0),
+        target_d=AxisTarget(difference.theta, 0.0, math.nan, 0.0),
+        target_c=AxisTarget(common.theta, 0.0, math.nan, 0.0),
         d=difference,
         c=common,
         window_d=_fill_window(difference.omega / K),
@@ -444,36 +446,36 @@ def step(
     """
     K, T = min(model.K_A, model.K_B), max(model.T_A, model.T_B)
     if budget > 0.0:
-        goal_d, goal_c = compute_goals(d, state.goal_d, state.goal_c, r, K * budget)
+        target_d, target_c = compute_targets(d, state.target_d, state.target_c, r, K * budget)
     else:
-        goal_d, goal_c = state.goal_d, state.goal_c
+        target_d, target_c = state.target_d, state.target_c
     share, voltage_limit = state.share, state.voltage_limit
-    distance = abs(goal_d.theta - state.smooth_d.theta) + abs(goal_c.theta - state.smooth_c.theta)
+    distance = abs(target_d.theta - state.smooth_d.theta) + abs(target_c.theta - state.smooth_c.theta)
     if budget == 0.0:
         if state.budget != 0.0:
-            goal_d, goal_c, share = plan_fastest_stop(
-                K=K, T=T, U=voltage_limit, d=state.d, c=state.c, goal_d=goal_d, goal_c=goal_c
+            target_d, target_c, share = plan_fastest_stop(
+                K=K, T=T, U=voltage_limit, d=state.d, c=state.c, target_d=target_d, target_c=target_c
             )
-    elif budget != state.budget or has_jumped(state.goal_d, goal_d) or has_jumped(state.goal_c, goal_c):
+    elif budget != state.budget or has_jumped(state.target_d, target_d) or has_jumped(state.target_c, target_c):
         share, voltage_limit = share_budget(
             K=K,
             T=T,
-            usable=_compute_usable_voltage(budget, state, goal_d, goal_c),
+            usable=_compute_usable_voltage(budget, state, target_d, target_c),
             budget=budget,
             state=state,
-            goal_d=goal_d,
-            goal_c=goal_c,
+            target_d=target_d,
+            target_c=target_c,
         )
     elif distance < ARRIVED_RAD:
         voltage_limit = min(voltage_limit, budget)
-    tracking_d, tracking_c = abs(goal_d.rate) / K, abs(goal_c.rate) / K
+    tracking_d, tracking_c = abs(target_d.rate) / K, abs(target_c.rate) / K
     free = max(voltage_limit - tracking_d - tracking_c, 0.0)
     limit_d = tracking_d + share * free
-    if abs(goal_c.theta - state.c.theta) < NEAR_TARGET_RAD:  # the voltage that the common axis does not use
+    if abs(target_c.theta - state.c.theta) < NEAR_TARGET_RAD:  # the voltage that the common axis does not use
         limit_d = max(limit_d, voltage_limit - abs(state.window_c[0]))
     limit_d = min(limit_d, voltage_limit)
-    u_d = compute_approach_voltage(K, T, limit_d, state.d, goal_d)
-    u_c = compute_approach_voltage(K, T, voltage_limit - abs(u_d), state.c, goal_c)
+    u_d = compute_approach_voltage(K, T, limit_d, state.d, target_d)
+    u_c = compute_approach_voltage(K, T, voltage_limit - abs(u_d), state.c, target_c)
     window_d, window_c = _shift_window(state.window_d, u_d), _shift_window(state.window_c, u_c)
     mean_d, mean_c = _mean(window_d), _mean(window_c)
     tau_e = max(model.tau_e_A, model.tau_e_B)
@@ -485,8 +487,8 @@ def step(
     q, q_dot = _advance_joint(model=model, q=state.q, q_dot=state.q_dot, q_e=at.q_e, S=at.S, q_e_next=q_e, S_next=S)
 
     feedforward_state = TrajectoryState(
-        goal_d=goal_d,
-        goal_c=goal_c,
+        target_d=target_d,
+        target_c=target_c,
         d=state.d,
         c=state.c,
         window_d=window_d,
@@ -502,11 +504,11 @@ def step(
         F_held_B=state.F_held_B,
     )
     u_A, u_B = compute_voltages(d, model, feedforward_state, at)
-    moving = distance > ARRIVED_RAD or goal_d.rate != 0.0 or goal_c.rate != 0.0
+    moving = distance > ARRIVED_RAD or target_d.rate != 0.0 or target_c.rate != 0.0
     drive = Driven(u_A, u_B, moving)
     return drive, TrajectoryState(
-        goal_d=goal_d,
-        goal_c=goal_c,
+        target_d=target_d,
+        target_c=target_c,
         d=advance_axis(K, T, state.d, u_d),
         c=advance_axis(K, T, state.c, u_c),
         window_d=window_d,
@@ -552,34 +554,36 @@ def compute_voltages(
 
 
 @compiled
-def _compute_usable_voltage(budget: float, state: TrajectoryState, goal_d: Goal, goal_c: Goal) -> float:
-    """Return the voltage [V] for a move of this length, all of it for moving goals."""
-    if goal_d.rate != 0.0 or goal_c.rate != 0.0:
+def _compute_usable_voltage(budget: float, state: TrajectoryState, target_d: AxisTarget, target_c: AxisTarget) -> float:
+    """Return the voltage [V] for a move of this length, all of it for moving targets."""
+    if target_d.rate != 0.0 or target_c.rate != 0.0:
         return budget
-    share = (abs(goal_d.theta - state.d.theta) + abs(goal_c.theta - state.c.theta)) / SMALL_MOVE_RAD
+    share = (abs(target_d.theta - state.d.theta) + abs(target_c.theta - state.c.theta)) / SMALL_MOVE_RAD
     return min(max(budget * share * share, SMALL_MOVE_MIN_V), budget)
 
 
 @compiled
 def share_budget(
-    K: float, T: float, usable: float, budget: float, state: TrajectoryState, goal_d: Goal, goal_c: Goal
+    K: float, T: float, usable: float, budget: float, state: TrajectoryState, target_d: AxisTarget, target_c: AxisTarget
 ) -> tuple[float, float]:
     """Return the difference axis's share and the voltage limit [V].
 
-    With this share both axes arrive together. Each axis gets at least the voltage that stops it at its old or new goal,
-    whichever is farther, the common axis first: beyond its goal springs become solid. The limit may therefore exceed
-    ``usable``, or a ``budget`` [V] that has just been reduced, for a while.
+    With this share both axes arrive together. Each axis gets at least the voltage that stops it at its old or new
+    target, whichever is farther, the common axis first: beyond its target springs become solid. The limit may therefore
+    exceed ``usable``, or a ``budget`` [V] that has just been reduced, for a while.
     """
     voltage_max = max(budget, state.voltage_limit)
-    needs_c = _compute_stopping_voltage(K=K, T=T, axis=state.c, before=state.goal_c, goal=goal_c, U_max=voltage_max)
+    needs_c = _compute_stopping_voltage(
+        K=K, T=T, axis=state.c, before=state.target_c, target=target_c, U_max=voltage_max
+    )
     needs_d = _compute_stopping_voltage(
-        K=K, T=T, axis=state.d, before=state.goal_d, goal=goal_d, U_max=voltage_max - needs_c
+        K=K, T=T, axis=state.d, before=state.target_d, target=target_d, U_max=voltage_max - needs_c
     )
     voltage_limit = max(usable, needs_c + needs_d)
     low, high = needs_d / voltage_limit, 1.0 - needs_c / voltage_limit
-    far_d, far_c = goal_d.theta - state.d.theta, goal_c.theta - state.c.theta
-    w_d, w_c = state.d.omega - goal_d.rate, state.c.omega - goal_c.rate
-    free = max(K * voltage_limit - abs(goal_d.rate) - abs(goal_c.rate), 0.0)
+    far_d, far_c = target_d.theta - state.d.theta, target_c.theta - state.c.theta
+    w_d, w_c = state.d.omega - target_d.rate, state.c.omega - target_c.rate
+    free = max(K * voltage_limit - abs(target_d.rate) - abs(target_c.rate), 0.0)
     for _ in range(HALVINGS):
         share = 0.5 * (low + high)
         if compute_duration(share * free, T, far_d, w_d) > compute_duration((1.0 - share) * free, T, far_c, w_c):
@@ -590,14 +594,16 @@ def share_budget(
 
 
 @compiled
-def _compute_stopping_voltage(K: float, T: float, axis: AxisMotion, before: Goal, goal: Goal, U_max: float) -> float:
-    """Return the least voltage [V] that stops an axis at its old or new goal.
+def _compute_stopping_voltage(
+    K: float, T: float, axis: AxisMotion, before: AxisTarget, target: AxisTarget, U_max: float
+) -> float:
+    """Return the least voltage [V] that stops an axis at its old or new target.
 
     Whichever is farther ahead counts.
     """
-    w = axis.omega - goal.rate
+    w = axis.omega - target.rate
     s = 1.0 if w >= 0.0 else -1.0
-    ahead = max(s * (before.theta - axis.theta), s * (goal.theta - axis.theta))
+    ahead = max(s * (before.theta - axis.theta), s * (target.theta - axis.theta))
     return least_voltage(K, T, s * w, ahead, U_max)
 
 

@@ -1,8 +1,8 @@
 from . import reader
 from .codec import CodecError, SamplesDigest, compute_recording_digest, pack_table, summarise_buckets
 from .derived_signals import (
+    ComputedSignal,
     Derived,
-    Following,
     FormulaStep,
     Operation,
     build_derived_signal,
@@ -49,12 +49,12 @@ __all__ = [
     "Armed",
     "CodecError",
     "Columns",
+    "ComputedSignal",
     "Condition",
     "ConditionKind",
     "Derived",
     "Extreme",
     "FlightRecorder",
-    "Following",
     "FormulaStep",
     "NotRemovableError",
     "Operation",

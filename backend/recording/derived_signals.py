@@ -154,13 +154,13 @@ _OPERATIONS: dict[str, Callable[[Sequence[Column]], Column]] = {
 # Signals that are not stored but computed from columns: combined signals, and formulas of the station.
 
 
-Following = CombinedSignal | Derived
+ComputedSignal = CombinedSignal | Derived
 
 
-def select_derived(session: Session, names: Iterable[str]) -> dict[str, Following]:
+def select_derived(session: Session, names: Iterable[str]) -> dict[str, ComputedSignal]:
     """Return the computed signals among ``names``, by name."""
     asked = list(dict.fromkeys(names))
-    found: dict[str, Following] = {
+    found: dict[str, ComputedSignal] = {
         name: COMBINED_SIGNAL_BY_NAME[name] for name in asked if name in COMBINED_SIGNAL_BY_NAME
     }
     if any(name not in UNIT_BY_SIGNAL for name in asked):
@@ -169,7 +169,7 @@ def select_derived(session: Session, names: Iterable[str]) -> dict[str, Followin
     return found
 
 
-def describe_signals(session: Session, names: Iterable[str]) -> dict[str, Field | Following]:
+def describe_signals(session: Session, names: Iterable[str]) -> dict[str, Field | ComputedSignal]:
     """Return the known signals among ``names`` with unit and meaning, by name."""
     asked = list(names)
     return {one.name: one for one in STORED if one.name in asked} | select_derived(session, asked)
@@ -181,14 +181,14 @@ def build_derived_signal(formula: Formula) -> Derived:
     return Derived(formula.name, formula.unit, tuple(FormulaStep(**step) for step in formula.steps), meaning)
 
 
-def find_source_columns(wanted: Iterable[Following]) -> list[str]:
+def find_source_columns(wanted: Iterable[ComputedSignal]) -> list[str]:
     """Return the columns that these signals use, without duplicates."""
     parts = (one.signals if isinstance(one, Derived) else [term.column for term in one.terms] for one in wanted)
     return list(dict.fromkeys(name for part in parts for name in part))
 
 
 def compute_signal(
-    one: Following, columns: Mapping[str, NDArray[np.float64]], lengths: Mapping[str, float], count: int
+    one: ComputedSignal, columns: Mapping[str, NDArray[np.float64]], lengths: Mapping[str, float], count: int
 ) -> NDArray[np.float64]:
     """Return ``count`` values of a signal; NaN if one of its columns is missing."""
     if isinstance(one, Derived):
@@ -208,7 +208,7 @@ def compute_sum(parts: Iterable[tuple[NDArray[np.float64], Term]], lengths: Mapp
     return total
 
 
-def load_geometry_lengths(session: Session, run_id: int, wanted: Sequence[Following]) -> dict[str, float]:
+def load_geometry_lengths(session: Session, run_id: int, wanted: Sequence[ComputedSignal]) -> dict[str, float]:
     """Return the lengths of the geometry [m] that these signals need, by name.
 
     NaN if the run has none.
@@ -217,7 +217,7 @@ def load_geometry_lengths(session: Session, run_id: int, wanted: Sequence[Follow
     return {name: _length(session, run_id, name) for name in names}
 
 
-def _lengths(one: Following) -> Iterable[str]:
+def _lengths(one: ComputedSignal) -> Iterable[str]:
     return one.lengths if isinstance(one, Derived) else {str(term.length) for term in one.terms} - {""}
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from backend.recording.codec import BUCKET_TICKS, Table, unpack_alike
 from backend.recording.derived_signals import (
+    ComputedSignal,
     Derived,
-    Following,
     compute_signal,
     find_source_columns,
     load_geometry_lengths,
@@ -37,7 +37,7 @@ _AT_ONCE = 64
 def combined_envelope(
     session: Session,
     recording: Recording,
-    wanted: Sequence[Following],
+    wanted: Sequence[ComputedSignal],
     ticks: tuple[int, int],
     buckets: NDArray[np.int64],
 ) -> tuple[Table, Table]:

@@ -68,11 +68,11 @@ class Condition:
 
         ``lengths`` are those of the geometry [m], by name.
         """
-        following = COMBINED_SIGNAL_BY_NAME.get(self.signal) if self.derived is None else self.derived
-        if following is None:
+        signal = COMBINED_SIGNAL_BY_NAME.get(self.signal) if self.derived is None else self.derived
+        if signal is None:
             return rows[:, INDEX[self.signal]]
-        columns = {name: rows[:, INDEX[name]] for name in find_source_columns([following])}
-        return compute_signal(following, columns, lengths, len(rows))
+        columns = {name: rows[:, INDEX[name]] for name in find_source_columns([signal])}
+        return compute_signal(signal, columns, lengths, len(rows))
 
     def met(self, values: NDArray[np.float64], previous: float) -> NDArray[np.bool_]:
         """Return for each of ``values`` whether it meets the condition.

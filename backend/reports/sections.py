@@ -458,7 +458,7 @@ def hits_table(hits: Sequence[Hit], angles: AngleUnit) -> Table:
             format_measured(hit.impulse_Ns, 3),
             format_measured(1e3 * hit.contact_s, 3),
             format_measured(hit.contact_N, 3) if hit.reacts else NO_FIGURE,
-            *(_ms(time_s, hit) for time_s in (hit.felt_s, hit.gave_way_s, hit.fell_s)),
+            *(_ms(time_s, hit) for time_s in (hit.detection_s, hit.reaction_s, hit.to_peak_s)),
         )
         for hit in hits
     )
@@ -529,8 +529,8 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
                 shape = force[first : hit.window.stop + _BEFORE]
                 t = 1e3 * (np.arange(shape.size) - (hit.window.start - first)) * T_s
                 axes[0].plot(t, shape, linewidth=0.8, label=label if place == 0 else None, **line)
-                if np.isfinite(hit.gave_way_s):
-                    at = round((hit.felt_s + hit.gave_way_s) / T_s)
+                if np.isfinite(hit.reaction_s):
+                    at = round((hit.detection_s + hit.reaction_s) / T_s)
                     axes[0].plot(1e3 * at * T_s, force[hit.window.start + at], "o", color=colour, markersize=3.0)
             speeds = in_unit(np.array([hit.speed for hit in alike]), "rad/s", angles)
             order = np.argsort(speeds)

@@ -17,8 +17,8 @@ from backend.plain_text import format_csv_cell, format_csv_comment
 from backend.recording import (
     AT_HAND_SAMPLES,
     LEAST_SAMPLES,
+    ComputedSignal,
     Extreme,
-    Following,
     Slab,
     Spectrum,
     Statistics,
@@ -273,7 +273,7 @@ def _find_interval(database: Database, query: RangeQuery) -> TickInterval:
         return find_tick_range(session, query.run, query.from_s, query.to_s)
 
 
-def _describe_signals(database: Database, query: RangeQuery) -> dict[str, Field | Following]:
+def _describe_signals(database: Database, query: RangeQuery) -> dict[str, Field | ComputedSignal]:
     with database.reading() as session:
         return describe_signals(session, query.signals)
 

@@ -438,8 +438,8 @@ def _build_push_preview(push: PushForecast) -> PushPreview:
         t=push.t.tolist(),
         off=push.off.tolist(),
         back_s=_finite_or_none(push.recovery_s),
-        felt_slow=push.felt_slow,
-        felt_fast=push.felt_fast,
+        felt_slow=push.apparent_stiffness_slow,
+        felt_fast=push.apparent_stiffness_fast,
     )
 
 

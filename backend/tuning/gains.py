@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from backend.control import (
     Bounds,
     Decoupler,
-    Following,
+    ReferenceTracking,
     Rejection,
     Schedule,
     baselines,
@@ -193,8 +193,8 @@ def motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
 
     Its electrical lag L/R is the data sheet's.
     """
-    plant_model = parameters.select_identified(side)
-    return MotorModel(plant_model.K_m, plant_model.T_m, parameters.select_motor(side).tau_e)
+    identified = parameters.select_identified(side)
+    return MotorModel(identified.K_m, identified.T_m, parameters.select_motor(side).tau_e)
 
 
 def true_motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
@@ -289,9 +289,9 @@ class PlantModel(NamedTuple):
 
 def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
     """Return geometry, bounds, trajectory model and joint encoder count [rad]."""
-    plant_model = parameters.make_identified_dynamics()
+    dynamics = parameters.make_identified_dynamics()
     A, B = parameters.select_identified("A"), parameters.select_identified("B")
-    joint, motor_A, motor_B = plant_model.joint, plant_model.motor_A, plant_model.motor_B
+    joint, motor_A, motor_B = dynamics.joint, dynamics.motor_A, dynamics.motor_B
     model = trajectory.TrajectoryModel(
         K_A=A.K_m,
         T_A=A.T_m,
@@ -307,13 +307,13 @@ def collect_plant_knowledge(parameters: PlantParameters) -> PlantModel:
     return PlantModel(build_decoupler(parameters), compute_bounds(parameters), model, parameters.sensors.joint_step)
 
 
-def build_following(plant_model: PlantModel, u_plan: float) -> Following:
+def build_reference_tracking(plant_model: PlantModel, u_plan: float) -> ReferenceTracking:
     """Return trajectory within ``u_plan`` [V] and dead zones of the outer integrators.
 
     0 V: as in the paper. The paper's law is fully linear if the joint encoder has no counts: it has no dead zones then.
     """
     unseen_S = UNSEEN_S if u_plan > 0.0 or plant_model.q_count > 0.0 else 0.0
-    return Following(u_plan, plant_model.model, UNSEEN_COUNTS * plant_model.q_count, unseen_S)
+    return ReferenceTracking(u_plan, plant_model.model, UNSEEN_COUNTS * plant_model.q_count, unseen_S)
 
 
 def rejection(plant_model: PlantModel, inner: pid.MotorPairGains, k_ext: float) -> Rejection:
@@ -426,6 +426,6 @@ def combine_tuning(
         envelope=bounds.envelope,
         omega_max=bounds.omega_max,
         u_max=bounds.u_max,
-        following=build_following(plant_model, u_plan),
+        reference_tracking=build_reference_tracking(plant_model, u_plan),
         disturbance_feedforward=rejection(plant_model, inner, k_ext),
     )

@@ -237,10 +237,7 @@ class TuningPreviewer:
         Raises OutOfRangeError for a λ out of range.
         """
         check_range("lam_motor", lam_motor, *self.motor_range(), "s")
-        loops = [
-            motor_robustness(plant_model, motor_gains(plant_model.K_m, plant_model.T_m, lam_motor))
-            for plant_model in self._motors
-        ]
+        loops = [motor_robustness(motor, motor_gains(motor.K_m, motor.T_m, lam_motor)) for motor in self._motors]
         return max(loops, key=lambda loop: loop.M_s)
 
     def plan_range(self) -> tuple[float, float]:
@@ -369,7 +366,7 @@ class TuningPreviewer:
             return _within_offer("λ_S", lam, lam_S_min, M_s)
 
         def inner() -> float:
-            return max(motor_lambda(plant_model, M_s) for plant_model in self._motors)
+            return max(motor_lambda(motor, M_s) for motor in self._motors)
 
         return {
             "lam_motor": _search_or_error(inner),

@@ -243,14 +243,14 @@ def cached(cache_key: tuple[object, ...], count: int, compute: Callable[[], tupl
     numbers. A cached value of another length, or that is not finite, is recomputed; exceptions are not cached.
     """
     key = hashlib.sha256(repr(cache_key).encode()).hexdigest()
-    plant_model = FIGURES.get(key, ())
-    if len(plant_model) != count or not all(map(math.isfinite, plant_model)):
-        plant_model = compute()
+    result = FIGURES.get(key, ())
+    if len(result) != count or not all(map(math.isfinite, result)):
+        result = compute()
     FIGURES.pop(key, None)
-    FIGURES[key] = plant_model
+    FIGURES[key] = result
     for oldest in list(FIGURES)[:-MOST]:  # a copy, since other threads add results too
         FIGURES.pop(oldest, None)
-    return plant_model
+    return result
 
 
 # Robustness ----------------------------------------------------------------------------------------
@@ -589,9 +589,9 @@ def compute_loop_margins(
         S.append(OuterProcess(model[1, 1]).robustness(stiffness_gains(parameters, point, lambdas)))
     inner = []
     for side in SIDES:
-        plant_model = motor_model(parameters, side)
-        gains = motor_gains(plant_model.K_m, plant_model.T_m, lambdas.lam_motor)
-        inner.append(motor_robustness(true_motor_model(parameters, side) if true_plant else plant_model, gains))
+        motor = motor_model(parameters, side)
+        gains = motor_gains(motor.K_m, motor.T_m, lambdas.lam_motor)
+        inner.append(motor_robustness(true_motor_model(parameters, side) if true_plant else motor, gains))
     return LoopMargins(_worst(q), _worst(S), _worst(inner))
 
 

@@ -173,11 +173,11 @@ def simulate(
 
 
 @compiled_run
-def simulate_feeling(
+def simulate_rejection(
     rig: SimulatedRig,
     tuning: cascade.CascadeTuning,
     observer: disturbance_observer.Observer,
-    learned_at: int,
+    calibrated_at: int,
     x: PlantState,
     controller: cascade.CascadeState,
     inputs: ClosedLoopInputs,
@@ -186,19 +186,19 @@ def simulate_feeling(
 ) -> int:
     """Simulate with the observer's external torque and the disturbance rejection.
 
-    As ``simulate``; returns the tick of the trip. The bias is calibrated at the tick ``learned_at``; nothing is
+    As ``simulate``; returns the tick of the trip. The bias is calibrated at the tick ``calibrated_at``; nothing is
     compensated before.
     """
     fill_delay_line(rig, x, line)
-    felt, bias = disturbance_observer.UNKNOWN, math.nan
+    estimate, bias = disturbance_observer.UNKNOWN, math.nan
     for k in range(inputs.q_ref.shape[0]):
         m = sense_rig(rig, x, line, k, inputs)
-        felt = disturbance_observer.step_disturbance_observer(observer, felt, m)
-        if k == learned_at:
-            bias = felt.mean
+        estimate = disturbance_observer.step_disturbance_observer(observer, estimate, m)
+        if k == calibrated_at:
+            bias = estimate.mean
         r = LoopReferences(inputs.q_ref[k], inputs.S_ref[k], math.nan, math.nan)
         y, controller = cascade.step(
-            tuning=tuning, state=controller, r=r, position_loop=True, m=m, tau_ext=felt.tau_ext - bias
+            tuning=tuning, state=controller, r=r, position_loop=True, m=m, tau_ext=estimate.tau_ext - bias
         )
         record(out[k], m, y)
         x = actuate_rig(rig, x, y, inputs.F_push[k])
@@ -285,13 +285,13 @@ def simulate_cascade(
     F_push: Array | None = None,
     seed: int = 0,
     entry: float = -1.0,
-    learned_at: int | None = None,
+    calibrated_at: int | None = None,
     rig: SimulatedRig | None = None,
 ) -> Trajectory:
     """Simulate the cascade from rest at (q_ref[0], S_ref[0]).
 
     References (ticks,) are in rad and N·m/rad; ``F_push`` (ticks,) [N] defaults to none. ``entry``: active bank entry
-    at the start, −1 for the one nearest to S. From the tick ``learned_at`` on the external force is estimated and
+    at the start, −1 for the one nearest to S. From the tick ``calibrated_at`` on the external force is estimated and
     rejected as ``tuning`` says; None: it is not. ``rig``: that of ``parameters``, if available; making it takes as long
     as some seconds of simulation. The same arguments give the same trajectory to the last bit.
     """
@@ -301,15 +301,15 @@ def simulate_cascade(
         controller = controller._replace(active=float(entry))
     inputs = make_closed_loop_inputs(parameters, q_ref, S_ref, F_push, seed)
     line, out = empty_arrays(q_ref.size)
-    if learned_at is not None:
+    if calibrated_at is not None:
         observer = disturbance_observer.build_observer(parameters)
         return make_trajectory(
             out,
-            simulate_feeling(
+            simulate_rejection(
                 rig=rig,
                 tuning=tuning,
                 observer=observer,
-                learned_at=learned_at,
+                calibrated_at=calibrated_at,
                 x=x,
                 controller=controller,
                 inputs=inputs,
@@ -509,7 +509,7 @@ _STEP = 1e-6
 
 
 class AxisResponse(NamedTuple):
-    """Responses of an axis to its goal, each (n,).
+    """Responses of an axis to its target, each (n,).
 
     Angle and speed [1/s] behind averaging and electrical lag; ``driven`` and ``lagged`` [1/s] are K times the mean
     voltage before and behind the lag.
@@ -522,9 +522,9 @@ class AxisResponse(NamedTuple):
 
 
 def axis_response(model: trajectory.TrajectoryModel, f: Array) -> AxisResponse:
-    """Return the response to a moving goal at ``f`` (n,) [Hz], close to the goal.
+    """Return the response to a moving target at ``f`` (n,) [Hz], close to the target.
 
-    ω⁺ = rate + (goal − θ − T_s (ω − rate))/LANDING_S (``compute_approach_voltage``), and θ⁺ as the motor turns; its
+    ω⁺ = rate + (target − θ − T_s (ω − rate))/LANDING_S (``compute_approach_voltage``), and θ⁺ as the motor turns; its
     voltage, averaged over some ticks and behind the electrical lag, moves the model's motors (``advance_lagged_axis``).
     """
     z = np.exp(2j * np.pi * np.asarray(f) * T_s)
@@ -563,7 +563,7 @@ def planned_response(
 
     At ``f`` (n,) [Hz] and S [N·m/rad].
     """
-    model = tuning.following.model
+    model = tuning.reference_tracking.model
     loop = make_sampled_loop(parameters, tuning, S, position_loop=position_loop)
     axis, joint = axis_response(model, f), joint_response(model, S, f)
     modelled = np.empty((axis.theta.size, 3, 2), dtype=np.complex128)
@@ -585,7 +585,7 @@ def _forward(
 
     As ``trajectory.compute_voltages`` computes them.
     """
-    model, d = tuning.following.model, tuning.decoupler
+    model, d = tuning.reference_tracking.model, tuning.decoupler
     T, tau_e = max(model.T_A, model.T_B), max(model.tau_e_A, model.tau_e_B)
     turning = (axis.lagged - axis.omega) / T
     jerk = ((axis.driven - axis.lagged) / tau_e - turning) / T
@@ -627,10 +627,10 @@ def expected_plant(parameters: PlantParameters) -> PlantParameters:
     """
     sided: dict[str, dict[str, Any]] = dict(parameters.sided)
     for side in SIDES:
-        plant_model = parameters.select_identified(side)
+        identified = parameters.select_identified(side)
         motor, spring = (parameters.sided.get(f"{section}_{side}", {}) for section in ("motor", "spring"))
-        sided[f"motor_{side}"] = {**motor, "K_m": plant_model.K_m, "T_m": plant_model.T_m}
-        sided[f"spring_{side}"] = {**spring, "k": plant_model.k, "points": plant_model.points}
+        sided[f"motor_{side}"] = {**motor, "K_m": identified.K_m, "T_m": identified.T_m}
+        sided[f"spring_{side}"] = {**spring, "k": identified.k, "points": identified.points}
     return replace(parameters, asymmetry=_ALIKE, sided=sided)
 
 
@@ -740,7 +740,7 @@ _LASTS = 9.0
 PUSH_N = 5.0
 """Constant push of the forecast [N]."""
 
-FELT_HZ = (0.1, 1.0)
+APPARENT_STIFFNESS_HZ = (0.1, 1.0)
 """Frequencies of the apparent stiffness [Hz]: for a hand that leans on the joint, and for one that shakes it."""
 
 NEAR_RAD = float(np.radians(0.3))
@@ -757,14 +757,14 @@ class PushForecast:
     """Response to a constant push, and to a sine of force beyond the dead zone.
 
     ``deflection`` [rad]: largest deviation. ``recovery_s`` [s]: time until it stays within NEAR_RAD, NaN if it does
-    not. ``felt_slow``, ``felt_fast`` [N·m/rad]: external torque over deviation, at FELT_HZ. ``off`` (n,): deviation
-    [rad] over ``t`` (n,) [s].
+    not. ``apparent_stiffness_slow``, ``apparent_stiffness_fast`` [N·m/rad]: external torque over
+    deviation, at APPARENT_STIFFNESS_HZ. ``off`` (n,): deviation [rad] over ``t`` (n,) [s].
     """
 
     deflection: float
     recovery_s: float
-    felt_slow: float
-    felt_fast: float
+    apparent_stiffness_slow: float
+    apparent_stiffness_fast: float
     t: Array
     off: Array
 
@@ -797,7 +797,7 @@ def forecast_push(
         np.full(force.size, S),
         force,
         entry=entry,
-        learned_at=rest - 1 if rejects else None,
+        calibrated_at=rest - 1 if rejects else None,
         rig=rig,
     )
     off = trajectory.q[rest:] - q
@@ -806,15 +806,16 @@ def forecast_push(
     recovery_s = recovery_ticks * T_s if recovery_ticks < off.size else np.nan
     shown = shown_ticks(off.size, recovery_s)
     closed = make_sampled_loop(parameters, tuning, S, plant=held).closed
-    felt_slow, felt_fast = map(
-        float, np.abs(compute_felt_stiffness(closed, tuning.disturbance_feedforward, S, np.array(FELT_HZ)))
+    apparent_stiffness_slow, apparent_stiffness_fast = map(
+        float,
+        np.abs(compute_apparent_stiffness(closed, tuning.disturbance_feedforward, S, np.array(APPARENT_STIFFNESS_HZ))),
     )
     deflection = float(np.nanmax(np.abs(off)))
     return PushForecast(
         deflection=deflection,
         recovery_s=recovery_s,
-        felt_slow=felt_slow,
-        felt_fast=felt_fast,
+        apparent_stiffness_slow=apparent_stiffness_slow,
+        apparent_stiffness_fast=apparent_stiffness_fast,
         t=np.asarray(shown * T_s, dtype=np.float64),
         off=off[shown],
     )
@@ -850,7 +851,7 @@ def estimate_torque(tau: Array) -> Array:
     return np.asarray(estimate)
 
 
-def compute_felt_stiffness(closed: Sampled, r: Rejection, S: float, f: Array) -> Complex:
+def compute_apparent_stiffness(closed: Sampled, r: Rejection, S: float, f: Array) -> Complex:
     """Return external torque over deviation of q [N·m/rad] at ``f`` (n,) [Hz].
 
     For a push beyond the rejection's dead zone. ``closed`` is the loop at S [N·m/rad].

@@ -11,7 +11,7 @@ from starlette.responses import Response
 from backend.server import connections, security
 from backend.server.connections import ConnectionLimiter
 from backend.server.security import MAX_BODY_BYTES, SHEETS, HostOriginMiddleware, body_limit
-from tests.api.conftest import READ_TIMEOUT_S
+from tests.api.conftest import PATIENCE_S
 from tests.api.serving import served
 from tests.api.sockets import connected, everything_from, is_closed, many, seconds_until_refused
 
@@ -115,7 +115,7 @@ def test_an_answer_that_is_not_read_is_given_up(address: tuple[str, int], monkey
 
 def guests(address: tuple[str, int]) -> int:
     """Return how many connections there are, this one included."""
-    return int(httpx.get(f"http://localhost:{address[1]}/guests", timeout=READ_TIMEOUT_S).text)
+    return int(httpx.get(f"http://localhost:{address[1]}/guests", timeout=PATIENCE_S).text)
 
 
 def test_a_connection_is_kept_for_the_next_request(address: tuple[str, int], monkeypatch: pytest.MonkeyPatch) -> None:

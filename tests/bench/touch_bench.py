@@ -59,7 +59,7 @@ def _numb_loop(parameters: PlantParameters, ring: Ring) -> Loop:
 
     strict: Any = numba.njit(**STRICT)
     its_look, its_run = cast(Any, step.detect_faults), cast(Any, step.run_batch)
-    with patch.object(step, "_estimate_outside_force", strict(feel_nothing)):
+    with patch.object(step, "_estimate_external_force", strict(feel_nothing)):
         look = strict(its_look.py_func)
         with patch.object(step, "detect_faults", look), patch.object(step, "detect_faults", look):
             run = numba.njit(nogil=True, **STRICT)(its_run.py_func)

@@ -20,7 +20,7 @@ def test_same_trajectory(name: str, pushed_N: float, tmp_path: Path) -> None:
     parameters = load_parameters(name)
     tuning = make_cascade_tuning(parameters, TuningParameters())._replace(u_max=4.0)
     # The twin has the paper's law alone: no dead zones at rest (decision 0053).
-    tuning = tuning._replace(following=tuning.following._replace(dead_zone_q=0.0, dead_zone_S=0.0))
+    tuning = tuning._replace(reference_tracking=tuning.reference_tracking._replace(dead_zone_q=0.0, dead_zone_S=0.0))
     q_ref, S_ref = np.repeat([-1.0, 1.0, 1.0], 800), np.repeat([10.0, 10.0, 14.0], 800)
     rig = simulation.make_simulated_rig(parameters)
     x, controller = simulation.at_rest(rig, tuning, -1.0, 10.0)

@@ -70,7 +70,9 @@ def after_move(
     ticks = 1000, 1000 * (settled_s + HOLD_S)
     tuning = make_cascade_tuning(plant, LAMBDAS, u_plan=budget)
     if not rests:
-        tuning = tuning._replace(following=tuning.following._replace(dead_zone_q=0.0, dead_zone_S=0.0))
+        tuning = tuning._replace(
+            reference_tracking=tuning.reference_tracking._replace(dead_zone_q=0.0, dead_zone_S=0.0)
+        )
     states = true_states.run(plant, tuning, np.repeat([q_0, q], ticks), np.repeat([S_0, S], ticks))
     return held(states, 1000 * (1 + settled_s), q)
 
@@ -128,7 +130,9 @@ def test_rest_does_not_change_the_approach_in_lambda() -> None:
     for degrees in (1.0, 5.0, 20.0):
         for known in (plant, without_friction):
             tuning = make_cascade_tuning(known, TuningParameters(lam_q=lam))
-            restless = tuning._replace(following=tuning.following._replace(dead_zone_q=0.0, dead_zone_S=0.0))
+            restless = tuning._replace(
+                reference_tracking=tuning.reference_tracking._replace(dead_zone_q=0.0, dead_zone_S=0.0)
+            )
             q_ref = np.repeat([0.0, math.radians(degrees)], (1000, 6000))
             t_90 = []
             for law in (tuning, restless):

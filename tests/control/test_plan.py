@@ -94,11 +94,11 @@ def step(
 @pytest.mark.parametrize(("q", "stiffness"), [(1.0, 10.0), (0.0, 14.0), (-0.8, 13.0), (0.02, 10.0)])
 def test_a_step_takes_little_more_than_the_least_time_and_does_not_overshoot(q: float, stiffness: float) -> None:
     state = standing(0.0, 10.0)
-    goal = np.array(decoupler.motor_positions(D, q, stiffness))
+    target = np.array(decoupler.motor_positions(D, q, stiffness))
     start = np.array([trajectory.compute_axis_state(D, state).theta_A, trajectory.compute_axis_state(D, state).theta_B])
-    far = (goal - start) @ np.array([[0.5, 0.5], [-0.5, 0.5]])
-    goals = trajectory.Goal(state.d.theta + far[0], 0.0), trajectory.Goal(state.c.theta + far[1], 0.0)
-    share, allowed = trajectory.share_budget(K, T, BUDGET, BUDGET, state, *goals)
+    far = (target - start) @ np.array([[0.5, 0.5], [-0.5, 0.5]])
+    targets = trajectory.AxisTarget(state.d.theta + far[0], 0.0), trajectory.AxisTarget(state.c.theta + far[1], 0.0)
+    share, allowed = trajectory.share_budget(K, T, BUDGET, BUDGET, state, *targets)
     assert allowed == BUDGET
     least = max(
         trajectory.compute_duration(K * BUDGET * part, T, way, 0.0) if abs(way) > 1e-9 else 0.0
@@ -109,10 +109,10 @@ def test_a_step_takes_little_more_than_the_least_time_and_does_not_overshoot(q: 
         _, state = step(state, q, stiffness)
         at = trajectory.compute_axis_state(D, state)
         path.append((at.theta_A, at.theta_B))
-    left = np.abs(np.array(path) - goal).max(axis=1)
+    left = np.abs(np.array(path) - target).max(axis=1)
     assert left[-1] < 1e-4
-    assert left[round(least / T_s) + 60] < 0.02 * np.abs(goal - start).max()
-    beyond = (np.array(path) - goal) * np.sign(goal - start)
+    assert left[round(least / T_s) + 60] < 0.02 * np.abs(target - start).max()
+    beyond = (np.array(path) - target) * np.sign(target - start)
     assert beyond.max() < 2e-3
 
 
@@ -145,14 +145,14 @@ def test_what_moves_is_stopped_where_it_was_sent_whatever_comes() -> None:
 def test_a_stand_is_where_full_reverse_voltage_stops_both_axes_or_where_they_were_sent(
     w_d: float, w_c: float, far_d: float, far_c: float, U: float
 ) -> None:
-    """Each goal is ahead, no farther than the target; at one of less than that, its share of the voltage stops it."""
+    """Each target is ahead, no farther than the old one; at one of less than that, its voltage share stops it."""
     d, c = trajectory.AxisMotion(1.0, w_d), trajectory.AxisMotion(8.0, w_c)
-    sent = [trajectory.Goal(a.theta + math.copysign(far, a.omega), 0.0) for a, far in ((d, far_d), (c, far_c))]
-    goal_d, goal_c, share = plan_fastest_stop(K, T, U, d, c, sent[0], sent[1])
+    sent = [trajectory.AxisTarget(a.theta + math.copysign(far, a.omega), 0.0) for a, far in ((d, far_d), (c, far_c))]
+    target_d, target_c, share = plan_fastest_stop(K, T, U, d, c, sent[0], sent[1])
     assert 0.0 <= share <= 1.0
-    for a, goal, far, part in ((d, goal_d, far_d, share), (c, goal_c, far_c, 1.0 - share)):
-        way, speed, V = math.copysign(1.0, a.omega) * (goal.theta - a.theta), abs(a.omega), K * part * U
-        assert goal.rate == 0.0
+    for a, target, far, part in ((d, target_d, far_d, share), (c, target_c, far_c, 1.0 - share)):
+        way, speed, V = math.copysign(1.0, a.omega) * (target.theta - a.theta), abs(a.omega), K * part * U
+        assert target.rate == 0.0
         assert -1e-12 <= way <= far + 1e-9
         if way < far - 1e-9 and V > 0.1:
             stopped_s = T * math.log1p(speed / V)
@@ -164,9 +164,9 @@ def test_a_stand_is_where_full_reverse_voltage_stops_both_axes_or_where_they_wer
 def test_an_axis_on_a_goal_that_moves_is_stopped_before_its_end_where_that_is_known_and_ahead() -> None:
     c, far = trajectory.AxisMotion(8.0, 10.0), trajectory.braking_distance(K * 6.0, T, 10.0)
     for end, bound in ((8.0 + far, True), (math.nan, False), (7.0, False)):
-        sent = trajectory.Goal(0.0, 10.0), trajectory.Goal(8.0 + 0.5 * far, 10.0, end)
-        _, goal, share = plan_fastest_stop(K, T, 8.5, trajectory.AxisMotion(0.0, 10.0), c, *sent)
-        assert (goal.theta <= 8.0 + far + 1e-9) == bound
+        sent = trajectory.AxisTarget(0.0, 10.0), trajectory.AxisTarget(8.0 + 0.5 * far, 10.0, end)
+        _, target, share = plan_fastest_stop(K, T, 8.5, trajectory.AxisMotion(0.0, 10.0), c, *sent)
+        assert (target.theta <= 8.0 + far + 1e-9) == bound
         assert share == pytest.approx(1.0 - 6.0 / (trajectory.BRAKING_SHARE * 8.5) if bound else 0.5, abs=1e-6)
 
 

@@ -136,7 +136,7 @@ def test_the_contact_reaction_reduces_each_impulse_by_a_third_and_each_peak(name
     figures = compute_impact_metrics(impacts(name).columns, PROGRAM)
     assert figures.reaction_impulse == pytest.approx(np.mean([b.impulse_Ns / a.impulse_Ns for a, b in pairs]))
     assert figures.reaction_peak == pytest.approx(np.mean([b.peak_N / a.peak_N for a, b in pairs]))
-    assert figures.felt_after_s == max(hit.felt_s for hit in hits[6:])
+    assert figures.felt_after_s == max(hit.detection_s for hit in hits[6:])
     assert figures.reasons == {}
 
 
@@ -147,9 +147,9 @@ def test_a_hit_is_detected_as_the_observers_poles_predict_and_the_reaction_follo
         seen = lfilter([1.0 - kept], [1.0, -kept], seen)
     for hit in find_hits(driven.columns, PROGRAM)[6:]:
         expected = T_s * int(np.argmax(seen[hit.window] > hit.contact_N))
-        assert hit.felt_s == pytest.approx(expected, abs=0.002)
-        assert hit.gave_way_s == 0.0
-        largest = hit.window.start + round((hit.felt_s + hit.fell_s) / T_s)
+        assert hit.detection_s == pytest.approx(expected, abs=0.002)
+        assert hit.reaction_s == 0.0
+        largest = hit.window.start + round((hit.detection_s + hit.to_peak_s) / T_s)
         assert abs(driven.columns["F_wall"][largest]) == hit.peak_N
 
 
@@ -159,8 +159,8 @@ def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
     seen |= {"F_ext_hat": np.where(seen["t"] > 1.5, seen["F_wall"], 0.0), "limits": np.zeros_like(seen["t"])}
     one, other = find_hits(seen, program)
     assert one.reacts
-    assert np.isnan([one.felt_s, one.gave_way_s, one.fell_s, other.gave_way_s, other.fell_s]).all()
-    assert other.felt_s == pytest.approx(0.1 * np.arcsin(0.3) / np.pi, abs=0.001)
+    assert np.isnan([one.detection_s, one.reaction_s, one.to_peak_s, other.reaction_s, other.to_peak_s]).all()
+    assert other.detection_s == pytest.approx(0.1 * np.arcsin(0.3) / np.pi, abs=0.001)
     figures = compute_impact_metrics(seen, program)
     assert figures.felt_after_s is figures.gave_way_after_s is figures.reaction_peak is None
     assert figures.reasons["felt_after_s"] == "2 of 2 hits were not felt or not given way to"

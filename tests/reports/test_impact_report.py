@@ -77,7 +77,7 @@ def test_hits_with_reaction_stand_beside_those_without(source: RunData) -> None:
 
 
 def test_a_hit_that_was_not_felt_says_so(source: RunData) -> None:
-    hit = find_hits(source.columns, PLAN.program())[-1]._replace(felt_s=float("nan"), gave_way_s=float("nan"))
+    hit = find_hits(source.columns, PLAN.program())[-1]._replace(detection_s=float("nan"), reaction_s=float("nan"))
     assert hits_table([hit], AngleUnit.RADIANS).rows[0][7:9] == ("not felt", "not felt")
 
 

@@ -16,7 +16,7 @@ from backend.control.disturbance_observer import Rejection
 from backend.errors import OutOfRangeError
 from backend.tuning.gains import UNSEEN_F, TuningParameters, make_cascade_tuning, require_share
 from backend.tuning.robustness import decoupling_matrix, linear_plant
-from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, Array, forecast_push
+from backend.tuning.simulation import APPARENT_STIFFNESS_HZ, NEAR_RAD, PUSH_N, Array, forecast_push
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.tuning.test_sampled_loop import DIFFERENCE, K_M, R_J, R_M, T_M
@@ -67,7 +67,9 @@ def test_a_held_push_does_what_a_differential_equation_says(lam: float, k_ext: f
 def test_the_joint_feels_as_hard_as_a_sine_of_force_finds_it(k_ext: float) -> None:
     lam, tau = 1.0, 0.2
     found = forecast_push(IDEAL, make_cascade_tuning(IDEAL, TuningParameters(lam_q=lam), k_ext=k_ext), HELD, lam)
-    for f, felt in zip(FELT_HZ, (found.felt_slow, found.felt_fast), strict=True):
+    for f, felt in zip(
+        APPARENT_STIFFNESS_HZ, (found.apparent_stiffness_slow, found.apparent_stiffness_fast), strict=True
+    ):
         periods = 8.0 if f > 0.5 else 2.0
         q = integrated(lam, k_ext, tau, (8.0 if f > 0.5 else 20.0) + periods / f, f)[-round(periods / f / T_s) :]
         t = np.arange(q.size) * T_s
@@ -81,9 +83,9 @@ def test_it_is_harder_to_lean_on_and_softer_to_shake() -> None:
         forecast_push(LAB, make_cascade_tuning(LAB, TuningParameters(lam_q=2.0), k_ext=k), HELD, 2.0)
         for k in (0.0, 1.0)
     )
-    assert off.felt_slow == pytest.approx(HELD, rel=0.02)
-    assert on.felt_slow > 3.0 * off.felt_slow
-    assert on.felt_fast < 0.9 * off.felt_fast
+    assert off.apparent_stiffness_slow == pytest.approx(HELD, rel=0.02)
+    assert on.apparent_stiffness_slow > 3.0 * off.apparent_stiffness_slow
+    assert on.apparent_stiffness_fast < 0.9 * off.apparent_stiffness_fast
     assert on.deflection == pytest.approx(off.deflection, rel=1e-3)  # the springs are there before any motor is
     assert on.recovery_s < 0.25 * off.recovery_s
 

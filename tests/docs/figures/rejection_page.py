@@ -10,7 +10,7 @@ from backend.experiments.plans import LoopSettings
 from backend.realtime.commands import ApplyPush
 from backend.realtime.gains import build_cascade_tuning
 from backend.tuning.gains import collect_plant_knowledge
-from backend.tuning.simulation import FELT_HZ, NEAR_RAD, PUSH_N, PushForecast, forecast_push
+from backend.tuning.simulation import APPARENT_STIFFNESS_HZ, NEAR_RAD, PUSH_N, PushForecast, forecast_push
 from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Prose, Table
@@ -101,7 +101,8 @@ def row(lam_q: float, k_ext: float) -> Found:
         PUSHED: [
             [
                 f"{lam_q:g}", f"{k_ext:g}", *times, " / ".join(f"{1e3 * one:.1f}" for one in off),
-                _beside(forecasts[0].felt_slow, slow, ".1f"), _beside(forecasts[0].felt_fast, fast, ".1f"),
+                _beside(forecasts[0].apparent_stiffness_slow, slow, ".1f"),
+                _beside(forecasts[0].apparent_stiffness_fast, fast, ".1f"),
             ]
         ]
     }  # fmt: skip
@@ -129,7 +130,12 @@ def measured(plant: str, settings: LoopSettings) -> tuple[float, float, float, f
         away = np.flatnonzero(off > NEAR_RAD + 1e-9)
         back_s = float(away[-1] + 1) * T_s if away.size and away[-1] + 1 < off.size else np.nan
         bench.advance(OVERLAP_S + 6.0 + 6.0 * settings.lam_q)
-        return back_s, float(off[round(1.0 / T_s)]), felt(bench, FELT_HZ[0]), felt(bench, FELT_HZ[1])
+        return (
+            back_s,
+            float(off[round(1.0 / T_s)]),
+            felt(bench, APPARENT_STIFFNESS_HZ[0]),
+            felt(bench, APPARENT_STIFFNESS_HZ[1]),
+        )
     finally:
         bench.close()
 

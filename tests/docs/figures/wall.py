@@ -60,7 +60,7 @@ def impacts() -> Found:
     assert not why, why
     pairs = tuple(sorted(pairs, key=lambda pair: (pair[0].S_ref, pair[0].speed)))
     later = [1e3 * columns["t"][int(np.argmax(np.abs(columns["F_wall"][hit.window])))] for hit in plain]
-    felt = [pair for pair in pairs if np.isfinite(pair[1].gave_way_s)]
+    felt = [pair for pair in pairs if np.isfinite(pair[1].reaction_s)]
     less_peak, less_impulse = zip(*map(_spared, felt), strict=True)
     mass = geometry.J_j / geometry.r_j**2
     return {
@@ -87,7 +87,7 @@ def _impact(soft: Hit, stiff: Hit) -> list[str]:
 def _reaction(plain: Hit, hit: Hit) -> list[str]:
     times = [
         f"{1e3 * time_s:.0f} ms" if np.isfinite(time_s) else "not felt"
-        for time_s in (hit.felt_s, hit.gave_way_s, hit.fell_s)
+        for time_s in (hit.detection_s, hit.reaction_s, hit.to_peak_s)
     ]
     return [
         f"{plain.S_ref:g} N·m/rad, {plain.speed:.1f} rad/s", *times, f"{hit.peak_N:.2f} N",
