@@ -156,7 +156,7 @@ def bootstrap(
     version, version_message = load_parameter_version(database, base)
     parameters, applied = version.parameters, version.applied
     tuning, tuning_message = tuning_store.restore(parameters)
-    brought_up = find_completed_commissioning(database, settings.plant_choice)
+    commissioning_results = find_completed_commissioning(database, settings.plant_choice)
     drive_lockout = DriveLockout(database, settings.plant_choice)
     identified = {} if applied is None else build_identified_sections(applied)
     drives_off = drive_lockout.previous_lock is not None
@@ -165,7 +165,7 @@ def bootstrap(
         parameters=settings.params,
         seed=SEED,
         tuning=tuning.build_command(),
-        brought_up=brought_up,
+        commissioning_results=commissioning_results,
         drives_off=drives_off,
         identified=identified,
     )

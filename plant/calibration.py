@@ -21,7 +21,7 @@ class CellCalibration:
 
 
 @dataclass(frozen=True)
-class BroughtUp:
+class CommissioningResults:
     """Results of commissioning: load cell calibrations and completed checks.
 
     The directions of the motors were proven and both load cells were measured with the wiring whose fingerprint is
@@ -34,7 +34,7 @@ class BroughtUp:
     wired: str = ""
 
 
-NOT_BROUGHT_UP = BroughtUp()
+NO_COMMISSIONING = CommissioningResults()
 
 
 def wiring_fingerprint(wiring: Wiring) -> str:
@@ -44,9 +44,9 @@ def wiring_fingerprint(wiring: Wiring) -> str:
     return hashlib.sha256(repr(sorted(entries.items())).encode()).hexdigest()
 
 
-def select_calibration(wired: str, brought_up: BroughtUp) -> BroughtUp:
+def select_calibration(wired: str, commissioning_results: CommissioningResults) -> CommissioningResults:
     """Return the results found with the wiring of this fingerprint, else none."""
-    return brought_up if brought_up.wired == wired else BroughtUp(wired=wired)
+    return commissioning_results if commissioning_results.wired == wired else CommissioningResults(wired=wired)
 
 
 def apply_calibration(wiring: Wiring, calibrations: tuple[CellCalibration, ...]) -> Wiring:

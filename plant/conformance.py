@@ -18,8 +18,8 @@ from plant.factory import find_missing_parts
 from plant.interface import (
     NO_LOAD,
     ZERO_VOLTS,
-    Breakage,
-    Broken,
+    InjectedFault,
+    InjectedFaultKind,
     Measurement,
     MotorCommand,
     Plant,
@@ -80,7 +80,7 @@ class CheckFinding:
     seen: str = ""
 
 
-class BrokenPromiseError(SinewError):
+class RequirementError(SinewError):
     """A plant violates the contract; the message says what was observed."""
 
 
@@ -92,7 +92,7 @@ class NotTriedError(SinewError):
 class Check:
     """Check of the contract: its name, the sentence for people, and its function.
 
-    The function raises BrokenPromiseError if the plant violates the sentence.
+    The function raises RequirementError if the plant violates the sentence.
     """
 
     name: str
@@ -100,7 +100,7 @@ class Check:
     make: Callable[[Subject], str | None]
 
 
-def promise(sentence: str) -> Callable[[Callable[[Subject], str | None]], Check]:
+def requirement(sentence: str) -> Callable[[Callable[[Subject], str | None]], Check]:
     """Return a decorator that makes a check of a function.
 
     The function returns what it observed.
@@ -109,9 +109,9 @@ def promise(sentence: str) -> Callable[[Callable[[Subject], str | None]], Check]
 
 
 def require(holds: bool, message: str) -> None:
-    """Raise BrokenPromiseError with ``message`` unless ``holds``."""
+    """Raise RequirementError with ``message`` unless ``holds``."""
     if not holds:
-        raise BrokenPromiseError(message)
+        raise RequirementError(message)
 
 
 @contextmanager
@@ -149,7 +149,7 @@ def require_driving_voltage(subject: Subject) -> float:
 
 
 def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> None:
-    """Raise BrokenPromiseError for a reading that is impossible with these parameters."""
+    """Raise RequirementError for a reading that is impossible with these parameters."""
     require(isinstance(m, Measurement), f"read gave a {type(m).__name__}, it has to be a Measurement")
     wrong = [name for name, value in zip(m._fields, m, strict=True) if not isinstance(value, float)]
     require(not wrong, f"no floats: {', '.join(wrong)}")
@@ -181,11 +181,11 @@ def drive(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:
 
 
 def require_at_rest(first: Measurement, m: Measurement) -> None:
-    """Raise BrokenPromiseError if joint or motors moved further than RESTING_RAD."""
+    """Raise RequirementError if joint or motors moved further than RESTING_RAD."""
     for name in ("q", "theta_A", "theta_B"):
         travel = abs(getattr(m, name) - getattr(first, name))
         if not travel <= RESTING_RAD:
-            raise BrokenPromiseError(f"{name} moved by {Angle(travel):.2g} at zero volts")
+            raise RequirementError(f"{name} moved by {Angle(travel):.2g} at zero volts")
 
 
 # Conformance ---------------------------------------------------------------------------------------
@@ -203,7 +203,7 @@ DRIVE_TICKS = 300
 MOVED_RAD = 1e-3
 
 
-@promise("It has all parts of the Plant protocol, each of the type that the protocol gives.")
+@requirement("It has all parts of the Plant protocol, each of the type that the protocol gives.")
 def _is_a_plant(subject: Subject) -> str:
     plant = subject.make()
     require(not find_missing_parts(plant), f"it has no {find_missing_parts(plant)}")
@@ -216,7 +216,7 @@ def _is_a_plant(subject: Subject) -> str:
     return f"may be left alone for {1e3 * limit_s:g} ms"
 
 
-@promise("Once it is open, its description says in one line what is driven and how it is timed.")
+@requirement("Once it is open, its description says in one line what is driven and how it is timed.")
 def _describes_itself(subject: Subject) -> str:
     with open_subject(subject) as plant:
         description = plant.description
@@ -225,7 +225,7 @@ def _describes_itself(subject: Subject) -> str:
     return description
 
 
-@promise("It opens at zero volts: joint and motors stand still before anything is written.")
+@requirement("It opens at zero volts: joint and motors stand still before anything is written.")
 def _opens_at_rest(subject: Subject) -> None:
     with open_subject(subject) as plant:
         first = plant.read()
@@ -234,7 +234,7 @@ def _opens_at_rest(subject: Subject) -> None:
             require_at_rest(first, plant.read())
 
 
-@promise("It can be read before the first write, in rad and N, with finite numbers that its parameters allow.")
+@requirement("It can be read before the first write, in rad and N, with finite numbers that its parameters allow.")
 def _reads_in_si(subject: Subject) -> str:
     with open_subject(subject) as plant:
         m = plant.read()
@@ -243,7 +243,7 @@ def _reads_in_si(subject: Subject) -> str:
     return f"q = {Angle(m.q):.4g}, F_A = {Quantity(m.F_A, 'N'):.3g}, F_B = {Quantity(m.F_B, 'N'):.3g}"
 
 
-@promise("At zero volts joint and motors stay where they are, and every reading of a second is in order.")
+@requirement("At zero volts joint and motors stay where they are, and every reading of a second is in order.")
 def _rests_at_zero_volts(subject: Subject) -> None:
     with open_subject(subject) as plant:
         first = plant.read()
@@ -255,7 +255,7 @@ def _rests_at_zero_volts(subject: Subject) -> None:
                 require_at_rest(first, m)
 
 
-@promise("A positive voltage winds its own motor up: its angle grows, and the other motor's does not.")
+@requirement("A positive voltage winds its own motor up: its angle grows, and the other motor's does not.")
 def _a_voltage_acts(subject: Subject) -> str:
     volts = require_driving_voltage(subject)
     moved = []
@@ -272,7 +272,7 @@ def _a_voltage_acts(subject: Subject) -> str:
     return f"{volts:g} V turned {', '.join(moved)}"
 
 
-@promise("What is written acts from the next period on: without a write a stepped plant reads the same again.")
+@requirement("What is written acts from the next period on: without a write a stepped plant reads the same again.")
 def _a_write_counts_from_the_next_reading(subject: Subject) -> None:
     volts = require_driving_voltage(subject)
     with open_subject(subject) as plant:
@@ -283,7 +283,7 @@ def _a_write_counts_from_the_next_reading(subject: Subject) -> None:
         require(again[:3] == m[:3], f"it moved between two readings without a write: {m[:3]} to {again[:3]}")
 
 
-@promise("Voltages beyond the outputs' range are refused with a PlantError or held at the range.")
+@requirement("Voltages beyond the outputs' range are refused with a PlantError or held at the range.")
 def _keeps_to_its_voltages(subject: Subject) -> str:
     require_driving_voltage(subject)
     u_max = subject.parameters.motor.u_max
@@ -301,7 +301,7 @@ def _keeps_to_its_voltages(subject: Subject) -> str:
     return f"held at {u_max:g} V"
 
 
-@promise("A voltage that is no number is refused with a PlantError or taken for zero volts; nothing moves by it.")
+@requirement("A voltage that is no number is refused with a PlantError or taken for zero volts; nothing moves by it.")
 def _no_number_is_no_voltage(subject: Subject) -> str:
     outcomes = []
     for command in (MotorCommand(math.nan, 0.0), MotorCommand(0.0, math.inf)):
@@ -320,7 +320,7 @@ def _no_number_is_no_voltage(subject: Subject) -> str:
     return outcomes[0] if outcomes else "taken for zero volts"
 
 
-@promise(
+@requirement(
     "What it cannot do (zero, push, load, break) it refuses with a PlantError; pushes, loads_shafts tell the truth."
 )
 def _refuses_in_a_sentence(subject: Subject) -> str:
@@ -331,7 +331,7 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
             ("zero", lambda: plant.zero(m.q, m.theta_A, m.theta_B)),
             ("push", lambda: plant.push(0.0)),
             ("load", lambda: plant.load(NO_LOAD)),
-            ("inject", lambda: plant.inject(Broken(Breakage.STUCK, Sensor.F_A))),
+            ("inject", lambda: plant.inject(InjectedFault(InjectedFaultKind.STUCK, Sensor.F_A))),
         )
         for name, attempt in attempts:
             try:
@@ -348,7 +348,7 @@ def _refuses_in_a_sentence(subject: Subject) -> str:
     return f"refuses {', '.join(refused)}" if refused else "can do all of them"
 
 
-@promise("Without a trip there is something to read after an acknowledgement, and no reason to refuse it.")
+@requirement("Without a trip there is something to read after an acknowledgement, and no reason to refuse it.")
 def _can_be_acknowledged(subject: Subject) -> None:
     with open_subject(subject) as plant:
         if plant.read().safety_trip:
@@ -358,7 +358,7 @@ def _can_be_acknowledged(subject: Subject) -> None:
         check_reading(plant, plant.read(), subject.parameters)
 
 
-@promise("It may be closed twice, and lets go of what it held: it and another one open after that.")
+@requirement("It may be closed twice, and lets go of what it held: it and another one open after that.")
 def _closes_twice_and_opens_again(subject: Subject) -> None:
     plant = subject.make()
     plant.open()
@@ -373,12 +373,14 @@ def _closes_twice_and_opens_again(subject: Subject) -> None:
             again.close()
 
 
-@promise("It may be closed without ever having been opened.")
+@requirement("It may be closed without ever having been opened.")
 def _closes_unopened(subject: Subject) -> None:
     subject.make().close()
 
 
-@promise("A plant that paces the loop gives no reading before it is due; any other reads and writes well within 1 ms.")
+@requirement(
+    "A plant that paces the loop gives no reading before it is due; any other reads and writes well within 1 ms."
+)
 def _keeps_the_time(subject: Subject) -> str:
     with open_subject(subject) as plant:
         paces = plant.paces_loop
@@ -396,7 +398,7 @@ def _keeps_the_time(subject: Subject) -> str:
     return f"a reading and a write take {1e6 * usual_s:.0f} µs (median)"
 
 
-@promise("Over 10 000 ticks at zero volts it needs no more memory from tick to tick.")
+@requirement("Over 10 000 ticks at zero volts it needs no more memory from tick to tick.")
 def _keeps_nothing_of_a_tick(subject: Subject) -> str:
     whole = subject.ticks(WARM_UP_TICKS + LONG_TICKS)
     warm_up = min(WARM_UP_TICKS, whole // 4)
@@ -413,7 +415,7 @@ def _keeps_nothing_of_a_tick(subject: Subject) -> str:
     return f"{whole - warm_up} ticks"
 
 
-@promise("A stepped plant made with the same seed does the same again, to the last bit.")
+@requirement("A stepped plant made with the same seed does the same again, to the last bit.")
 def _repeats(subject: Subject) -> None:
     runs = []
     for _ in range(2):
@@ -450,7 +452,7 @@ def run_contract(subject: Subject, checks: tuple[Check, ...] = CHECKS) -> Iterat
     for check in checks:
         try:
             outcome, seen = CheckOutcome.HOLDS, check.make(subject) or ""
-        except BrokenPromiseError as broken:
+        except RequirementError as broken:
             outcome, seen = CheckOutcome.BROKEN, str(broken)
         except NotTriedError as reason:
             outcome, seen = CheckOutcome.NOT_TRIED, str(reason)

@@ -5,7 +5,13 @@ from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any, cast
 
-from plant.calibration import NOT_BROUGHT_UP, BroughtUp, apply_calibration, select_calibration, wiring_fingerprint
+from plant.calibration import (
+    NO_COMMISSIONING,
+    CommissioningResults,
+    apply_calibration,
+    select_calibration,
+    wiring_fingerprint,
+)
 from plant.interface import NAME_MAX, Plant, PlantChoice, PlantError, PlantKind
 from plant.parameters import PlantParameters
 from plant.replay import Replay, load_replay, preload_replay
@@ -137,14 +143,14 @@ def make_plant(
     parameters: PlantParameters,
     seed: int,
     card: Card | None = None,
-    brought_up: BroughtUp = NOT_BROUGHT_UP,
+    commissioning_results: CommissioningResults = NO_COMMISSIONING,
     *,
     drives_off: bool = False,
 ) -> Plant:
     """Make a plant, not yet open. Raises PlantError.
 
     ``card`` holds the registers that outlive this process, None for a plant that is stepped as fast as possible.
-    ``brought_up`` are the results of commissioning a rig; with ``drives_off`` its drives stay off when it opens.
+    ``commissioning_results`` are those of a rig; with ``drives_off`` its drives stay off when it opens.
     """
     if choice.kind not in (PlantKind.REPLAY, PlantKind.PACKAGE):  # these are checked when they are made
         require_available(choice)
@@ -154,10 +160,15 @@ def make_plant(
                 card.start_watchdog()  # its process starts during the rehearsal
             return Simulator(parameters, seed, card=card)
         case PlantKind.RIG:
-            return _rig(choice, card, brought_up, drives_off)
+            return _rig(choice, card, commissioning_results, drives_off)
         case PlantKind.VIRTUAL_CARD:
             return _virtual_rig(
-                choice=choice, parameters=parameters, seed=seed, card=card, brought_up=brought_up, drives_off=drives_off
+                choice=choice,
+                parameters=parameters,
+                seed=seed,
+                card=card,
+                commissioning_results=commissioning_results,
+                drives_off=drives_off,
             )
         case PlantKind.REPLAY:
             return Replay(load_replay(choice.recording))
@@ -168,13 +179,15 @@ def make_plant(
 # The functions below import NI's package, which is an optional dependency.
 
 
-def _rig(choice: PlantChoice, card: Card | None, brought_up: BroughtUp, drives_off: bool) -> Plant:
+def _rig(
+    choice: PlantChoice, card: Card | None, commissioning_results: CommissioningResults, drives_off: bool
+) -> Plant:
     from plant.daq import Daq
     from plant.rig import Rig
 
     calibration = load_wiring_choice(choice)
     known = select_calibration(
-        wiring_fingerprint(calibration), brought_up
+        wiring_fingerprint(calibration), commissioning_results
     )  # the file may have changed since the results were looked up
     wiring = apply_calibration(calibration, known.calibrations)
     daq = Daq(wiring)
@@ -199,13 +212,13 @@ def _virtual_rig(
     parameters: PlantParameters,
     seed: int,
     card: Card | None,
-    brought_up: BroughtUp,
+    commissioning_results: CommissioningResults,
     drives_off: bool,
 ) -> Plant:
     from plant.virtual_daq import VirtualRig
 
     true = load_wiring_choice(choice)
-    known = select_calibration(wiring_fingerprint(true), brought_up)
+    known = select_calibration(wiring_fingerprint(true), commissioning_results)
     wiring = apply_calibration(true, known.calibrations)
     return VirtualRig(
         wiring,

@@ -22,7 +22,7 @@ class Sensor(StrEnum):
     F_B = "F_B"
 
 
-class Breakage(StrEnum):
+class InjectedFaultKind(StrEnum):
     """Kind of an injected fault. The first five concern one sensor.
 
     LATE to WATCHDOG_DEATH and LOST_SAMPLE happen once, all others last until they are cleared. DEVICE_GONE and the
@@ -51,10 +51,10 @@ class Breakage(StrEnum):
 
 
 @dataclass(frozen=True)
-class Broken:
+class InjectedFault:
     """Fault to inject; ``sensor`` is used if ``kind`` concerns a sensor."""
 
-    kind: Breakage
+    kind: InjectedFaultKind
     sensor: Sensor = Sensor.Q
 
     @property
@@ -65,13 +65,19 @@ class Broken:
         return f"{kind} of {str(self.sensor).replace('theta', 'θ')}" if named else kind
 
 
-ONLY_OF_A_CARD = tuple(Breakage)[tuple(Breakage).index(Breakage.DEVICE_GONE) :]
+ONLY_OF_A_CARD = tuple(InjectedFaultKind)[tuple(InjectedFaultKind).index(InjectedFaultKind.DEVICE_GONE) :]
 """Faults that a simulator without a card does not have."""
 
-ON_SENSORS = (Breakage.NO_NUMBER, Breakage.STUCK, Breakage.JUMP, Breakage.DRIFT_UP, Breakage.DRIFT_DOWN)
+ON_SENSORS = (
+    InjectedFaultKind.NO_NUMBER,
+    InjectedFaultKind.STUCK,
+    InjectedFaultKind.JUMP,
+    InjectedFaultKind.DRIFT_UP,
+    InjectedFaultKind.DRIFT_DOWN,
+)
 """Faults that change one reading."""
 
-_AT_TERMINALS = (Breakage.SATURATION, Breakage.LOST_COUNTS)
+_AT_TERMINALS = (InjectedFaultKind.SATURATION, InjectedFaultKind.LOST_COUNTS)
 
 
 # Interface -----------------------------------------------------------------------------------------
@@ -199,7 +205,7 @@ class Plant(Protocol):
         """Load the motor shafts. Raises PlantError if the plant cannot (a rig)."""
         ...
 
-    def inject(self, broken: Broken | None) -> None:
+    def inject(self, injected_fault: InjectedFault | None) -> None:
         """Inject a fault, None clears all. Raises PlantError if the plant cannot (a rig)."""
         ...
 

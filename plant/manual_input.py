@@ -40,15 +40,15 @@ class ManualInput:
         )
 
 
-NO_HAND = ManualInput()
+NO_MANUAL_INPUT = ManualInput()
 
 
 @runtime_checkable
-class Handled(Protocol):
+class SupportsManualInput(Protocol):
     """Plant that a simulated hand can act on: its motion is computed."""
 
-    def by_hand(self, hand: ManualInput) -> None:
-        """Apply ``hand`` from the next period on."""
+    def apply_manual_input(self, manual_input: ManualInput) -> None:
+        """Apply ``manual_input`` from the next period on."""
         ...
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plant.interface import (
     NO_RAW,
-    Broken,
+    InjectedFault,
     Measurement,
     MotorCommand,
     PlantError,
@@ -298,7 +298,7 @@ class Replay:
         """Raise PlantError: a recording cannot be loaded."""
         raise PlantError(_REFUSED.format("be loaded"))
 
-    def inject(self, broken: Broken | None) -> None:
+    def inject(self, injected_fault: InjectedFault | None) -> None:
         """Raise PlantError: faults cannot be injected into a recording."""
         raise PlantError(_REFUSED.format("be broken"))
 

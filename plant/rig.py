@@ -9,7 +9,7 @@ from plant.daq import Daq, Raw
 from plant.interface import (
     NO_RAW,
     ZERO_VOLTS,
-    Broken,
+    InjectedFault,
     Measurement,
     MotorCommand,
     PlantError,
@@ -285,7 +285,7 @@ class Rig:
         """Raise PlantError: the rig cannot load its shafts."""
         raise PlantError("this rig cannot load its motors' shafts by itself: play it as a dry run")
 
-    def inject(self, broken: Broken | None) -> None:
+    def inject(self, injected_fault: InjectedFault | None) -> None:
         """Raise PlantError: faults are not injected into a rig."""
         raise PlantError("nothing of a rig is broken to order: try it on the simulator or on the virtual card")
 

@@ -31,8 +31,8 @@ from plant.interface import (
     ON_SENSORS,
     ONLY_OF_A_CARD,
     ZERO_VOLTS,
-    Breakage,
-    Broken,
+    InjectedFault,
+    InjectedFaultKind,
     Measurement,
     MotorCommand,
     PlantError,
@@ -69,28 +69,28 @@ HANG_S = 0.65
 """Delay by HANG [s]: more than the card's watchdog waits, less than the service waits before it kills the loop."""
 
 
-class BrokenPart:
+class FaultInjector:
     """Active fault; its effect starts at construction."""
 
-    def __init__(self, broken: Broken) -> None:
-        self._broken = broken
+    def __init__(self, injected_fault: InjectedFault) -> None:
+        self._injected_fault = injected_fault
         self._ticks = 0
         self._frozen: float | None = None
 
     @property
     def description(self) -> str:
         """Description of the fault."""
-        return self._broken.words
+        return self._injected_fault.words
 
     @property
     def blocks_access(self) -> bool:
         """Whether the plant cannot be read or written while the fault lasts."""
-        return self._broken.kind in (Breakage.READ_ERROR, Breakage.WRITE_ERROR)
+        return self._injected_fault.kind in (InjectedFaultKind.READ_ERROR, InjectedFaultKind.WRITE_ERROR)
 
     def distort(self, m: Measurement) -> Measurement:
         """Return a measurement with the fault applied. Raises PlantError."""
-        kind, sensor = self._broken.kind, self._broken.sensor
-        if kind is Breakage.READ_ERROR:
+        kind, sensor = self._injected_fault.kind, self._injected_fault.sensor
+        if kind is InjectedFaultKind.READ_ERROR:
             raise PlantError("the readings do not arrive (injected)")
         if kind not in ON_SENSORS:
             return m
@@ -98,20 +98,20 @@ class BrokenPart:
         return m._replace(**{sensor.value: self._distort_reading(getattr(m, sensor.value))})
 
     def _distort_reading(self, value: float) -> float:
-        sensor = self._broken.sensor
+        sensor = self._injected_fault.sensor
         rate, drift_max = DRIFTS[sensor]
         drift = min(rate * T_s * self._ticks, drift_max)
-        match self._broken.kind:
-            case Breakage.NO_NUMBER:
+        match self._injected_fault.kind:
+            case InjectedFaultKind.NO_NUMBER:
                 return math.nan
-            case Breakage.STUCK:
+            case InjectedFaultKind.STUCK:
                 self._frozen = value if self._frozen is None else self._frozen
                 return self._frozen
-            case Breakage.JUMP:
+            case InjectedFaultKind.JUMP:
                 return value + JUMPS[sensor]
-            case Breakage.DRIFT_UP:
+            case InjectedFaultKind.DRIFT_UP:
                 return value + drift
-            case Breakage.DRIFT_DOWN:
+            case InjectedFaultKind.DRIFT_DOWN:
                 # A load cell never reads below zero.
                 return max(value - drift, 0.0) if sensor in (Sensor.F_A, Sensor.F_B) else value - drift
             case _:
@@ -119,9 +119,9 @@ class BrokenPart:
 
     def delay_write(self) -> None:
         """Delay the write. Raises PlantError for a write error."""
-        if self._broken.kind is Breakage.WRITE_ERROR:
+        if self._injected_fault.kind is InjectedFaultKind.WRITE_ERROR:
             raise PlantError("the outputs cannot be written (injected)")
-        pause_s = {Breakage.LATE: LATE_S, Breakage.HANG: HANG_S}.get(self._broken.kind, 0.0)
+        pause_s = {InjectedFaultKind.LATE: LATE_S, InjectedFaultKind.HANG: HANG_S}.get(self._injected_fault.kind, 0.0)
         if pause_s and not self._ticks:
             self._ticks += 1
             time.sleep(pause_s)
@@ -379,7 +379,7 @@ class Simulator:
         self._tick = 0
         self._m: Measurement | None = None
         self._card = card
-        self._broken: BrokenPart | None = None
+        self._fault_injector: FaultInjector | None = None
         self.module_cuts = True, True
         self._tripped = False
         self.simulated = simulated = StateBlock(
@@ -424,7 +424,7 @@ class Simulator:
         if m is None:  # before the first write, or after an input has changed
             self._draw_noise()
             m = self._sense(self.simulated, self._tick)
-        return m if self._broken is None else self._broken.distort(m)
+        return m if self._fault_injector is None else self._fault_injector.distort(m)
 
     def write(self, command: MotorCommand) -> None:
         """Advance the physics by one period. Raises PlantError.
@@ -432,8 +432,8 @@ class Simulator:
         The command takes effect with drive-enable on and without a trip.
         """
         require_numbers(command)
-        if self._broken is not None:
-            self._broken.delay_write()
+        if self._fault_injector is not None:
+            self._fault_injector.delay_write()
         driven = command
         if self._card is not None and not self._card.drives_on:
             driven = ZERO_VOLTS
@@ -451,13 +451,13 @@ class Simulator:
         """Number of periods since construction."""
         return self._tick
 
-    def alone_for(self, ticks: int) -> int:
+    def count_batchable_ticks(self, ticks: int) -> int:
         """Return how many of the next ticks can be computed in one compiled run."""
-        if self._card is not None or self._broken is not None or self._tripped:
+        if self._card is not None or self._fault_injector is not None or self._tripped:
             return 0
         return min(ticks, _NOISE_BLOCK - 1 - self._tick % _NOISE_BLOCK)
 
-    def has_gone(self, ticks: int, m: Measurement) -> None:
+    def complete_batch(self, ticks: int, m: Measurement) -> None:
         """Update the state after a compiled run of ``ticks`` with the last measurement."""
         self._tick += ticks
         self._m = m
@@ -516,17 +516,21 @@ class Simulator:
         self.simulated.field("obstacle").set(NO_OBSTACLE if obstacle is None else Obstacle(*map(float, obstacle)))
         self._m = None
 
-    def inject(self, broken: Broken | None) -> None:
+    def inject(self, injected_fault: InjectedFault | None) -> None:
         """Inject a fault from the next reading on; None clears it.
 
         Raises PlantError for a fault that only a card has.
         """
-        if broken is not None and broken.kind in ONLY_OF_A_CARD:
-            raise PlantError(f"{broken.words}: only a card has that, try it with --plant rig --virtual-card")
-        self._broken = None if broken is None else BrokenPart(broken)
-        if broken is not None and broken.kind is Breakage.SAFETY_TRIP:
+        if injected_fault is not None and injected_fault.kind in ONLY_OF_A_CARD:
+            raise PlantError(f"{injected_fault.words}: only a card has that, try it with --plant rig --virtual-card")
+        self._fault_injector = None if injected_fault is None else FaultInjector(injected_fault)
+        if injected_fault is not None and injected_fault.kind is InjectedFaultKind.SAFETY_TRIP:
             self._trips(tripped=True)
-        if broken is not None and broken.kind is Breakage.WATCHDOG_DEATH and self._card is not None:
+        if (
+            injected_fault is not None
+            and injected_fault.kind is InjectedFaultKind.WATCHDOG_DEATH
+            and self._card is not None
+        ):
             self._card.kill_watchdog()
 
     def zero(self, q: float, theta_A: float, theta_B: float, *, at_switch: bool = False) -> None:
@@ -543,8 +547,8 @@ class Simulator:
 
         Raises PlantError while a cause persists or the watchdog is dead.
         """
-        if self._broken is not None and self._broken.blocks_access:
-            raise PlantError(f"still broken: {self._broken.description}; mend it first")
+        if self._fault_injector is not None and self._fault_injector.blocks_access:
+            raise PlantError(f"still broken: {self._fault_injector.description}; mend it first")
         if self._is_limit_exceeded(self.simulated):
             raise PlantError("the safety module stays tripped: tendon force or joint position is still out of bounds")
         self._trips(tripped=False)

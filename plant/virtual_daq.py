@@ -28,15 +28,15 @@ from plant.interface import (
     NOT_MEASURED,
     ONLY_OF_A_CARD,
     ZERO_VOLTS,
-    Breakage,
-    Broken,
+    InjectedFault,
+    InjectedFaultKind,
     Measurement,
     MotorCommand,
     PlantError,
     ShaftLoad,
     T_s,
 )
-from plant.manual_input import NO_HAND, ManualInput
+from plant.manual_input import NO_MANUAL_INPUT, ManualInput
 from plant.rig import Rig
 from plant.safety_card import WATCHDOG_S, Card, CardState, WatchdogExpiredError
 from plant.simulator import Simulator
@@ -250,9 +250,9 @@ _AT_THE_END_V = 20.0
 """Voltage of a saturated load cell's amplifier without its limit [V]: twice the range."""
 
 _SWAPS = {
-    Breakage.SWAPPED_LOAD_CELLS: ("load_cell_A", "load_cell_B", "channel"),
-    Breakage.SWAPPED_ENCODERS: ("encoder_A", "encoder_B", "counter"),
-    Breakage.SWAPPED_MOTORS: ("motor_A", "motor_B", "channel"),
+    InjectedFaultKind.SWAPPED_LOAD_CELLS: ("load_cell_A", "load_cell_B", "channel"),
+    InjectedFaultKind.SWAPPED_ENCODERS: ("encoder_A", "encoder_B", "counter"),
+    InjectedFaultKind.SWAPPED_MOTORS: ("motor_A", "motor_B", "channel"),
 }
 _SECTIONS = {
     "q": "encoder_q",
@@ -263,15 +263,15 @@ _SECTIONS = {
 }
 
 _ERRORS = {
-    Breakage.DEVICE_GONE: (
+    InjectedFaultKind.DEVICE_GONE: (
         DAQmxErrors.DEV_CANNOT_BE_ACCESSED,
         "Device cannot be accessed. It is no longer in the system, or without power (injected)",
     ),
-    Breakage.BUFFER_OVERRUN: (
+    InjectedFaultKind.BUFFER_OVERRUN: (
         DAQmxErrors.ACQ_STOPPED_TO_PREVENT_INPUT_BUFFER_OVERWRITE,
         "Onboard device memory overflow: the acquisition has stopped, to keep samples that were not read (injected)",
     ),
-    Breakage.LOST_SAMPLE: (
+    InjectedFaultKind.LOST_SAMPLE: (
         DAQmxErrors.SAMPLES_NO_LONGER_AVAILABLE,
         "The application is not able to keep up: a sample was overwritten before it was read (injected)",
     ),
@@ -287,44 +287,44 @@ class CardFaults:
 
     def __init__(self) -> None:
         self.enable_held = False
-        self.kind: Breakage | None = None
+        self.kind: InjectedFaultKind | None = None
 
-    def inject(self, broken: Broken | None) -> None:
+    def inject(self, injected_fault: InjectedFault | None) -> None:
         """Inject a fault from the next call on; None clears it."""
-        self.kind = None if broken is None else broken.kind
+        self.kind = None if injected_fault is None else injected_fault.kind
 
     @property
     def is_gone(self) -> bool:
         """Whether the card does not respond; its outputs stay until its watchdog expires."""
-        return self.kind is Breakage.DEVICE_GONE
+        return self.kind is InjectedFaultKind.DEVICE_GONE
 
     def refuse(self, method: str) -> None:
         """Raise CardError if a fault affects a call of NI's service, given by name."""
         if self.kind not in _ERRORS or not (self.is_gone or method == "ReadAnalogF64"):
             return
         code, text = _ERRORS[self.kind]
-        if self.kind is Breakage.LOST_SAMPLE:
+        if self.kind is InjectedFaultKind.LOST_SAMPLE:
             self.kind = None
         raise CardError(code, text)
 
 
-def apply_miswiring(wiring: Wiring, broken: Broken | None) -> Wiring:
+def apply_miswiring(wiring: Wiring, injected_fault: InjectedFault | None) -> Wiring:
     """Return the actual connections of the terminals under a fault of the wiring."""
-    if broken is None:
+    if injected_fault is None:
         return wiring
-    if broken.kind in _SWAPS:
-        first, second, terminal = _SWAPS[broken.kind]
+    if injected_fault.kind in _SWAPS:
+        first, second, terminal = _SWAPS[injected_fault.kind]
         one, other = getattr(wiring, first), getattr(wiring, second)
         crossed: dict[str, Any] = {
             first: replace(one, **{terminal: getattr(other, terminal)}),
             second: replace(other, **{terminal: getattr(one, terminal)}),
         }
         return replace(wiring, **crossed)
-    section = _SECTIONS[broken.sensor]
-    if broken.kind is Breakage.LOST_COUNTS:
+    section = _SECTIONS[injected_fault.sensor]
+    if injected_fault.kind is InjectedFaultKind.LOST_COUNTS:
         encoder = getattr(wiring, section)
         return replace(wiring, **{section: replace(encoder, counts_per_rev=(1.0 - LOST_PART) * encoder.counts_per_rev)})
-    if broken.kind is Breakage.SATURATION:
+    if injected_fault.kind is InjectedFaultKind.SATURATION:
         return replace(
             wiring, **{section: replace(getattr(wiring, section), slope=1.0, offset=_AT_THE_END_V, table=())}
         )
@@ -412,7 +412,7 @@ class VirtualCard(TaskCalls):
     def __init__(self, wiring: Wiring, simulator: Simulator, registers: Card, *, has_clock: bool) -> None:
         super().__init__(wiring.card.device)
         self._nominal_wiring = wiring
-        self._manual_input = NO_HAND
+        self._manual_input = NO_MANUAL_INPUT
         self._raw: tuple[float, ...] | None = None
         self._connect(wiring)
         self._at_terminals = PrecompiledCall(compute_terminals, self._wires, NOT_MEASURED, 0.0, 0.0)
@@ -437,13 +437,13 @@ class VirtualCard(TaskCalls):
         """Return the options of a nidaqmx task on this card."""
         return GrpcSessionOptions(InProcess(self), "")
 
-    def by_hand(self, hand: ManualInput) -> None:
+    def apply_manual_input(self, manual_input: ManualInput) -> None:
         """Apply a simulated hand to the simulated rig."""
         if self._manual_input.q is not None:
             self._simulator.push(0.0)
-        self._manual_input = hand
+        self._manual_input = manual_input
         self._raw = None
-        self._simulator.limit_tension(hand.F_limit)
+        self._simulator.limit_tension(manual_input.F_limit)
 
     def get_handler(self, method: str) -> Callable[..., Any]:
         """Return the handler of a call, which raises CardError under a fault."""
@@ -461,14 +461,14 @@ class VirtualCard(TaskCalls):
 
         return answer
 
-    def inject(self, broken: Broken | None) -> None:
+    def inject(self, injected_fault: InjectedFault | None) -> None:
         """Inject a fault of the card or its wiring, None to clear it.
 
         Counters keep their counts.
         """
         before = {counter: self._read_counts(counter) for counter in self._counted_from}
-        self.faults.inject(broken)
-        self._connect(apply_miswiring(self._nominal_wiring, broken))
+        self.faults.inject(injected_fault)
+        self._connect(apply_miswiring(self._nominal_wiring, injected_fault))
         for counter, counts in before.items():
             jump = self._read_counts(counter) - counts
             self._counted_from[counter] += jump if math.isfinite(jump) else 0.0
@@ -511,8 +511,8 @@ class VirtualCard(TaskCalls):
 
     def _read_terminals(self) -> tuple[float, ...]:
         """Return volts and counts of all terminals, from one compiled call."""
-        hand = self._manual_input
-        raw = self._raw = self._at_terminals(self._wires, self._measure(), hand.pull_A, hand.pull_B)
+        manual_input = self._manual_input
+        raw = self._raw = self._at_terminals(self._wires, self._measure(), manual_input.pull_A, manual_input.pull_B)
         return raw
 
     def _read_volts(self, channel: str) -> float:
@@ -599,7 +599,7 @@ class VirtualCard(TaskCalls):
 
     def _advance(self) -> None:
         command = self._last_output if self._drives_on else ZERO_VOLTS
-        self._simulator.write(command if self._manual_input is NO_HAND else self._add_manual_input(command))
+        self._simulator.write(command if self._manual_input is NO_MANUAL_INPUT else self._add_manual_input(command))
         self._measurement = self._raw = None
         self._registers.set_trip(self._measure().safety_trip > 0.0)
 
@@ -744,14 +744,14 @@ class VirtualRig(Rig):
         """Set the obstacle from the next period, None for none. Raises PlantError."""
         self._simulator.obstacle(obstacle)
 
-    def inject(self, broken: Broken | None) -> None:
+    def inject(self, injected_fault: InjectedFault | None) -> None:
         """Inject a fault of the card or of the simulated plant, None clears it."""
-        of_the_card = broken is not None and broken.kind in ONLY_OF_A_CARD
-        self.card.inject(broken if of_the_card else None)
-        self._simulator.inject(None if of_the_card else broken)
-        if broken is not None and broken.kind is Breakage.WATCHDOG_DEATH:
+        of_the_card = injected_fault is not None and injected_fault.kind in ONLY_OF_A_CARD
+        self.card.inject(injected_fault if of_the_card else None)
+        self._simulator.inject(None if of_the_card else injected_fault)
+        if injected_fault is not None and injected_fault.kind is InjectedFaultKind.WATCHDOG_DEATH:
             self._card_registers.kill_watchdog()
 
-    def by_hand(self, hand: ManualInput) -> None:
+    def apply_manual_input(self, manual_input: ManualInput) -> None:
         """Apply a simulated hand from the next period on."""
-        self.card.by_hand(hand)
+        self.card.apply_manual_input(manual_input)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from backend.realtime import MODES, Accepted, Command, LoopClient, Mode, Refused, SimulateManualInput
 from backend.sample import INDEX
-from plant import NO_HAND, CellCalibration, ManualInput, PlantParameters, SinewError, T_s, Wiring
+from plant import NO_MANUAL_INPUT, CellCalibration, ManualInput, PlantParameters, SinewError, T_s, Wiring
 
 Rows = NDArray[np.float64]
 """Samples [n, fields]."""
@@ -116,20 +116,20 @@ class ProcedureContext:
         """Switch the drives on, at zero volts; only after the person has confirmed to be clear of the rig."""
         _require_accepted(await self._set_drives(True))
 
-    async def request_action(self, words: str, manual_input: ManualInput = NO_HAND) -> None:
+    async def request_action(self, words: str, manual_input: ManualInput = NO_MANUAL_INPUT) -> None:
         """Ask the person to do something and wait for the confirmation.
 
         On a virtual card, ``manual_input`` is simulated afterwards.
         """
         await self._request_confirmation(words)
-        if self.is_simulated and manual_input != NO_HAND:
+        if self.is_simulated and manual_input != NO_MANUAL_INPUT:
             await self.send(SimulateManualInput(manual_input))
             await self.loop.advance(MANUAL_MOTION_S)
 
     async def release_rig(self) -> None:
         """End the simulated manual input."""
         if self.is_simulated:
-            await self.send(SimulateManualInput(NO_HAND))
+            await self.send(SimulateManualInput(NO_MANUAL_INPUT))
             await self.loop.advance(0.1)
 
     async def measure_mean(self, *names: str, seconds: float = 0.3) -> NDArray[np.float64]:

@@ -44,7 +44,7 @@ from backend.realtime import (
 from backend.storage import Database, StorageError, StoredSetting, StoredStepResult, settings
 from backend.supervision import Supervision
 from plant import (
-    NO_HAND,
+    NO_MANUAL_INPUT,
     ErrorCode,
     PlantChoice,
     PlantKind,
@@ -122,7 +122,7 @@ async def run_step(step: StepId, context: ProcedureContext) -> StepFinding:
 async def _ensure_safe_end(context: ProcedureContext) -> None:
     try:
         if context.is_simulated:
-            await context.loop.send(SimulateManualInput(NO_HAND))
+            await context.loop.send(SimulateManualInput(NO_MANUAL_INPUT))
         # Without a check of the mode: the newest sample may miss a command of the last tick. Mode off rejects this.
         await context.loop.send(SetMode(Mode.STOPPING))
     except LoopExitedError:
@@ -263,7 +263,7 @@ class CommissioningSession:
         setup = self.supervisor.setup
         context = ProcedureContext(
             self.supervisor,
-            apply_calibration(self._wiring, setup.brought_up.calibrations),
+            apply_calibration(self._wiring, setup.commissioning_results.calibrations),
             self._parameters,
             dict(values),
             is_simulated=setup.plant.simulated,
@@ -282,7 +282,7 @@ class CommissioningSession:
         if must_restart:
             self._wiring = load_wiring_choice(setup.plant)  # the file that the new loop reads
         self.supervisor.setup = replace(
-            self.supervisor.setup, brought_up=status.load_brought_up(self._database, self._wiring)
+            self.supervisor.setup, commissioning_results=status.load_commissioning_results(self._database, self._wiring)
         )
         if must_restart:
             self._dialog.report_phase("starting the loop with what was measured")
@@ -300,7 +300,9 @@ async def open_session(
     The caller has confirmed that nobody works at the rig. Raises LoopExitedError, PlantError.
     """
     wiring = load_wiring_choice(setup.plant)
-    setup = replace(setup, brought_up=status.load_brought_up(database, wiring))  # results may be new since
+    setup = replace(
+        setup, commissioning_results=status.load_commissioning_results(database, wiring)
+    )  # results may be new since
     supervision = Supervision()
     supervisor = Supervisor(setup, supervision)
     try:

@@ -12,9 +12,9 @@ from backend.commissioning.steps import ALTERNATIVES, STEP, STEPS, Commissioning
 from backend.storage import Database, NewStepResult, StoredStepResult, commissioning
 from backend.units import format_count
 from plant import (
-    NOT_BROUGHT_UP,
-    BroughtUp,
+    NO_COMMISSIONING,
     CellCalibration,
+    CommissioningResults,
     PlantChoice,
     PlantError,
     PlantKind,
@@ -183,7 +183,7 @@ def load_results(database: Database) -> StoredResults:
     return StoredResults(load_newest_results(database), test_failed)
 
 
-def load_brought_up(database: Database, wiring: Wiring) -> BroughtUp:
+def load_commissioning_results(database: Database, wiring: Wiring) -> CommissioningResults:
     """Return the active results for a wiring: calibrations, and whether directions and load cells are known.
 
     Directions are proven if the direction step is current and no later wiring test has failed. A load cell is measured
@@ -200,10 +200,10 @@ def load_brought_up(database: Database, wiring: Wiring) -> BroughtUp:
     tables = {tendon for tendon, cell in (("A", wiring.load_cell_A), ("B", wiring.load_cell_B)) if cell.table}
     measured = {"A", "B"} <= tables | (by_step[StepId.TARE] & by_step[StepId.CALIBRATE])
     direction = determine_statuses(load_results(database), wiring, datetime.now(UTC))[StepId.DIRECTION].state
-    return BroughtUp(tuple(cells.values()), direction is StepState.CURRENT, measured, fingerprint)
+    return CommissioningResults(tuple(cells.values()), direction is StepState.CURRENT, measured, fingerprint)
 
 
-def find_for_next_start(database: Database, plant: PlantChoice, known: BroughtUp) -> BroughtUp:
+def find_for_next_start(database: Database, plant: PlantChoice, known: CommissioningResults) -> CommissioningResults:
     """Return the commissioning results for the next control loop, which reads the wiring file again.
 
     ``known`` are the current results. They are returned if there is no rig, or if its wiring file has not changed.
@@ -213,13 +213,13 @@ def find_for_next_start(database: Database, plant: PlantChoice, known: BroughtUp
     try:
         wiring = load_wiring_choice(plant)
     except PlantError:
-        return NOT_BROUGHT_UP  # the loop reports the error when it starts
+        return NO_COMMISSIONING  # the loop reports the error when it starts
     # an unchanged wiring needs no access to the database, so a start does not wait for it
-    return known if wiring_fingerprint(wiring) == known.wired else load_brought_up(database, wiring)
+    return known if wiring_fingerprint(wiring) == known.wired else load_commissioning_results(database, wiring)
 
 
-def find_completed_commissioning(database: Database, plant: PlantChoice) -> BroughtUp:
+def find_completed_commissioning(database: Database, plant: PlantChoice) -> CommissioningResults:
     """Return the active commissioning results for a plant. Raises PlantError."""
     if plant.kind not in (PlantKind.RIG, PlantKind.VIRTUAL_CARD):
-        return NOT_BROUGHT_UP
-    return load_brought_up(database, load_wiring_choice(plant))
+        return NO_COMMISSIONING
+    return load_commissioning_results(database, load_wiring_choice(plant))

@@ -11,7 +11,7 @@ from backend.realtime.program import EntryGains as EntryGains
 from backend.realtime.program import MotorGains as MotorGains
 from backend.realtime.program import Program
 from backend.realtime.program import SetTuning as SetTuning
-from plant import Broken, ManualInput, Obstacle, Side
+from plant import InjectedFault, ManualInput, Obstacle, Side
 
 # Play recording ------------------------------------------------------------------------------------
 #
@@ -102,7 +102,7 @@ class Obstruct:
 class Inject:
     """Inject a fault, None clears it; only on the simulator."""
 
-    broken: Broken | None
+    injected_fault: InjectedFault | None
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class SwitchDrives:
 class SimulateManualInput:
     """Apply a simulated hand to a simulated plant."""
 
-    hand: ManualInput
+    manual_input: ManualInput
 
 
 @dataclass(frozen=True)

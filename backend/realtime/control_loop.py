@@ -68,7 +68,6 @@ from plant import (
     NO_RAW,
     ZERO_VOLTS,
     Angle,
-    Handled,
     HasLimitSwitch,
     InvariantError,
     Measurement,
@@ -81,6 +80,7 @@ from plant import (
     Simulator,
     SupportsDirectionCheck,
     SupportsDriveEnable,
+    SupportsManualInput,
     T_s,
     WatchdogDeadError,
     WatchdogExpiredError,
@@ -123,10 +123,10 @@ def execute_commissioning(
                 plant.prove_directions(proven=proven)
         case SwitchDrives(on):
             _switch_drives(mode_manager, plant, context, on=on)
-        case SimulateManualInput(hand):
-            if not isinstance(plant, Handled):
+        case SimulateManualInput(manual_input):
+            if not isinstance(plant, SupportsManualInput):
                 raise PlantError("nothing here is moved by this program's hand: do it at the rig")
-            plant.by_hand(hand)
+            plant.apply_manual_input(manual_input)
         case _:
             assert_never(command)
 
@@ -517,7 +517,7 @@ class Loop:
             case ApplyPush():
                 self._manual_disturbance.begin(command, self._tick, self._mode_manager.mode)
             case Inject():
-                self._plant.inject(command.broken)
+                self._plant.inject(command.injected_fault)
             case Obstruct():
                 self._mode_manager.disturbances.set_obstacle(command.obstacle, self._tick)
             case Reset():
@@ -559,14 +559,14 @@ class Loop:
         plant, ring, mode_manager, step = self._plant, self._ring, self._mode_manager, self._step
         is_quiet = self._plant_watch.is_healthy and not mode_manager.has_unreported_stop
         can_batch = is_quiet and self._manual_disturbance.is_idle and mode_manager.python_motion is None
-        count = plant.alone_for(ticks) if can_batch and isinstance(plant, Simulator) else 0
+        count = plant.count_batchable_ticks(ticks) if can_batch and isinstance(plant, Simulator) else 0
         if not (count and isinstance(plant, Simulator) and isinstance(ring, Ring)):
             self.tick(overruns=self._overruns)
             return 1
         self._update_inputs()
         tick_range = TickRange(self._tick, plant.periods, count, self._overruns)
         done, events, u_A, u_B, m = step.run(plant.simulated, plant.read(), tick_range, ring.rows)
-        plant.has_gone(done, m)
+        plant.complete_batch(done, m)
         ring.count_in(done)
         mode_manager.disturbances.set_state(*step.active_disturbance)
         self._tick += done

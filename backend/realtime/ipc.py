@@ -11,7 +11,7 @@ from backend.realtime.commands import Command, Event, RunProgram
 from backend.realtime.modes import CommandRejectedError
 from backend.realtime.program import MAX_SEGMENTS, MAX_TUNINGS, Segment, SetTuning, require_few
 from backend.realtime.timing import RealTimeStatus
-from plant import NOT_BROUGHT_UP, BroughtUp, ErrorCode, PlantChoice, SinewError
+from plant import NO_COMMISSIONING, CommissioningResults, ErrorCode, PlantChoice, SinewError
 
 # Channel -------------------------------------------------------------------------------------------
 #
@@ -31,7 +31,7 @@ Entry = str | float | list[float] | list[list[float]]
 class Setup:
     """First message to the loop process: plant, parameters, tuning.
 
-    ``brought_up`` are the commissioning results. ``drives_off``: people may be working at the rig, so the drives stay
+    ``commissioning_results`` are those of the rig. ``drives_off``: people may be working at the rig, so the drives stay
     off until they are switched on. ``identified``: sections of identified parameters, as in a parameter file, that
     replace those of the file.
     """
@@ -40,7 +40,7 @@ class Setup:
     parameters: str
     seed: int
     tuning: SetTuning
-    brought_up: BroughtUp = NOT_BROUGHT_UP
+    commissioning_results: CommissioningResults = NO_COMMISSIONING
     drives_off: bool = False
     identified: dict[str, dict[str, dict[str, Entry]]] = field(default_factory=dict)
 

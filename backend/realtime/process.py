@@ -289,7 +289,9 @@ def _receive_setup(channel: Channel) -> Setup:
 def _run_loop(ring: Ring, channel: Channel, card: Card) -> None:
     setup = _receive_setup(channel)
     parameters = load_parameters(setup.parameters).with_identified(setup.identified)
-    plant = make_plant(setup.plant, parameters, setup.seed, card, setup.brought_up, drives_off=setup.drives_off)
+    plant = make_plant(
+        setup.plant, parameters, setup.seed, card, setup.commissioning_results, drives_off=setup.drives_off
+    )
     warm_up(parameters, setup.tuning)
     # These take a while, so they precede opening: an opened card's watchdog waits for the first tick.
     gc.collect()

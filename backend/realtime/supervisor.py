@@ -241,7 +241,7 @@ class Supervisor:
     ) -> None:
         self.setup = setup
         self._prepared = launched
-        self.started_with = setup.brought_up
+        self.started_with = setup.commissioning_results
         self.ring = Ring.create()
         self.card = Card.create()
         self.watchdog_monitor = WatchdogMonitor(self.card)
@@ -324,7 +324,7 @@ class Supervisor:
         self._ready = asyncio.get_running_loop().create_future()
         self._ready.add_done_callback(lambda ready: ready.cancelled() or ready.exception())  # a start may be abandoned
         self._process, self._channel = launched.process, (channel := launched.channel)
-        self.started_with = self.setup.brought_up
+        self.started_with = self.setup.commissioning_results
         _LOG.info("Loop process %d started.", self._process.pid)
         with suppress(ChannelClosedError):  # _watch detects and reports its end
             channel.send(encode(self.setup))

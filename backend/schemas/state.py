@@ -20,7 +20,7 @@ from backend.schemas.base import ANY_SIZE, HUGE, RowNumber, Schema, quantity
 from backend.schemas.run import PlayerView
 from backend.schemas.session import PersonView
 from backend.schemas.tuning import ChosenTuning, TuningParts, TuningView
-from plant import Breakage, PlantKind, Sensor
+from plant import InjectedFaultKind, PlantKind, Sensor
 
 # Control lease -------------------------------------------------------------------------------------
 
@@ -133,7 +133,7 @@ class SilentPart(StrEnum):
 class Injection(Schema):
     """An injected fault."""
 
-    kind: Breakage | SilentPart
+    kind: InjectedFaultKind | SilentPart
     sensor: Sensor = Field(default=Sensor.Q, description="which reading, where the kind is about one")
 
 

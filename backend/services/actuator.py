@@ -48,8 +48,8 @@ from backend.supervision import Part, SupervisedTask, Supervision
 from backend.units import format_number
 from plant import (
     Angle,
-    Broken,
     ErrorCode,
+    InjectedFault,
     Obstacle,
     PlantKind,
     PlantParameters,
@@ -343,10 +343,12 @@ class ActuatorService:
                 self.publish_change()
 
     async def _restart_loop(self, purpose: str, text: str, who: str) -> None:
-        plant, before = self._supervisor.setup.plant, self._supervisor.setup.brought_up
-        brought_up = await asyncio.to_thread(find_for_next_start, self._database, plant, before)
-        if self._supervisor.setup.brought_up is before:  # else a commissioning step has stored a newer result meanwhile
-            self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
+        plant, before = self._supervisor.setup.plant, self._supervisor.setup.commissioning_results
+        commissioning_results = await asyncio.to_thread(find_for_next_start, self._database, plant, before)
+        if (
+            self._supervisor.setup.commissioning_results is before
+        ):  # else a commissioning step has stored a newer result meanwhile
+            self._supervisor.setup = replace(self._supervisor.setup, commissioning_results=commissioning_results)
         self.contact.discard("the control loop was started anew")
         self.publish_change()
         await self._supervisor.restart(purpose)
@@ -463,13 +465,13 @@ class ActuatorService:
             await self._supervisor.send(commands.ApplyPush(0.0, 0.0))
         self._event_log.add_mark(MarkKind.NOTE, "push let go: control is lost", self.live_state.tick)
 
-    async def inject_fault(self, broken: Broken | None, who: str) -> None:
+    async def inject_fault(self, injected_fault: InjectedFault | None, who: str) -> None:
         """Inject a fault into a simulated plant; None clears all.
 
         Raises RequestRejectedError on another plant.
         """
-        text = "mended" if broken is None else f"broken on purpose: {broken.words}"
-        await self.send_and_log(commands.Inject(broken), text, who)
+        text = "mended" if injected_fault is None else f"broken on purpose: {injected_fault.words}"
+        await self.send_and_log(commands.Inject(injected_fault), text, who)
 
     async def send_and_log(self, command: Command, text: str, who: str) -> None:
         """Send a command and log it as ``text``. Raises RequestRejectedError."""

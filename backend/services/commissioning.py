@@ -132,8 +132,8 @@ class CommissioningResults:
         Restarts the control loop if the result contains calibrations, so that they take effect now.
         """
         await asyncio.to_thread(status.store_result, self._database, step, wiring, finding, who)
-        brought_up = await asyncio.to_thread(status.load_brought_up, self._database, wiring)
-        self._supervisor.setup = replace(self._supervisor.setup, brought_up=brought_up)
+        commissioning_results = await asyncio.to_thread(status.load_commissioning_results, self._database, wiring)
+        self._supervisor.setup = replace(self._supervisor.setup, commissioning_results=commissioning_results)
         if not (finding.calibrations and finding.passed):
             return
         try:
@@ -373,7 +373,7 @@ class CommissioningService:
             self._actuator.publish_change()
 
         # With the stored calibrations, active or not: a tare measures volts and keeps the stored slope.
-        calibrated = apply_calibration(wiring, self._supervisor.setup.brought_up.calibrations)
+        calibrated = apply_calibration(wiring, self._supervisor.setup.commissioning_results.calibrations)
         context = ProcedureContext(
             self._supervisor,
             calibrated,
@@ -409,7 +409,7 @@ class CommissioningService:
         if starts != self._loop_start[0]:
             self._loop_start = starts, datetime.now(UTC)
         statuses = status.determine_statuses(stored, wiring, self._loop_start[1])
-        if self._supervisor.started_with.calibrations != self._supervisor.setup.brought_up.calibrations:
+        if self._supervisor.started_with.calibrations != self._supervisor.setup.commissioning_results.calibrations:
             for step in (StepId.TARE, StepId.CALIBRATE):
                 if statuses[step].state is StepState.CURRENT:
                     statuses[step] = statuses[step]._replace(

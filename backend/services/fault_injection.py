@@ -5,41 +5,41 @@ from backend.errors import RequestRejectedError
 from backend.faults import EXPLANATIONS, FAULTS, Fault
 from backend.schemas import CardFault, FaultKind, FaultList, Injection, SilentPart
 from backend.services.actuator import ActuatorService
-from plant import ONLY_OF_A_CARD, Breakage, Broken, ErrorCode, PlantChoice, PlantKind, Sensor
+from plant import ONLY_OF_A_CARD, ErrorCode, InjectedFault, InjectedFaultKind, PlantChoice, PlantKind, Sensor
 
 SERVICE_SILENT_S = 1.0
 """Time without heartbeat of the service [s]; the control loop stops after 0.34 s."""
 
 INJECTIONS: dict[Fault, Injection] = {
-    Fault.FORCE_LIMIT: Injection(kind=Breakage.DRIFT_UP, sensor=Sensor.F_A),
-    Fault.JOINT_LIMIT: Injection(kind=Breakage.DRIFT_UP, sensor=Sensor.Q),
-    Fault.SLACK: Injection(kind=Breakage.DRIFT_DOWN, sensor=Sensor.F_A),
-    Fault.SENSOR_INVALID: Injection(kind=Breakage.NO_NUMBER, sensor=Sensor.F_B),
-    Fault.SENSOR_STUCK: Injection(kind=Breakage.STUCK, sensor=Sensor.THETA_A),
-    Fault.SENSOR_JUMP: Injection(kind=Breakage.JUMP, sensor=Sensor.Q),
-    Fault.IMPLAUSIBLE: Injection(kind=Breakage.DRIFT_DOWN, sensor=Sensor.THETA_A),
-    Fault.DEADLINES_MISSED: Injection(kind=Breakage.LATE),
+    Fault.FORCE_LIMIT: Injection(kind=InjectedFaultKind.DRIFT_UP, sensor=Sensor.F_A),
+    Fault.JOINT_LIMIT: Injection(kind=InjectedFaultKind.DRIFT_UP, sensor=Sensor.Q),
+    Fault.SLACK: Injection(kind=InjectedFaultKind.DRIFT_DOWN, sensor=Sensor.F_A),
+    Fault.SENSOR_INVALID: Injection(kind=InjectedFaultKind.NO_NUMBER, sensor=Sensor.F_B),
+    Fault.SENSOR_STUCK: Injection(kind=InjectedFaultKind.STUCK, sensor=Sensor.THETA_A),
+    Fault.SENSOR_JUMP: Injection(kind=InjectedFaultKind.JUMP, sensor=Sensor.Q),
+    Fault.IMPLAUSIBLE: Injection(kind=InjectedFaultKind.DRIFT_DOWN, sensor=Sensor.THETA_A),
+    Fault.DEADLINES_MISSED: Injection(kind=InjectedFaultKind.LATE),
     Fault.SERVICE_LOST: Injection(kind=SilentPart.SERVICE_SILENT),
     Fault.OPERATOR_LOST: Injection(kind=SilentPart.PAGE_SILENT),
-    Fault.SAFETY_MODULE: Injection(kind=Breakage.SAFETY_TRIP),
-    Fault.PLANT_ERROR: Injection(kind=Breakage.READ_ERROR),
-    Fault.WATCHDOG: Injection(kind=Breakage.HANG),
-    Fault.WATCHDOG_DEAD: Injection(kind=Breakage.WATCHDOG_DEATH),
-    Fault.MOTOR_REVERSED: Injection(kind=Breakage.SWAPPED_MOTORS),
-    Fault.SENSOR_SATURATED: Injection(kind=Breakage.SATURATION, sensor=Sensor.F_A),
+    Fault.SAFETY_MODULE: Injection(kind=InjectedFaultKind.SAFETY_TRIP),
+    Fault.PLANT_ERROR: Injection(kind=InjectedFaultKind.READ_ERROR),
+    Fault.WATCHDOG: Injection(kind=InjectedFaultKind.HANG),
+    Fault.WATCHDOG_DEAD: Injection(kind=InjectedFaultKind.WATCHDOG_DEATH),
+    Fault.MOTOR_REVERSED: Injection(kind=InjectedFaultKind.SWAPPED_MOTORS),
+    Fault.SENSOR_SATURATED: Injection(kind=InjectedFaultKind.SATURATION, sensor=Sensor.F_A),
 }
 """Injection that leads to each fault while the joint moves."""
 
 CARD_INJECTIONS: tuple[tuple[Injection, tuple[Fault, ...]], ...] = (
-    (Injection(kind=Breakage.DEVICE_GONE), (Fault.PLANT_ERROR,)),
-    (Injection(kind=Breakage.BUFFER_OVERRUN), (Fault.PLANT_ERROR,)),
-    (Injection(kind=Breakage.LOST_SAMPLE), (Fault.PLANT_ERROR,)),
-    (Injection(kind=Breakage.STUCK, sensor=Sensor.F_A), (Fault.SENSOR_STUCK,)),
-    (Injection(kind=Breakage.SATURATION, sensor=Sensor.F_A), (Fault.SENSOR_SATURATED,)),
-    (Injection(kind=Breakage.LOST_COUNTS, sensor=Sensor.THETA_A), (Fault.IMPLAUSIBLE,)),
-    (Injection(kind=Breakage.SWAPPED_LOAD_CELLS), (Fault.IMPLAUSIBLE, Fault.SENSOR_JUMP)),
-    (Injection(kind=Breakage.SWAPPED_ENCODERS), (Fault.MOTOR_REVERSED, Fault.IMPLAUSIBLE, Fault.SENSOR_STUCK)),
-    (Injection(kind=Breakage.SWAPPED_MOTORS), (Fault.MOTOR_REVERSED,)),
+    (Injection(kind=InjectedFaultKind.DEVICE_GONE), (Fault.PLANT_ERROR,)),
+    (Injection(kind=InjectedFaultKind.BUFFER_OVERRUN), (Fault.PLANT_ERROR,)),
+    (Injection(kind=InjectedFaultKind.LOST_SAMPLE), (Fault.PLANT_ERROR,)),
+    (Injection(kind=InjectedFaultKind.STUCK, sensor=Sensor.F_A), (Fault.SENSOR_STUCK,)),
+    (Injection(kind=InjectedFaultKind.SATURATION, sensor=Sensor.F_A), (Fault.SENSOR_SATURATED,)),
+    (Injection(kind=InjectedFaultKind.LOST_COUNTS, sensor=Sensor.THETA_A), (Fault.IMPLAUSIBLE,)),
+    (Injection(kind=InjectedFaultKind.SWAPPED_LOAD_CELLS), (Fault.IMPLAUSIBLE, Fault.SENSOR_JUMP)),
+    (Injection(kind=InjectedFaultKind.SWAPPED_ENCODERS), (Fault.MOTOR_REVERSED, Fault.IMPLAUSIBLE, Fault.SENSOR_STUCK)),
+    (Injection(kind=InjectedFaultKind.SWAPPED_MOTORS), (Fault.MOTOR_REVERSED,)),
 )
 """Injections into a virtual card and its wiring, each with the faults that it may lead to while the joint moves."""
 
@@ -107,8 +107,8 @@ async def clear_faults(actuator: ActuatorService, who: str) -> None:
     await actuator.inject_fault(None, who)
 
 
-def _build_plant_fault(injection: Injection) -> Broken:
-    return Broken(Breakage(injection.kind), injection.sensor)
+def _build_plant_fault(injection: Injection) -> InjectedFault:
+    return InjectedFault(InjectedFaultKind(injection.kind), injection.sensor)
 
 
 def _needs_card(injection: Injection) -> bool:

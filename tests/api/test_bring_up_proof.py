@@ -31,7 +31,7 @@ from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import open_database
 from backend.storage.orm import StorageError
 from backend.storage.runs import Run
-from plant.calibration import BroughtUp, CellCalibration
+from plant.calibration import CellCalibration, CommissioningResults
 from plant.interface import PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
@@ -88,13 +88,15 @@ def test_a_changed_wiring_file_is_tried_by_no_step_and_starts_unproven(
     started: list[bool] = []
 
     async def restart(supervisor: Supervisor, _purpose: str) -> None:
-        started.append(supervisor.setup.brought_up.directions_proven)
-        supervisor.started_with = supervisor.setup.brought_up  # it has read the file of now
+        started.append(supervisor.setup.commissioning_results.directions_proven)
+        supervisor.started_with = supervisor.setup.commissioning_results  # it has read the file of now
 
     async def work(parts: Parts) -> None:
         choice = PlantChoice(PlantKind.VIRTUAL_CARD, str(file))
         parts.supervisor.started_with = standing.find_completed_commissioning(database, choice)
-        parts.supervisor.setup = replace(parts.supervisor.setup, plant=choice, brought_up=parts.supervisor.started_with)
+        parts.supervisor.setup = replace(
+            parts.supervisor.setup, plant=choice, commissioning_results=parts.supervisor.started_with
+        )
         bring_up = CommissioningService(
             parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
         )
@@ -127,7 +129,7 @@ def test_what_a_loop_has_read_counts_and_not_what_the_file_said_before_or_says_n
 
     async def work(parts: Parts) -> None:
         known = standing.find_completed_commissioning(database, VIRTUAL)
-        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, commissioning_results=known)
         parts.supervisor.started_with = known
         bring_up = CommissioningService(
             parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
@@ -152,7 +154,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
     wiring = load_wiring(VIRTUAL.wiring)
     for step in (StepId.WIRING_TEST, StepId.ZERO, StepId.DIRECTION):
         standing.store_result(database, step, wiring, StepFinding(True, "well"), "Ada")
-    known = standing.load_brought_up(database, wiring)
+    known = standing.load_commissioning_results(database, wiring)
     assert known.directions_proven
     # wired otherwise than it says, so that what is proven counts
     true = replace(wiring, load_cell_A=replace(wiring.load_cell_A, slope=10.5))
@@ -170,7 +172,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
     monkeypatch.setattr(Stepped, "send", sent)
 
     async def work(parts: Parts) -> None:
-        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, commissioning_results=known)
         parts.supervisor.started_with = known
         bring_up = CommissioningService(
             parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
@@ -194,7 +196,7 @@ def test_directions_whose_trial_is_given_up_are_proven_neither_in_the_loop_nor_o
         assert step.result is not None
         assert "given up after a motor had been tried" in step.result.text
         assert "directions are not proven" in rig.unproven
-        assert not parts.supervisor.setup.brought_up.directions_proven  # nor at the next start
+        assert not parts.supervisor.setup.commissioning_results.directions_proven  # nor at the next start
 
     try:
         stepped(database, IDEAL, work, rig)
@@ -216,8 +218,8 @@ def test_a_step_cannot_begin_while_a_run_is_being_started(tmp_path: Path, monkey
         return create_run(*arguments)
 
     async def work(parts: Parts) -> None:
-        known = standing.load_brought_up(database, wiring)
-        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, brought_up=known)
+        known = standing.load_commissioning_results(database, wiring)
+        parts.supervisor.setup = replace(parts.supervisor.setup, plant=VIRTUAL, commissioning_results=known)
         parts.supervisor.started_with = known
         bring_up = CommissioningService(
             parts.actuator, parts.supervisor, database, IDEAL, DriveLockout(database, VIRTUAL)
@@ -254,7 +256,7 @@ def test_the_drives_go_off_at_once_whoever_has_the_turn(tmp_path: Path, monkeypa
     rig = VirtualRig(load_wiring("pcie-6323"), Simulator(IDEAL, 0))
     asked, release = threading.Event(), threading.Event()
 
-    def slowly(*_arguments: Any) -> BroughtUp:
+    def slowly(*_arguments: Any) -> CommissioningResults:
         asked.set()
         assert release.wait(60.0)
         raise StorageError("the disk has failed")

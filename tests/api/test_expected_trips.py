@@ -14,7 +14,7 @@ from backend.schemas.state import MarkKind
 from backend.services.event_log import MarkAdded
 from backend.storage import flights
 from backend.storage.database import Database, open_database
-from plant.interface import Breakage, Broken, PlantChoice, PlantKind
+from plant.interface import InjectedFault, InjectedFaultKind, PlantChoice, PlantKind
 from plant.parameters import load_parameters
 from tests.api.stepped_service import Parts, stepped
 
@@ -39,7 +39,7 @@ def test_only_the_trip_that_is_provoked_is_expected(database: Database, provoked
         live_state.provoked_fault = provoked
         await supervisor.send(SetMode(Mode.PRETENSION))
         await supervisor.advance(0.1)
-        await supervisor.send(Inject(Broken(Breakage.SAFETY_TRIP)))
+        await supervisor.send(Inject(InjectedFault(InjectedFaultKind.SAFETY_TRIP)))
         await supervisor.advance(0.1)
 
         fault = parts.state().fault

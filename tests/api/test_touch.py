@@ -15,7 +15,7 @@ from backend.schemas.state import TouchOrder, TouchView
 from backend.storage import events, runs
 from backend.storage.database import Database, open_database
 from plant.dynamics import Obstacle
-from plant.interface import Breakage, Broken
+from plant.interface import InjectedFault, InjectedFaultKind
 from plant.parameters import load_parameters
 from tests.api.stepped_service import OPERATOR, Parts, stepped
 
@@ -167,7 +167,10 @@ def test_new_zeros_and_a_new_loop_discard_the_calibration(database: Database) ->
     async def anew(parts: Parts) -> None:
         await at_rest(parts)
         await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=1.5), WHO)
-        for broken, is_known in ((Broken(Breakage.SAFETY_TRIP), True), (Broken(Breakage.JUMP), False)):
+        for broken, is_known in (
+            (InjectedFault(InjectedFaultKind.SAFETY_TRIP), True),
+            (InjectedFault(InjectedFaultKind.JUMP), False),
+        ):
             await parts.actuator.inject_fault(broken, WHO)
             await parts.supervisor.advance(0.5)
             assert parts.live_state.mode is Mode.TRIPPED

@@ -21,7 +21,7 @@ from backend.realtime.commands import (
 )
 from backend.realtime.modes import Mode
 from backend.realtime.program import Law, Program, Segment
-from plant.interface import Breakage
+from plant.interface import InjectedFaultKind
 from plant.safety_card import CardState
 from plant.virtual_daq import CardError
 from tests.commissioning.rigs import BroughtUpRig
@@ -107,7 +107,7 @@ def test_a_line_that_cannot_be_read_back_is_not_left_on(monkeypatch: pytest.Monk
     async def work() -> None:
         monkeypatch.setattr(faults, "refuse", lost)
         assert isinstance(await rig.loop.send(SwitchDrives(on=False)), Accepted)
-        faults.kind = Breakage.DEVICE_GONE  # of it, only that no line is read
+        faults.kind = InjectedFaultKind.DEVICE_GONE  # of it, only that no line is read
         refused = await rig.loop.send(SwitchDrives(on=True))
         assert isinstance(refused, Refused)
         assert "cable was pulled" in refused.reason

@@ -11,7 +11,7 @@ from backend.commissioning.session import collect_values
 from backend.commissioning.steps import WEIGHT_MAX_N, StepId
 from backend.errors import OutOfRangeError
 from backend.realtime.commands import Inject
-from plant.interface import Breakage, Broken, Sensor
+from plant.interface import InjectedFault, InjectedFaultKind, Sensor
 from tests.commissioning.rigs import WIRING, BroughtUpRig, played, with_entries
 
 REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
@@ -46,7 +46,7 @@ def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
         rig = BroughtUpRig()
 
         async def broken(_words: str) -> None:
-            await rig.loop.send(Inject(Broken(Breakage.NO_NUMBER, Sensor.F_A)))
+            await rig.loop.send(Inject(InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.F_A)))
 
         rig.meanwhile = broken
         try:

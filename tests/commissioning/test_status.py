@@ -20,7 +20,7 @@ from backend.realtime.ipc import Setup
 from backend.realtime.supervisor import Supervisor
 from backend.storage.commissioning import StoredStepResult
 from backend.storage.database import open_database
-from plant.calibration import BroughtUp, CellCalibration, apply_calibration, wiring_fingerprint
+from plant.calibration import CellCalibration, CommissioningResults, apply_calibration, wiring_fingerprint
 from plant.factory import make_plant
 from plant.interface import PlantChoice, PlantKind
 from plant.rig import Rig
@@ -37,25 +37,25 @@ def test_results_take_effect_with_their_wiring_only(tmp_path: Path) -> None:
     database = open_database(tmp_path)
     cell = CellCalibration("A", 10.7, 0.31, "calibrated")
     other = with_entries(motor_A={"gain": -1.0})
-    assert status.load_brought_up(database, WIRING).calibrations == ()
+    assert status.load_commissioning_results(database, WIRING).calibrations == ()
     status.store_result(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), (cell,)), "Ada")
     status.store_result(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
-    found = status.load_brought_up(database, WIRING)
+    found = status.load_commissioning_results(database, WIRING)
     assert found.directions_proven
     in_force = apply_calibration(WIRING, found.calibrations)
     assert (in_force.load_cell_A.slope, in_force.load_cell_A.offset) == (10.7, 0.31)
     assert in_force.sources["load_cell_A.slope"] == "calibrated by Ada"
     assert in_force.load_cell_B == WIRING.load_cell_B
-    assert status.load_brought_up(database, other) == BroughtUp(wired=wiring_fingerprint(other))
+    assert status.load_commissioning_results(database, other) == CommissioningResults(wired=wiring_fingerprint(other))
     status.store_result(database, StepId.WIRING_TEST, WIRING, FAILED, "Ada")
-    assert not status.load_brought_up(database, WIRING).directions_proven
+    assert not status.load_commissioning_results(database, WIRING).directions_proven
     # What was changed for it to pass again may have exchanged the motors.
     status.store_result(database, StepId.WIRING_TEST, WIRING, PASSED, "Ada")
-    assert not status.load_brought_up(database, WIRING).directions_proven
+    assert not status.load_commissioning_results(database, WIRING).directions_proven
     states = status.determine_statuses(status.load_results(database), WIRING, datetime.now(UTC))
     assert states[StepId.DIRECTION][:2] == (StepState.OUT_OF_DATE, "a wiring test has failed since")
     status.store_result(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
-    assert status.load_brought_up(database, WIRING).directions_proven
+    assert status.load_commissioning_results(database, WIRING).directions_proven
     database.close()
 
 
@@ -63,9 +63,9 @@ def test_a_step_that_disproves_the_directions_stores_their_failure(tmp_path: Pat
     database = open_database(tmp_path)
     status.store_result(database, StepId.DIRECTION, WIRING, PASSED, "Ada")
     status.store_result(database, StepId.HOME, WIRING, FAILED, "Bo")
-    assert status.load_brought_up(database, WIRING).directions_proven
+    assert status.load_commissioning_results(database, WIRING).directions_proven
     status.store_result(database, StepId.HOME, WIRING, replace(FAILED, disproves_directions=True), "Bo")
-    assert not status.load_brought_up(database, WIRING).directions_proven
+    assert not status.load_commissioning_results(database, WIRING).directions_proven
     told = status.load_newest_results(database)[StepId.DIRECTION]
     assert (told.passed, told.text, told.who) == (False, "Homing: not well", "Bo")
     database.close()
@@ -170,11 +170,11 @@ def test_pretension_wants_both_load_cells_tared_and_calibrated(tmp_path: Path) -
     status.store_result(database, StepId.TARE, WIRING, MEASURED, "Ada")
     status.store_result(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[:1]), "Ada")
     assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == "first: Calibration"
-    assert not status.load_brought_up(database, WIRING).load_cells_measured
+    assert not status.load_commissioning_results(database, WIRING).load_cells_measured
     status.store_result(database, StepId.CALIBRATE, WIRING, StepFinding(True, "well", (), CELLS[1:]), "Ada")
     assert find_blocking_steps(STEP[StepId.PRETENSION], standings()) == ""
-    assert status.load_brought_up(database, WIRING).load_cells_measured
-    assert not status.load_brought_up(database, with_entries(motor_A={"gain": -1.0})).load_cells_measured
+    assert status.load_commissioning_results(database, WIRING).load_cells_measured
+    assert not status.load_commissioning_results(database, with_entries(motor_A={"gain": -1.0})).load_cells_measured
     # Older than it should be: the values in force are still those that were measured.
     old = dict(status.load_results(database).results)
     old[StepId.TARE] = replace(old[StepId.TARE], at=begun - timedelta(days=3))
@@ -194,9 +194,9 @@ def test_tables_of_the_wiring_file_are_a_calibration_and_a_tare(tmp_path: Path) 
         status.store_result(database, step, wiring, PASSED, "Ada")
     states = status.determine_statuses(status.load_results(database), wiring, datetime.now(UTC) - timedelta(seconds=1))
     assert find_blocking_steps(STEP[StepId.PRETENSION], states) == ""
-    assert status.load_brought_up(database, wiring).load_cells_measured
+    assert status.load_commissioning_results(database, wiring).load_cells_measured
     of_one = with_entries(load_cell_A=table)
-    assert not status.load_brought_up(database, of_one).load_cells_measured
+    assert not status.load_commissioning_results(database, of_one).load_cells_measured
     database.close()
 
 
@@ -221,7 +221,7 @@ def test_a_rig_goes_by_what_was_found_with_the_file_that_it_has_read(tmp_path: P
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
     cells = tuple(CellCalibration(tendon, 10.7, 0.31, "calibrated") for tendon in "AB")
-    known = BroughtUp(cells, True, True, wiring_fingerprint(load_wiring(str(file))))
+    known = CommissioningResults(cells, True, True, wiring_fingerprint(load_wiring(str(file))))
 
     def made() -> Rig:
         rig = make_plant(choice, PARAMETERS, 0, None, known)
@@ -250,7 +250,7 @@ def test_a_command_tries_no_wiring_file_that_has_changed(tmp_path: Path) -> None
     said = (Path(plant.__file__).parent / "wirings" / "pcie-6323.toml").read_text(encoding="utf-8")
     file.write_text(said, encoding="utf-8")
     tuning = build_tuning_command(PARAMETERS, compute_default_tuning(PARAMETERS).tuning, None)
-    known = status.load_brought_up(database, load_wiring(str(file)))
+    known = status.load_commissioning_results(database, load_wiring(str(file)))
     supervisor = Supervisor(Setup(PlantChoice(PlantKind.VIRTUAL_CARD, str(file)), PARAMETERS.name, 0, tuning, known))
     person = OperatorDialog("Ada", lambda _words: asyncio.sleep(0.0), lambda _phase: None)
     hands = DriveLockout(database, supervisor.setup.plant)

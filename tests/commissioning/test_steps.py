@@ -10,7 +10,7 @@ from backend.commissioning.steps import STEPS, StepId
 from backend.realtime.commands import Refused, SetMode, SwitchDrives
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.sample import INDEX
-from plant.interface import Breakage, Broken, Sensor
+from plant.interface import InjectedFault, InjectedFaultKind, Sensor
 from tests.commissioning.rigs import WIRING, BroughtUpRig, played, with_entries
 
 
@@ -188,11 +188,13 @@ def test_homing_takes_the_end_switch_for_where_it_is() -> None:
 @pytest.mark.parametrize(
     ("step", "broken"),
     [
-        (StepId.WIRING_TEST, Broken(Breakage.SWAPPED_LOAD_CELLS)),
-        (StepId.DIRECTION, Broken(Breakage.DRIFT_DOWN, Sensor.F_B)),  # it fails before a motor is tried
+        (StepId.WIRING_TEST, InjectedFault(InjectedFaultKind.SWAPPED_LOAD_CELLS)),
+        (StepId.DIRECTION, InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.F_B)),  # it fails before a motor is tried
     ],
 )
-def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(step: StepId, broken: Broken) -> None:
+def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(
+    step: StepId, broken: InjectedFault
+) -> None:
     """After all steps have passed, a part fails: the next pretension is rejected at once, not only after a restart."""
     rig = BroughtUpRig()
 

@@ -20,7 +20,7 @@ from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import Accepted, Refused, SetMode, SimulateManualInput, Stop, TryModule
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.sample import INDEX
-from plant.interface import Breakage, Broken, MotorCommand, Sensor
+from plant.interface import InjectedFault, InjectedFaultKind, MotorCommand, Sensor
 from plant.manual_input import ManualInput
 from tests.commissioning.rigs import BroughtUpRig, played
 
@@ -52,7 +52,7 @@ def test_a_load_cell_that_is_lost_at_the_trip_has_not_seen_the_motors_let_go() -
 
     def lose(phase: str) -> None:
         if phase == "waiting for the trip":
-            rig.rig.inject(Broken(Breakage.SATURATION, Sensor.F_B))
+            rig.rig.inject(InjectedFault(InjectedFaultKind.SATURATION, Sensor.F_B))
 
     async def mend(words: str) -> None:
         if "Set the module's limit back" in words:
@@ -141,7 +141,7 @@ def test_the_other_checks_are_armed_while_the_loop_goes_on_to_command() -> None:
         assert rig.mode is Mode.PRETENSION
         assert rig.rig.card_state().safety_tripped
         assert rig.rig.card_state().u_A > 0.0
-        rig.rig.inject(Broken(Breakage.JUMP, Sensor.Q))
+        rig.rig.inject(InjectedFault(InjectedFaultKind.JUMP, Sensor.Q))
         await rig.loop.advance(0.002)
         newest = rig.loop.ring.newest()
         assert newest is not None

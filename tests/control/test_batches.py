@@ -29,7 +29,7 @@ from backend.realtime.program import ContactDetection, Excitation, Law, Program,
 from backend.realtime.ring_buffer import Ring
 from backend.tuning.gains import TuningParameters
 from plant.dynamics import Obstacle
-from plant.interface import ON_SENSORS, Breakage, Broken, Sensor
+from plant.interface import ON_SENSORS, InjectedFault, InjectedFaultKind, Sensor
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 
@@ -107,7 +107,7 @@ SCRIPTS: dict[str, Script] = {
         f"a program that meets {kind} of {sensor}": {
             0: SetMode(Mode.PRETENSION),
             WOUND_UP: RunProgram(PROGRAMS["cascade"], 5),
-            6300: Inject(Broken(kind, sensor)),
+            6300: Inject(InjectedFault(kind, sensor)),
             7500: Inject(None),
             7600: Reset(),
             7700: SetMode(Mode.PRETENSION),
@@ -119,11 +119,11 @@ SCRIPTS: dict[str, Script] = {
         f"a program that meets {kind}": {
             0: SetMode(Mode.PRETENSION),
             WOUND_UP: RunProgram(PROGRAMS["feedback linearization"], 5),
-            6300: Inject(Broken(kind)),
+            6300: Inject(InjectedFault(kind)),
             7500: Inject(None),
             7600: Reset(),
         }
-        for kind in (Breakage.SAFETY_TRIP, Breakage.READ_ERROR, Breakage.WRITE_ERROR)
+        for kind in (InjectedFaultKind.SAFETY_TRIP, InjectedFaultKind.READ_ERROR, InjectedFaultKind.WRITE_ERROR)
     },
 }
 END = 9000
@@ -183,13 +183,13 @@ def test_a_batch_is_as_long_as_nothing_happens() -> None:
         lengths.append(loop.run(1000))
     assert max(lengths) > 900
     assert sum(lengths) == ring.count
-    loop.handle(2, Inject(Broken(Breakage.STUCK, Sensor.F_A)))
+    loop.handle(2, Inject(InjectedFault(InjectedFaultKind.STUCK, Sensor.F_A)))
     assert loop.run(1000) == 1
     loop.close()
     ring.close()
 
 
 def test_a_fault_ends_a_batch_in_its_tick() -> None:
-    _, events = played(SCRIPTS[f"a program that meets {Breakage.JUMP} of {Sensor.Q}"], by_batches_of(1000))
+    _, events = played(SCRIPTS[f"a program that meets {InjectedFaultKind.JUMP} of {Sensor.Q}"], by_batches_of(1000))
     (stopped,) = (event for event in events if isinstance(event, Stopped))
     assert stopped.fault is Fault.SENSOR_JUMP

@@ -20,13 +20,13 @@ from backend.reports.model import to_html
 from backend.reports.run_data import RunData, load_source
 from backend.reports.verification import Verified, verify_report
 from backend.storage.database import open_database
-from plant.interface import Breakage, Broken
+from plant.interface import InjectedFault, InjectedFaultKind
 from plant.parameters import load_parameters
 
 ENDINGS: dict[str, tuple[Command, str]] = {
     "a stop": (Stop(), "stopped"),
     "a soft stop as the operator is lost": (Stop(Fault.OPERATOR_LOST, hard=False), "link_lost"),
-    "a trip": (Inject(Broken(Breakage.SAFETY_TRIP)), "tripped"),
+    "a trip": (Inject(InjectedFault(InjectedFaultKind.SAFETY_TRIP)), "tripped"),
 }
 AFTER_S = {
     "tracking": 20.0,

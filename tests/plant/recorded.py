@@ -9,13 +9,13 @@ from backend.realtime.commands import Accepted, Inject, SetMode, SetReferences
 from backend.realtime.modes import Mode
 from backend.recording.reader import Columns
 from backend.sample import INDEX, NAMES
-from plant.interface import Breakage, Broken, Plant, Sensor
+from plant.interface import InjectedFault, InjectedFaultKind, Plant, Sensor
 from plant.parameters import PlantParameters
 from plant.simulator import Simulator
 from tests.exports.written import to_csv
 from tests.realtime.bench_top import BenchTop
 
-JUMP = Broken(Breakage.JUMP, Sensor.F_B)
+JUMP = InjectedFault(InjectedFaultKind.JUMP, Sensor.F_B)
 
 
 def session(parameters: PlantParameters, plant: Plant, breaks: Callable[[BenchTop], None] = lambda _: None) -> BenchTop:

@@ -5,23 +5,23 @@ import re
 
 import pytest
 
-from plant.interface import NOT_MEASURED, Breakage, Broken, Sensor, T_s
-from plant.simulator import BrokenPart
+from plant.interface import NOT_MEASURED, InjectedFault, InjectedFaultKind, Sensor, T_s
+from plant.simulator import FaultInjector
 
 
 @pytest.mark.parametrize("sensor", Sensor)
-@pytest.mark.parametrize("kind", Breakage)
-def test_words_hold_no_name_of_the_code(kind: Breakage, sensor: Sensor) -> None:
-    words = Broken(kind, sensor).words
-    assert BrokenPart(Broken(kind, sensor)).description == words
+@pytest.mark.parametrize("kind", InjectedFaultKind)
+def test_words_hold_no_name_of_the_code(kind: InjectedFaultKind, sensor: Sensor) -> None:
+    words = InjectedFault(kind, sensor).words
+    assert FaultInjector(InjectedFault(kind, sensor)).description == words
     assert not re.search(r"[a-z]{2,}_|_[a-z]|theta", words), words
-    about_a_sensor = kind in (*list(Breakage)[:5], Breakage.SATURATION, Breakage.LOST_COUNTS)
+    about_a_sensor = kind in (*list(InjectedFaultKind)[:5], InjectedFaultKind.SATURATION, InjectedFaultKind.LOST_COUNTS)
     assert words.endswith(f" of {sensor.replace('theta', 'θ')}") == about_a_sensor
 
 
 def test_a_sensor_goes_by_its_symbol() -> None:
-    assert Broken(Breakage.DRIFT_UP, Sensor.THETA_A).words == "drift up of θ_A"
-    assert Broken(Breakage.WATCHDOG_DEATH).words == "watchdog death"
+    assert InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.THETA_A).words == "drift up of θ_A"
+    assert InjectedFault(InjectedFaultKind.WATCHDOG_DEATH).words == "watchdog death"
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,10 @@ def test_a_drift_goes_on_evenly_to_its_end_and_a_load_cell_reads_nothing_at_leas
     sensor: Sensor, per_s: float, most: float
 ) -> None:
     m = NOT_MEASURED._replace(**{sensor.value: 5.0})
-    up, down = BrokenPart(Broken(Breakage.DRIFT_UP, sensor)), BrokenPart(Broken(Breakage.DRIFT_DOWN, sensor))
+    up, down = (
+        FaultInjector(InjectedFault(InjectedFaultKind.DRIFT_UP, sensor)),
+        FaultInjector(InjectedFault(InjectedFaultKind.DRIFT_DOWN, sensor)),
+    )
     least = 0.0 if sensor in (Sensor.F_A, Sensor.F_B) else -math.inf
     for tick in range(1, 400):
         drift = min(per_s * tick * T_s, most)

@@ -147,7 +147,7 @@ class Less:
 
 
 @pytest.mark.parametrize(
-    ("make", "promise", "said"),
+    ("make", "requirement", "said"),
     [
         (Less, "is_a_plant", "it has no paces_loop, "),
         (Hurried, "is_a_plant", "unattended_max_s = 0.001"),
@@ -167,12 +167,12 @@ class Less:
     ],
 )
 def test_a_plant_that_breaks_a_promise_is_found(
-    lab: PlantParameters, make: Callable[[PlantParameters], Simulator], promise: str, said: str
+    lab: PlantParameters, make: Callable[[PlantParameters], Simulator], requirement: str, said: str
 ) -> None:
     def made() -> Simulator:
         return make(lab)
 
-    (check,) = (check for check in CHECKS if check.name == promise)
+    (check,) = (check for check in CHECKS if check.name == requirement)
     (finding,) = run_contract(Subject(made, lab, voltage=0.5), (check,))
     assert finding.outcome is CheckOutcome.BROKEN
     assert any(words in finding.seen for words in said.split("|")), finding.seen

@@ -8,7 +8,16 @@ import numpy as np
 import pytest
 
 from plant.daq import Daq
-from plant.interface import ZERO_VOLTS, Breakage, Broken, Measurement, MotorCommand, PlantError, RawReading, Sensor
+from plant.interface import (
+    ZERO_VOLTS,
+    InjectedFault,
+    InjectedFaultKind,
+    Measurement,
+    MotorCommand,
+    PlantError,
+    RawReading,
+    Sensor,
+)
 from plant.parameters import load_parameters
 from plant.rig import Rig
 from plant.safety_card import Card
@@ -132,7 +141,7 @@ def test_a_reading_that_was_no_number_comes_back_as_it_was(sensor: Sensor) -> No
     rig = stepped()
     played(rig, 300)
     before = rig.read()
-    rig.inject(Broken(Breakage.NO_NUMBER, sensor))
+    rig.inject(InjectedFault(InjectedFaultKind.NO_NUMBER, sensor))
     rig.write(ZERO_VOLTS)
     silent = [name for name, value in zip(Measurement._fields[:5], rig.read()[:5], strict=True) if math.isnan(value)]
     assert silent == [sensor]

@@ -7,7 +7,7 @@ import pytest
 from plant import rig as rig_module
 from plant.daq import Daq
 from plant.factory import make_plant
-from plant.interface import Breakage, Broken, MotorCommand, PlantChoice, PlantError, PlantKind
+from plant.interface import InjectedFault, InjectedFaultKind, MotorCommand, PlantChoice, PlantError, PlantKind
 from plant.parameters import load_parameters
 from plant.rig import Rig
 from plant.safety_card import Card, WatchdogExpiredError
@@ -88,7 +88,7 @@ def test_volts_that_could_not_be_written_are_not_shown() -> None:
     mirrored = Rig(rig.wiring, Daq(rig.wiring, rig.card.options), mirror)
     mirrored.open()
     mirrored.write(MotorCommand(1.0, 2.0))
-    rig.inject(Broken(Breakage.DEVICE_GONE))
+    rig.inject(InjectedFault(InjectedFaultKind.DEVICE_GONE))
     with pytest.raises(PlantError, match="-201003"):
         mirrored.write(MotorCommand(7.0, -7.0))
     mirrored.close()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from plant.dynamics import PlantState
-from plant.interface import ZERO_VOLTS, Breakage, Broken, MotorCommand, PlantError, T_s
+from plant.interface import ZERO_VOLTS, InjectedFault, InjectedFaultKind, MotorCommand, PlantError, T_s
 from plant.parameters import load_parameters
 from plant.safety_card import WATCHDOG_S
 from plant.simulator import Simulator
@@ -55,7 +55,7 @@ def test_a_card_in_stepped_time_that_is_gone_goes_on_with_its_last_volts_until_i
     rig.open()
     rig.read()
     rig.write(MotorCommand(2.0, 0.0))
-    rig.inject(Broken(Breakage.DEVICE_GONE))
+    rig.inject(InjectedFault(InjectedFaultKind.DEVICE_GONE))
     driven = 0
     while rig.card_state().drive_enabled and driven < 1000:
         with pytest.raises(PlantError):

@@ -75,7 +75,7 @@ def main() -> None:
         warm_up(lab, tuning)
     loop = Loop(Simulator(lab), lab, Ring.create(16), tuning)
     rig = VirtualRig(WIRING, Simulator(lab), None, WIRING, directions_proven=True, load_cells_measured=True)
-    brought_up = Loop(rig, lab, Ring.create(16), tuning)
+    commissioned = Loop(rig, lab, Ring.create(16), tuning)
     before = specialised()
     ask(
         loop,
@@ -103,7 +103,10 @@ def main() -> None:
             Reset(),
         ),
     )
-    ask(brought_up, (TryMotor("A"), ProveDirections(proven=True), Home(0.5), SetMode(Mode.PRETENSION), TryModule()))
+    ask(
+        commissioned,
+        (TryMotor("A"), ProveDirections(proven=True), Home(0.5), SetMode(Mode.PRETENSION), TryModule()),
+    )
     for name, signature in sorted(specialised() - before):
         print(name, signature)
 

@@ -34,7 +34,7 @@ from backend.storage import recordings
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from backend.tuning.gains import TuningParameters
-from plant.interface import ONLY_OF_A_CARD, Breakage, Broken, Sensor
+from plant.interface import ONLY_OF_A_CARD, InjectedFault, InjectedFaultKind, Sensor
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
@@ -50,19 +50,24 @@ AFTER_TICKS = 600
 """What follows is looked at for so long: more than the card's watchdog waits."""
 
 CASES = [
-    (Broken(Breakage.DEVICE_GONE), Fault.PLANT_ERROR, "-201003", AT_ONCE),
-    (Broken(Breakage.BUFFER_OVERRUN), Fault.PLANT_ERROR, "-200222", AT_ONCE),
-    (Broken(Breakage.LOST_SAMPLE), Fault.PLANT_ERROR, "-200279", AT_ONCE),
-    (Broken(Breakage.STUCK, Sensor.F_A), Fault.SENSOR_STUCK, "F_A stands", 1000),
-    (Broken(Breakage.STUCK, Sensor.THETA_B), Fault.SENSOR_STUCK, "theta_B", 1000),
-    (Broken(Breakage.NO_NUMBER, Sensor.F_B), Fault.SENSOR_INVALID, "no number from F_B", AT_ONCE),
-    (Broken(Breakage.NO_NUMBER, Sensor.THETA_A), Fault.SENSOR_INVALID, "no number from theta_A", AT_ONCE),
-    (Broken(Breakage.SATURATION, Sensor.F_A), Fault.SENSOR_SATURATED, "F_A reads 10.00 V", AT_ONCE),
-    (Broken(Breakage.LOST_COUNTS, Sensor.Q), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),
-    (Broken(Breakage.LOST_COUNTS, Sensor.THETA_A), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),
-    (Broken(Breakage.SWAPPED_LOAD_CELLS), Fault.IMPLAUSIBLE, "F_B = ", 2000),
-    (Broken(Breakage.SWAPPED_ENCODERS), Fault.MOTOR_REVERSED, "runs away from", 1000),
-    (Broken(Breakage.SWAPPED_MOTORS), Fault.MOTOR_REVERSED, "runs away from", 400),
+    (InjectedFault(InjectedFaultKind.DEVICE_GONE), Fault.PLANT_ERROR, "-201003", AT_ONCE),
+    (InjectedFault(InjectedFaultKind.BUFFER_OVERRUN), Fault.PLANT_ERROR, "-200222", AT_ONCE),
+    (InjectedFault(InjectedFaultKind.LOST_SAMPLE), Fault.PLANT_ERROR, "-200279", AT_ONCE),
+    (InjectedFault(InjectedFaultKind.STUCK, Sensor.F_A), Fault.SENSOR_STUCK, "F_A stands", 1000),
+    (InjectedFault(InjectedFaultKind.STUCK, Sensor.THETA_B), Fault.SENSOR_STUCK, "theta_B", 1000),
+    (InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.F_B), Fault.SENSOR_INVALID, "no number from F_B", AT_ONCE),
+    (
+        InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.THETA_A),
+        Fault.SENSOR_INVALID,
+        "no number from theta_A",
+        AT_ONCE,
+    ),
+    (InjectedFault(InjectedFaultKind.SATURATION, Sensor.F_A), Fault.SENSOR_SATURATED, "F_A reads 10.00 V", AT_ONCE),
+    (InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.Q), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),
+    (InjectedFault(InjectedFaultKind.LOST_COUNTS, Sensor.THETA_A), Fault.IMPLAUSIBLE, "but the encoders stretch", 1500),
+    (InjectedFault(InjectedFaultKind.SWAPPED_LOAD_CELLS), Fault.IMPLAUSIBLE, "F_B = ", 2000),
+    (InjectedFault(InjectedFaultKind.SWAPPED_ENCODERS), Fault.MOTOR_REVERSED, "runs away from", 1000),
+    (InjectedFault(InjectedFaultKind.SWAPPED_MOTORS), Fault.MOTOR_REVERSED, "runs away from", 400),
 ]
 
 
@@ -127,14 +132,14 @@ def test_everything_that_only_a_card_has_is_tried() -> None:
 
 @pytest.mark.parametrize(("broken", "fault", "says", "within"), CASES, ids=lambda value: getattr(value, "words", None))
 def test_a_broken_card_ends_in_a_fault_and_zero_volts(
-    database: Database, broken: Broken, fault: Fault, says: str, within: int
+    database: Database, broken: InjectedFault, fault: Fault, says: str, within: int
 ) -> None:
     async def session() -> None:
         bench = Session(database)
         await bench.begin()
         injected = bench.loop.ring.count
         assert isinstance(await bench.loop.send(Inject(broken)), Accepted)
-        if broken.kind is Breakage.SWAPPED_LOAD_CELLS:  # seen once the tendons pull with different force
+        if broken.kind is InjectedFaultKind.SWAPPED_LOAD_CELLS:  # seen once the tendons pull with different force
             assert isinstance(await bench.loop.send(ApplyPush(20.0, 1.0)), Accepted)
         await bench.loop.advance_until(bench.tripped, timeout_s=within * 1e-3)
         latched = bench.loop.ring.count - 1
@@ -143,9 +148,9 @@ def test_a_broken_card_ends_in_a_fault_and_zero_volts(
         await bench.loop.advance(AFTER_TICKS * 1e-3)
         card = bench.rig.card_state()
         assert (card.u_A, card.u_B) == (0.0, 0.0)
-        assert card.drive_enabled == (broken.kind is not Breakage.DEVICE_GONE)
+        assert card.drive_enabled == (broken.kind is not InjectedFaultKind.DEVICE_GONE)
         # No stop is proven at a card that takes no word: what fails is told instead.
-        gone = broken.kind is Breakage.DEVICE_GONE
+        gone = broken.kind is InjectedFaultKind.DEVICE_GONE
         (told,) = [event.reason for event in bench.failing] if gone else [event.detail for event in bench.stops]
         assert says in told
         assert len(bench.stops) == (not gone)
@@ -153,7 +158,7 @@ def test_a_broken_card_ends_in_a_fault_and_zero_volts(
 
         _, rows, _ = bench.loop.ring.read(injected, latched + AFTER_TICKS - injected)
         at_outputs = rows[latched - injected :, [INDEX["u_A"], INDEX["u_B"]]]
-        if broken.kind is Breakage.DEVICE_GONE:  # it took no zero volts: what it had is shown
+        if broken.kind is InjectedFaultKind.DEVICE_GONE:  # it took no zero volts: what it had is shown
             assert np.all(at_outputs == rows[0, [INDEX["u_A"], INDEX["u_B"]]])
             assert np.all(at_outputs != 0.0)
         else:
@@ -176,7 +181,7 @@ def test_swapped_motors_are_stopped_before_the_joint_runs_away(database: Databas
         bench = Session(database)
         await bench.begin()
         injected = bench.loop.ring.count
-        await bench.loop.send(Inject(Broken(Breakage.SWAPPED_MOTORS)))
+        await bench.loop.send(Inject(InjectedFault(InjectedFaultKind.SWAPPED_MOTORS)))
         await bench.loop.advance_until(bench.tripped, timeout_s=2.0)
         _, rows, _ = bench.loop.ring.read(injected, bench.loop.ring.count - injected)
         driven = np.abs(rows[:, INDEX["u_A"]]) > 2.8
@@ -193,7 +198,7 @@ def test_a_mended_card_goes_on_after_a_reset(database: Database) -> None:
     async def session() -> None:
         bench = Session(database)
         await bench.begin()
-        await bench.loop.send(Inject(Broken(Breakage.DEVICE_GONE)))
+        await bench.loop.send(Inject(InjectedFault(InjectedFaultKind.DEVICE_GONE)))
         await bench.loop.advance(AFTER_TICKS * 1e-3)
         assert bench.rig.card_state().expired
         await bench.loop.send(Inject(None))

@@ -9,7 +9,7 @@ from backend.faults import EXPLANATIONS, Fault, describe_fault
 from backend.realtime.commands import Inject, Stop, Stopped
 from backend.realtime.control_loop import FaultDescriber
 from backend.units import AngleUnit, format_text
-from plant.interface import NO_RAW, NOT_MEASURED, Breakage, Broken, MotorCommand, Sensor
+from plant.interface import NO_RAW, NOT_MEASURED, InjectedFault, InjectedFaultKind, MotorCommand, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from tests.realtime.test_faults import moving, until_tripped
 
@@ -25,28 +25,40 @@ def lab() -> PlantParameters:
 @pytest.mark.parametrize(
     ("broken", "expected"),
     [
-        (Broken(Breakage.JUMP, Sensor.Q), r"A sensor jumped further than the rig can move: q went from .* to .* rad\."),
-        (Broken(Breakage.JUMP, Sensor.F_A), r".*: F_A went from .* to .* N\."),
-        (Broken(Breakage.STUCK, Sensor.F_B), r".*: F_B stands at .* N although its motor turned by .* rad\."),
-        (Broken(Breakage.DRIFT_UP, Sensor.Q), r"The joint left its range: q = .* rad; the bound is .* rad .*\."),
         (
-            Broken(Breakage.DRIFT_UP, Sensor.F_A),
+            InjectedFault(InjectedFaultKind.JUMP, Sensor.Q),
+            r"A sensor jumped further than the rig can move: q went from .* to .* rad\.",
+        ),
+        (InjectedFault(InjectedFaultKind.JUMP, Sensor.F_A), r".*: F_A went from .* to .* N\."),
+        (
+            InjectedFault(InjectedFaultKind.STUCK, Sensor.F_B),
+            r".*: F_B stands at .* N although its motor turned by .* rad\.",
+        ),
+        (
+            InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.Q),
+            r"The joint left its range: q = .* rad; the bound is .* rad .*\.",
+        ),
+        (
+            InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.F_A),
             r"A tendon pulled harder than its limit: F_A = .* N above .* N; F_B = .* N\.",
         ),
         (
-            Broken(Breakage.DRIFT_DOWN, Sensor.F_A),
+            InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.F_A),
             r"A tendon was slack for too long: F_A = .* N below .* N for .*; F_B = .* N\.",
         ),
-        (Broken(Breakage.NO_NUMBER, Sensor.Q), r"A sensor gave no number: no number from q\."),
-        (Broken(Breakage.DRIFT_DOWN, Sensor.THETA_A), r"Tension and motor positions contradict each other: F_A = .*"),
+        (InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.Q), r"A sensor gave no number: no number from q\."),
         (
-            Broken(Breakage.SAFETY_TRIP),
+            InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.THETA_A),
+            r"Tension and motor positions contradict each other: F_A = .*",
+        ),
+        (
+            InjectedFault(InjectedFaultKind.SAFETY_TRIP),
             r"The independent safety module cut the motors: .*F_A = .* N, F_B = .* N, q = .* rad .*",
         ),
     ],
-    ids=lambda value: f"{value.kind}-{value.sensor}" if isinstance(value, Broken) else "",
+    ids=lambda value: f"{value.kind}-{value.sensor}" if isinstance(value, InjectedFault) else "",
 )
-def test_a_fault_is_one_sentence_with_units(lab: PlantParameters, broken: Broken, expected: str) -> None:
+def test_a_fault_is_one_sentence_with_units(lab: PlantParameters, broken: InjectedFault, expected: str) -> None:
     bench = moving(lab)
     bench.send(Inject(broken))
     until_tripped(bench, 2000)

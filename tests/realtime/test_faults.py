@@ -29,7 +29,7 @@ from backend.realtime.commands import (
 )
 from backend.realtime.modes import Mode
 from backend.sample import INDEX
-from plant.interface import Breakage, Broken, Sensor
+from plant.interface import InjectedFault, InjectedFaultKind, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from plant.safety_card import Card
 from plant.simulator import Simulator
@@ -57,7 +57,7 @@ class Case:
     """``broken`` leads to ``fault``; ``began`` finds the tick of the cause in the samples, else it is the injection."""
 
     fault: Fault
-    broken: Broken
+    broken: InjectedFault
     began: Callable[[BenchTop, int], int] | None = None
 
 
@@ -73,16 +73,26 @@ def contradicted(bench: BenchTop, injected: int) -> int:
 
 
 CASES = [
-    *(Case(Fault.SENSOR_INVALID, Broken(Breakage.NO_NUMBER, sensor)) for sensor in Sensor),
-    *(Case(Fault.SENSOR_STUCK, Broken(Breakage.STUCK, sensor)) for sensor in Sensor),
-    *(Case(Fault.SENSOR_JUMP, Broken(Breakage.JUMP, sensor)) for sensor in Sensor),
-    *(Case(Fault.FORCE_LIMIT, Broken(Breakage.DRIFT_UP, F), first(F, lambda x: x > 50.0)) for F in CELLS),
-    *(Case(Fault.SLACK, Broken(Breakage.DRIFT_DOWN, F), first(F, lambda x: x < F_SLACK)) for F in CELLS),
-    Case(Fault.JOINT_LIMIT, Broken(Breakage.DRIFT_UP, Sensor.Q), first("q", lambda x: np.abs(x) > np.pi / 2)),
-    Case(Fault.IMPLAUSIBLE, Broken(Breakage.DRIFT_DOWN, Sensor.THETA_A), contradicted),
-    Case(Fault.SAFETY_MODULE, Broken(Breakage.SAFETY_TRIP)),
-    Case(Fault.PLANT_ERROR, Broken(Breakage.READ_ERROR)),
-    Case(Fault.PLANT_ERROR, Broken(Breakage.WRITE_ERROR)),
+    *(Case(Fault.SENSOR_INVALID, InjectedFault(InjectedFaultKind.NO_NUMBER, sensor)) for sensor in Sensor),
+    *(Case(Fault.SENSOR_STUCK, InjectedFault(InjectedFaultKind.STUCK, sensor)) for sensor in Sensor),
+    *(Case(Fault.SENSOR_JUMP, InjectedFault(InjectedFaultKind.JUMP, sensor)) for sensor in Sensor),
+    *(
+        Case(Fault.FORCE_LIMIT, InjectedFault(InjectedFaultKind.DRIFT_UP, F), first(F, lambda x: x > 50.0))
+        for F in CELLS
+    ),
+    *(
+        Case(Fault.SLACK, InjectedFault(InjectedFaultKind.DRIFT_DOWN, F), first(F, lambda x: x < F_SLACK))
+        for F in CELLS
+    ),
+    Case(
+        Fault.JOINT_LIMIT,
+        InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.Q),
+        first("q", lambda x: np.abs(x) > np.pi / 2),
+    ),
+    Case(Fault.IMPLAUSIBLE, InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.THETA_A), contradicted),
+    Case(Fault.SAFETY_MODULE, InjectedFault(InjectedFaultKind.SAFETY_TRIP)),
+    Case(Fault.PLANT_ERROR, InjectedFault(InjectedFaultKind.READ_ERROR)),
+    Case(Fault.PLANT_ERROR, InjectedFault(InjectedFaultKind.WRITE_ERROR)),
 ]
 STEPPED_OTHERWISE = {
     Fault.STOP_PRESSED,
@@ -129,25 +139,29 @@ def test_an_injected_fault_stops_in_its_documented_time(lab: PlantParameters, ca
     assert injected <= began <= latched
     assert latched - began + 1 <= documented_ms(case.fault)
     proofs = [event.zero_tick - event.arrived_tick for event in bench.events if isinstance(event, Stopped)]
-    if case.broken.kind is Breakage.WRITE_ERROR:  # nobody can prove what the outputs do then
+    if case.broken.kind is InjectedFaultKind.WRITE_ERROR:  # nobody can prove what the outputs do then
         assert not proofs
     else:
         assert u[:, latched:].max() == 0.0
         assert [ticks <= 2 for ticks in proofs] == [True]
 
 
-@pytest.mark.parametrize("kind", [Breakage.READ_ERROR, Breakage.WRITE_ERROR, Breakage.NO_NUMBER])
-def test_a_fault_that_lasts_is_told_when_it_begins_and_when_it_ends(lab: PlantParameters, kind: Breakage) -> None:
+@pytest.mark.parametrize(
+    "kind", [InjectedFaultKind.READ_ERROR, InjectedFaultKind.WRITE_ERROR, InjectedFaultKind.NO_NUMBER]
+)
+def test_a_fault_that_lasts_is_told_when_it_begins_and_when_it_ends(
+    lab: PlantParameters, kind: InjectedFaultKind
+) -> None:
     bench = moving(lab)
     bench.events.clear()
-    bench.send(Inject(Broken(kind)))
+    bench.send(Inject(InjectedFault(kind)))
     bench.advance(3.0)
     # A STOP in the middle of it has its proof at once, where the outputs can be written at all.
     before = len(bench.events)
     arrived = bench.send(Stop()).tick
     bench.advance(0.1)
     proofs = [event for event in bench.events[before:] if isinstance(event, Stopped)]
-    if kind is Breakage.WRITE_ERROR:
+    if kind is InjectedFaultKind.WRITE_ERROR:
         assert not proofs
     else:
         (proof,) = proofs
@@ -159,7 +173,7 @@ def test_a_fault_that_lasts_is_told_when_it_begins_and_when_it_ends(lab: PlantPa
     stops = [event for event in told if isinstance(event, Stopped)]
     assert len(stops) <= 2
     assert len([event for event in told if isinstance(event, ModeChanged)]) == 1
-    always_read = kind is Breakage.NO_NUMBER
+    always_read = kind is InjectedFaultKind.NO_NUMBER
     expected = [] if always_read else [PlantFailing, PlantAnswers]
     assert [type(event) for event in told if isinstance(event, PlantFailing | PlantAnswers)] == expected
 
@@ -168,7 +182,7 @@ def test_a_write_error_while_tripped_is_known(lab: PlantParameters) -> None:
     bench = moving(lab)
     bench.send(Stop())
     bench.advance(0.1)
-    bench.send(Inject(Broken(Breakage.WRITE_ERROR)))
+    bench.send(Inject(InjectedFault(InjectedFaultKind.WRITE_ERROR)))
     bench.advance(0.1)
     assert bench.loop.fault is Fault.STOP_PRESSED
     (failing,) = (event for event in bench.events if isinstance(event, PlantFailing))
@@ -182,7 +196,7 @@ def test_a_hard_stop_overtakes_a_soft_one_while_the_plant_fails(lab: PlantParame
     bench.advance(0.01)
     before = bench.loop.mode
     assert before is Mode.STOPPING
-    bench.send(Inject(Broken(Breakage.READ_ERROR)))
+    bench.send(Inject(InjectedFault(InjectedFaultKind.READ_ERROR)))
     bench.advance(0.001)
     assert bench.loop.mode is Mode.TRIPPED
     assert bench.column("u_A")[-1] == bench.column("u_B")[-1] == 0.0
@@ -191,7 +205,7 @@ def test_a_hard_stop_overtakes_a_soft_one_while_the_plant_fails(lab: PlantParame
 def test_a_plant_that_fails_now_and_then_is_told_of_once(lab: PlantParameters) -> None:
     bench = moving(lab)
     for _ in range(200):
-        bench.send(Inject(Broken(Breakage.READ_ERROR)))
+        bench.send(Inject(InjectedFault(InjectedFaultKind.READ_ERROR)))
         bench.advance(0.003)
         bench.send(Inject(None))
         bench.advance(0.003)
@@ -200,9 +214,9 @@ def test_a_plant_that_fails_now_and_then_is_told_of_once(lab: PlantParameters) -
 
 
 def test_an_injection_that_lasts_keeps_the_fault_and_a_mended_plant_goes_on(lab: PlantParameters) -> None:
-    for kind in (Breakage.NO_NUMBER, Breakage.READ_ERROR):
+    for kind in (InjectedFaultKind.NO_NUMBER, InjectedFaultKind.READ_ERROR):
         bench = moving(lab)
-        bench.send(Inject(Broken(kind)))
+        bench.send(Inject(InjectedFault(kind)))
         bench.advance(0.3)
         assert isinstance(bench.send(Reset()), Refused)
         assert isinstance(bench.send(Inject(None)), Accepted)
@@ -217,7 +231,7 @@ def test_an_injection_that_lasts_keeps_the_fault_and_a_mended_plant_goes_on(lab:
 def test_doubtful_encoders_are_zeroed_anew(lab: PlantParameters) -> None:
     """A tendon that slipped for good: the next pretension finds the zeros where they are now."""
     bench = moving(lab)
-    bench.send(Inject(Broken(Breakage.DRIFT_DOWN, Sensor.THETA_A)))
+    bench.send(Inject(InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.THETA_A)))
     until_tripped(bench, 1000)
     bench.send(Reset())
     bench.run(run=2)
@@ -277,7 +291,7 @@ def test_a_dead_watchdog_is_a_trip_and_the_drives_stay_off(lab: PlantParameters)
     bench = moving(lab, card)
     assert card.state().u_A != 0.0
     looks = card.state().polls
-    bench.send(Inject(Broken(Breakage.WATCHDOG_DEATH)))
+    bench.send(Inject(InjectedFault(InjectedFaultKind.WATCHDOG_DEATH)))
     begun_s = time.monotonic()
     while bench.loop.mode is not Mode.TRIPPED:
         assert time.monotonic() - begun_s < 20.0, "nobody noticed that the watchdog is dead"
@@ -298,7 +312,7 @@ def test_a_dead_watchdog_is_a_trip_and_the_drives_stay_off(lab: PlantParameters)
 
 def test_samples_stay_numbers_after_a_reading_that_was_none(lab: PlantParameters) -> None:
     bench = moving(lab)
-    bench.send(Inject(Broken(Breakage.NO_NUMBER, Sensor.Q)))
+    bench.send(Inject(InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.Q)))
     bench.advance(0.01)
     bench.send(Inject(None))
     bench.advance(0.01)

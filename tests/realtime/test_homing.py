@@ -27,7 +27,7 @@ from backend.realtime.modes import MODE_CODE, HomingEnd, Mode
 from backend.realtime.program import SetTuning
 from backend.sample import INDEX
 from plant.dynamics import PlantState
-from plant.manual_input import NO_HAND, ManualInput
+from plant.manual_input import NO_MANUAL_INPUT, ManualInput
 from plant.parameters import load_parameters
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
@@ -143,7 +143,7 @@ def test_a_loop_that_was_started_far_from_the_middle_homes_from_where_the_joint_
     bench = Bench(tuning, 1.3, FAR, FAR)
     asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(q=0.0, theta_A=0.0, theta_B=0.0))))
     asyncio.run(bench.loop.advance(3.0))
-    asyncio.run(bench.loop.send(SimulateManualInput(NO_HAND)))
+    asyncio.run(bench.loop.send(SimulateManualInput(NO_MANUAL_INPUT)))
     bench.rig.zeroed = known
     way = bench.homed(-0.4)
     if known:
@@ -160,7 +160,7 @@ def test_a_stop_on_that_way_can_be_reset_where_the_joint_stands(tuning: SetTunin
     bench = Bench(tuning, 1.3, FAR, FAR)
     asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(q=0.0, theta_A=0.0, theta_B=0.0))))
     asyncio.run(bench.loop.advance(3.0))
-    asyncio.run(bench.loop.send(SimulateManualInput(NO_HAND)))
+    asyncio.run(bench.loop.send(SimulateManualInput(NO_MANUAL_INPUT)))
     bench.rig.zeroed = False
 
     def newest(name: str) -> float:

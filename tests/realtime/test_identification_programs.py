@@ -14,7 +14,7 @@ from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.motions import make_voltage_steps_state
 from backend.realtime.program import Law, Program, TensionLeg, VoltageStep
 from backend.tuning.gains import TuningParameters, make_cascade_tuning
-from plant.interface import Breakage, Broken, Measurement, Sensor
+from plant.interface import InjectedFault, InjectedFaultKind, Measurement, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from plant.quantity import Angle
 from tests.realtime.bench_top import BenchTop
@@ -89,7 +89,7 @@ def test_slack_is_a_fault_again_after_the_steps(ideal: PlantParameters) -> None:
     while not bench.loop.is_pretension_done:
         bench.advance(0.1)
     bench.advance(1.0)
-    bench.send(Inject(Broken(Breakage.DRIFT_DOWN, Sensor.F_A)))
+    bench.send(Inject(InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.F_A)))
     bench.advance(0.3)
     assert bench.loop.fault == "slack"
 

@@ -17,7 +17,7 @@ from backend.realtime.program import SetTuning
 from backend.realtime.supervisor import Supervisor
 from backend.sample import INDEX
 from plant.calibration import wiring_fingerprint
-from plant.interface import Breakage, Broken, PlantChoice, PlantKind
+from plant.interface import InjectedFault, InjectedFaultKind, PlantChoice, PlantKind
 from plant.wiring import load_wiring
 from tests.realtime.test_supervisor import TIMEOUT_S, loop_processes
 
@@ -104,7 +104,7 @@ def test_a_card_that_is_gone_is_cut_by_its_own_watchdog(tuning: SetTuning) -> No
         supervisor = on(VIRTUAL, tuning)
         await supervisor.start()
         await wound_up(supervisor)
-        await supervisor.send(Inject(Broken(Breakage.DEVICE_GONE)))
+        await supervisor.send(Inject(InjectedFault(InjectedFaultKind.DEVICE_GONE)))
         await supervisor.advance_until(lambda: newest(supervisor, "mode") == MODE_CODE[Mode.TRIPPED], timeout_s=20.0)
         assert newest(supervisor, "fault") == FAULT_CODE[Fault.PLANT_ERROR]
         await until_off(supervisor)

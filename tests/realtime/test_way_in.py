@@ -7,7 +7,7 @@ import pytest
 
 from backend.realtime.control_loop import Loop
 from backend.realtime.program import SetTuning
-from plant.interface import Breakage, Broken, Measurement, PlantError
+from plant.interface import InjectedFault, InjectedFaultKind, Measurement, PlantError
 from plant.parameters import PlantParameters
 from plant.safety_card import Card
 from plant.simulator import Simulator
@@ -22,7 +22,7 @@ def rig_and_card(parameters: PlantParameters) -> VirtualRig:
 
 def test_a_rig_whose_first_reading_fails_is_left_with_its_drives_off(ideal: PlantParameters, tuning: SetTuning) -> None:
     rig = rig_and_card(ideal)
-    rig.inject(Broken(Breakage.BUFFER_OVERRUN))
+    rig.inject(InjectedFault(InjectedFaultKind.BUFFER_OVERRUN))
     with pytest.raises(PlantError, match="-200222"):
         Loop(rig, ideal, Samples(), tuning)
     assert not rig.card_state().drive_enabled

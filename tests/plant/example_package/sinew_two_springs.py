@@ -71,7 +71,7 @@ class TwoSprings:
         """Refuse, as loads_shafts says."""
         raise PlantError("two-springs does not load its shafts")
 
-    def inject(self, broken: object) -> None:
+    def inject(self, injected_fault: object) -> None:
         """Refuse: nothing here can be broken to order."""
         raise PlantError("nothing of two-springs is broken to order")
 
