@@ -122,7 +122,7 @@ class OutOfRangeError(InvalidValueError):
     ``minimum`` or ``maximum`` is None where that side has no bound.
     """
 
-    code = "describe_out_of_range"
+    code = "out_of_range"
 
     def __init__(
         self,
