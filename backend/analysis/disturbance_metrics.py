@@ -429,9 +429,9 @@ def find_hits(columns: Columns, program: Program | None = None) -> tuple[Hit, ..
 def _list_thresholds(program: Program | None, samples: int) -> NDArray[np.float64]:
     """Return the threshold of the contact reaction [N] at each sample; nan without one."""
     thresholds_N, tick, contact_N = np.full(samples, np.nan), 0, 0.0
-    for segment in program.segments if program is not None and program.touches else ():
-        if program is not None and segment.touch:
-            contact_N = program.touches[segment.touch - 1].contact_N
+    for segment in program.segments if program is not None and program.contact_detections else ():
+        if program is not None and segment.contact_detection:
+            contact_N = program.contact_detections[segment.contact_detection - 1].contact_N
         after = tick + round(segment.duration_s / T_s)
         thresholds_N[tick:after] = contact_N or np.nan
         tick = after

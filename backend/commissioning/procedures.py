@@ -34,13 +34,13 @@ from backend.realtime import (
     HomingEnd,
     LoopExited,
     Mode,
+    ModeCause,
     ModeChanged,
     Reset,
     SetMode,
     Stop,
     TryModule,
     TryMotor,
-    Why,
     Zero,
     compute_switch_travel,
 )
@@ -218,7 +218,7 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
     )
     await context.release_rig()
     await context.switch_drives_on()
-    ends: list[Why] = []
+    ends: list[ModeCause] = []
 
     def on_event(event: Event | LoopExited) -> None:
         if isinstance(event, ModeChanged) and event.before is Mode.IDENTIFY:
@@ -248,7 +248,7 @@ async def home_joint(context: ProcedureContext) -> StepFinding:
     return StepFinding(True, f"the joint's encoder counts from the end switch at {Angle(position):.4g}", figures)
 
 
-def _describe_end(cause: Why) -> str:
+def _describe_end(cause: ModeCause) -> str:
     if not isinstance(cause, HomingEnd) or cause not in _REMEDIES:
         return f"the loop stopped on the way ({cause}): the status line says why; reset it, and try again"
     limit = f", {HOMING_TENSION_MAX_N:g} N at most" if cause is HomingEnd.TENSION else ""

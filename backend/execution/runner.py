@@ -283,7 +283,7 @@ async def calibrate_force_bias(loop: object, program: Program, tuning: SetTuning
     Raises ProgramRejectedError if the joint did not come to rest.
     """
     rejects = any(item.k_ext > 0.0 for item in (tuning, *program.tunings))
-    if not rejects or not isinstance(loop, SimulatedLoop) or loop.learned:
+    if not rejects or not isinstance(loop, SimulatedLoop) or loop.has_bias:
         return
     await _enter_run_mode(loop)
     points = []

@@ -27,8 +27,8 @@ from backend.models import Phase, Value, complete_motion, describe_settings
 from backend.realtime import (
     CONTACT_MAX_N,
     CONTACT_MIN_N,
+    MAX_CONTACT_DETECTIONS,
     MAX_SEGMENTS,
-    MAX_TOUCHES,
     MAX_TUNINGS,
     MAX_WALLS,
     NEIGHBOUR,
@@ -312,14 +312,14 @@ class ContactDetectionSequence:
     @property
     def has_unused_calibration(self) -> bool:
         """Whether a calibration is the last change, without a segment after it."""
-        return len(self.items) > self._taken_count and self.items[-1].learns
+        return len(self.items) > self._taken_count and self.items[-1].calibrates_bias
 
     def add_calibration(self, S: float) -> str:
         """Calibrate the bias of the external force at rest at the stiffness S [N·m/rad]."""
         if self._ends_parts:
             return "nothing is learned within what a contact ends: learn before it"
         self._calibrated_S.append(S)
-        return self._append(ContactDetection(0.0, learns=True))
+        return self._append(ContactDetection(0.0, calibrates_bias=True))
 
     def begin_contact_end(self, contact_N: float, S: float) -> str:
         """Let contacts above ``contact_N`` [N] end the following parts, which begin at S [N·m/rad]."""
@@ -347,10 +347,12 @@ class ContactDetectionSequence:
 
     def _append(self, detection: ContactDetection) -> str:
         if len(self.items) > self._taken_count:
-            self.items[-1] = ContactDetection(detection.contact_N, self.items[-1].learns or detection.learns)
+            self.items[-1] = ContactDetection(
+                detection.contact_N, self.items[-1].calibrates_bias or detection.calibrates_bias
+            )
             return ""
-        if len(self.items) == MAX_TOUCHES:
-            return f"{MAX_TOUCHES} changes of what is given way to are the most: split the experiment"
+        if len(self.items) == MAX_CONTACT_DETECTIONS:
+            return f"{MAX_CONTACT_DETECTIONS} changes of what is given way to are the most: split the experiment"
         self.items.append(detection)
         return ""
 
@@ -697,8 +699,8 @@ class _Compiler(NumberReader):
         if self._assigned_walls != len(self._walls):
             self._assigned_walls = len(self._walls)
             segment = replace(segment, wall=self._assigned_walls)
-        if touch := self._detections.take_next_number():
-            segment = replace(segment, touch=touch)
+        if contact_detection := self._detections.take_next_number():
+            segment = replace(segment, contact_detection=contact_detection)
         self._duration_s += segment.duration_s
         with error_context(self._path, self._lines):
             words = "time of all parts up to here"

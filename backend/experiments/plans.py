@@ -63,7 +63,10 @@ class ExperimentPlan:
     def program(self) -> Program:
         """Return the program, without the gains of tuning changes, which depend on the models of the banks."""
         return Program(
-            self.law, self.compiled.segments, walls=self.compiled.walls, touches=self.compiled.contact_detections
+            self.law,
+            self.compiled.segments,
+            walls=self.compiled.walls,
+            contact_detections=self.compiled.contact_detections,
         )
 
     def phases(self) -> tuple[Phase, ...]:

@@ -47,15 +47,15 @@ from .headless import SimulatedLoop
 from .heartbeat import WatchdogMonitor
 from .ipc import Setup
 from .launching import LoopProcess, launch_loop
-from .modes import LEGAL, MODE_CODE, MODES, MOVING, Cause, CommandRejectedError, HomingEnd, Mode, Why
+from .modes import LEGAL, MODE_CODE, MODES, MOVING, Cause, CommandRejectedError, HomingEnd, Mode, ModeCause
 from .motions import make_segment_player
 from .process import SILENCE_S
 from .program import (
     CONTACT_MAX_N,
     CONTACT_MIN_N,
     IDENTIFYING,
+    MAX_CONTACT_DETECTIONS,
     MAX_SEGMENTS,
-    MAX_TOUCHES,
     MAX_TUNINGS,
     MAX_WALLS,
     NEIGHBOUR,
@@ -93,8 +93,8 @@ __all__ = [
     "IDENTIFYING",
     "LATENESS_EDGES_S",
     "LEGAL",
+    "MAX_CONTACT_DETECTIONS",
     "MAX_SEGMENTS",
-    "MAX_TOUCHES",
     "MAX_TUNINGS",
     "MAX_WALLS",
     "MODES",
@@ -129,6 +129,7 @@ __all__ = [
     "LoopExitedError",
     "LoopProcess",
     "Mode",
+    "ModeCause",
     "ModeChanged",
     "Obstruct",
     "Pacer",
@@ -167,7 +168,6 @@ __all__ = [
     "VoltageStep",
     "WallChanged",
     "WatchdogMonitor",
-    "Why",
     "Zero",
     "commands",
     "compute_switch_travel",

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from backend.faults import Fault
-from backend.realtime.modes import Mode, Why
+from backend.realtime.modes import Mode, ModeCause
 from backend.realtime.program import BiasLost as BiasLost
 from backend.realtime.program import ConfigureContactDetection as ConfigureContactDetection
 from backend.realtime.program import ContactDetected as ContactDetected
@@ -246,7 +246,7 @@ class ModeChanged:
     tick: int
     before: Mode
     after: Mode
-    cause: Why
+    cause: ModeCause
 
 
 @dataclass(frozen=True)
@@ -286,7 +286,7 @@ class RunEnded:
     tick: int
     run: int
     completed: bool
-    why: Why
+    why: ModeCause
     detail: str = ""
 
 

@@ -18,7 +18,7 @@ from backend.realtime.program import (
     CONTACT_MAX_N,
     CONTACT_MIN_N,
     IDENTIFYING,
-    MAX_TOUCHES,
+    MAX_CONTACT_DETECTIONS,
     MAX_WALLS,
     NEIGHBOUR,
     NO_WALL,
@@ -124,12 +124,14 @@ class Contact:
 
     def require_program(self, program: Program) -> None:
         """Raise CommandRejectedError or OutOfRangeError for impossible contact detections."""
-        detections = program.touches
+        detections = program.contact_detections
         words = "number of changes of what is given way to"
-        check_range("touches", len(detections), None, MAX_TOUCHES, "1", label=words)
+        check_range("touches", len(detections), None, MAX_CONTACT_DETECTIONS, "1", label=words)
         for segment in program.segments:
-            if not 0 <= segment.touch <= len(detections):
-                raise CommandRejectedError(f"a segment wants touch {segment.touch} of the program's {len(detections)}")
+            if not 0 <= segment.contact_detection <= len(detections):
+                raise CommandRejectedError(
+                    f"a segment wants touch {segment.contact_detection} of the program's {len(detections)}"
+                )
         for detection in detections:
             if detection.contact_N != 0.0:
                 check_range(
@@ -150,7 +152,7 @@ class Contact:
 
     def begin(self, program: Program) -> None:
         """Store the contact detections of a program, numbered from 1."""
-        self._program_detections = program.touches
+        self._program_detections = program.contact_detections
 
     def use(self, number: int) -> None:
         """Activate a contact detection of the program.
@@ -158,7 +160,7 @@ class Contact:
         Without a calibrated bias no contact is detected.
         """
         detection = self._program_detections[number - 1] if number else ContactDetection()
-        if detection.learns:
+        if detection.calibrates_bias:
             self._calibrate_bias()
         is_reliable = bool(self._program_bias) and detection.contact_N >= SIGMAS * self._noise_N
         self._program_threshold_N = detection.contact_N if is_reliable and detection.contact_N else math.inf
@@ -235,7 +237,7 @@ def _split_program(program: Program, position: int, elapsed: int) -> tuple[int, 
     """
     segments = program.segments
     ends = range(position + 1, len(segments))
-    end = next((index for index in ends if segments[index].touch), len(segments))
+    end = next((index for index in ends if segments[index].contact_detection), len(segments))
     ticks = sum(round(segment.duration_s / T_s) for segment in segments[position:end]) - elapsed
     rest = segments[end:]
     if rest:
@@ -265,7 +267,15 @@ def make_yielding_motion(
     S_now = min(max(S, bounds.S_min), bounds.S_max)
     segments = tuple(
         Segment(
-            T_s * count, q, S_ref, F_push, load_A=load_A, load_B=load_B, tuning=number, wall=obstacle, touch=detection
+            T_s * count,
+            q,
+            S_ref,
+            F_push,
+            load_A=load_A,
+            load_B=load_B,
+            tuning=number,
+            wall=obstacle,
+            contact_detection=detection,
         )
         for count, S_ref in ((min(SETTLING_TICKS, ticks), S_now), (max(ticks - SETTLING_TICKS, 0), bounds.S_min))
     )

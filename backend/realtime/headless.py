@@ -18,7 +18,7 @@ class SimulatedLoop:
     """A ``LoopClient`` without clock, process or heartbeat.
 
     ``each_batch`` is called after at most 1000 ticks and at the end of each advance, to record or to show progress.
-    ``learned``: the bias of the external force is calibrated.
+    ``has_bias``: the bias of the external force is calibrated.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class SimulatedLoop:
         self._each_batch = each_batch
         self._listeners: list[EventListener] = []
         self._sequence = 0
-        self.learned = False
+        self.has_bias = False
 
     def listen(self, listener: EventListener) -> Callable[[], None]:
         """Call ``listener`` with each event; return a function that removes it."""
@@ -47,7 +47,7 @@ class SimulatedLoop:
         self._loop.handle(self._sequence, command)
         answer = next(event for event in self._deliver() if isinstance(event, Accepted | Refused))
         if isinstance(command, ConfigureContactDetection) and isinstance(answer, Accepted):
-            self.learned = len(command.bias) > 0
+            self.has_bias = len(command.bias) > 0
         return answer
 
     async def advance(self, seconds: float) -> None:
@@ -81,7 +81,7 @@ class SimulatedLoop:
     def _deliver(self) -> list[Event]:
         events = self._loop.drain_events()
         for event in events:
-            self.learned = self.learned and not isinstance(event, BiasLost)
+            self.has_bias = self.has_bias and not isinstance(event, BiasLost)
             for listener in tuple(self._listeners):
                 listener(event)
         return events

@@ -21,7 +21,7 @@ from backend.realtime.commands import (
 from backend.realtime.commissioning_motions import ModuleTrial
 from backend.realtime.contact import NO_ACTIVE_INPUTS, TAIL_TICKS, Contact, ProgramDisturbances, make_yielding_motion
 from backend.realtime.gains import ActiveGains
-from backend.realtime.modes import DRIVES_OFF, LEGAL, Cause, CommandRejectedError, Mode, Why
+from backend.realtime.modes import DRIVES_OFF, LEGAL, Cause, CommandRejectedError, Mode, ModeCause
 from backend.realtime.motions import (
     Baseline,
     Braking,
@@ -243,7 +243,7 @@ class ModeManager:
         tunings.begin(program_gains)
 
     def start_commissioning_motion(
-        self, make_motion: Callable[[MotorLoopState], Motion], cause: Why, context: TickContext
+        self, make_motion: Callable[[MotorLoopState], Motion], cause: ModeCause, context: TickContext
     ) -> None:
         """Start a commissioning motion from OFF."""
         self._enter(context, Mode.IDENTIFY, make_motion(self._get_motor_loops(context.m)), cause)
@@ -397,7 +397,7 @@ class ModeManager:
         context: TickContext,
         mode: Mode,
         motion: Motion | None,
-        cause: Why,
+        cause: ModeCause,
         run: int = 0,
         *,
         completed: bool = False,
@@ -415,7 +415,7 @@ class ModeManager:
         self.mode, self.motion, self.run = mode, motion, run
         self.is_completion_reported, self.contact.is_active = False, cause is Cause.CONTACT
 
-    def _enter_pretension(self, context: TickContext, cause: Why, *, completed: bool = False) -> None:
+    def _enter_pretension(self, context: TickContext, cause: ModeCause, *, completed: bool = False) -> None:
         motor_loops, is_zero_known, angles = (
             self._get_motor_loops(context.m),
             self.zeros.is_motor_zero_known,
@@ -438,7 +438,7 @@ class ModeManager:
         self.motion = PointToPointMotion(shifted, *self._programs.compute_motor_angles(PRETENSION_N))
         return m._replace(theta_A=m.theta_A + move_A, theta_B=m.theta_B + move_B)
 
-    def _brake(self, context: TickContext, cause: Why) -> None:
+    def _brake(self, context: TickContext, cause: ModeCause) -> None:
         if isinstance(self.motion, CommissioningMotion):  # the direction is unknown: braking could accelerate
             self._enter(context, Mode.OFF, None, cause)
             return

@@ -38,7 +38,7 @@ class HomingEnd(StrEnum):
     TOO_LONG = "homing: it took too long"
 
 
-Why = Cause | HomingEnd | Fault
+ModeCause = Cause | HomingEnd | Fault
 """Cause of a mode change; a fault if it stopped the loop."""
 
 

@@ -27,7 +27,7 @@ from backend.control import (
     tracking,
 )
 from backend.errors import check_range
-from backend.realtime.modes import Cause, CommandRejectedError, Why
+from backend.realtime.modes import Cause, CommandRejectedError, ModeCause
 from backend.realtime.program import Excitation, Law, Program, Segment, Shape, require_few, require_plant_ability
 from backend.tuning import TuningParameters, make_feedback_linearization_tuning, make_single_loop_tuning
 from plant import Measurement, Plant, PlantParameters, StateBlock, T_s, spring_elongation
@@ -65,7 +65,7 @@ def make_segment_player(segments: Sequence[Segment], first: Setpoint) -> setpoin
             segment.peak,
             segment.tuning,
             segment.wall,
-            segment.touch,
+            segment.contact_detection,
         )
         for segment in segments
     ]
@@ -330,7 +330,7 @@ class CommissioningMotion(PythonMotion):
     Never braked, as directions are not proven yet, but ended at zero volts. ``cause`` says how it ended.
     """
 
-    cause: Why = Cause.ASKED_FOR
+    cause: ModeCause = Cause.ASKED_FOR
 
 
 # Program motions -----------------------------------------------------------------------------------

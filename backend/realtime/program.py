@@ -121,7 +121,7 @@ MAX_TUNINGS = 50
 MAX_WALLS = 50
 """Most changes of the obstacle in a program."""
 
-MAX_TOUCHES = 200
+MAX_CONTACT_DETECTIONS = 200
 """Most changes of the contact detection in a program."""
 
 
@@ -175,12 +175,12 @@ class ContactDetection:
     """Contact detection of a program from a segment on.
 
     An external force above ``contact_N`` [N] ends the current part up to the next change of contact detection: for the
-    rest of that time the joint yields, then the program continues. 0 disables detection. ``learns``: the estimate at
-    the start of the segment, after rest, is stored as bias.
+    rest of that time the joint yields, then the program continues. 0 disables detection. ``calibrates_bias``: the
+    estimate at the start of the segment, after rest, is stored as bias.
     """
 
     contact_N: float = 0.0
-    learns: bool = False
+    calibrates_bias: bool = False
 
 
 @dataclass(frozen=True)
@@ -194,9 +194,9 @@ class Segment:
     of ``period_s``, divided by its largest value ``peak``. After the last three the references return to their values
     before.
 
-    ``load_A`` and ``load_B`` [N·m] load the motors' shafts during the whole segment. ``tuning``, ``wall`` and ``touch``
-    are numbers from 1 in the program's ``tunings``, ``walls`` and ``touches``, active from the first tick of the
-    segment; 0 changes nothing.
+    ``load_A`` and ``load_B`` [N·m] load the motors' shafts during the whole segment. ``tuning``, ``wall`` and
+    ``contact_detection`` are numbers from 1 in the program's ``tunings``, ``walls`` and ``contact_detections``, active
+    from the first tick of the segment; 0 changes nothing.
     """
 
     duration_s: float
@@ -212,7 +212,7 @@ class Segment:
     peak: float = 1.0
     tuning: int = 0
     wall: int = 0
-    touch: int = 0
+    contact_detection: int = 0
 
 
 def final_references(segment: Segment, q_ref: float, S_ref: float) -> tuple[float, float]:
@@ -298,8 +298,9 @@ class Program:
     starts. ``MOTOR_STEPS``: both tendons are slack, and each of ``steps`` starts after ``settle_s`` at its angle.
     ``TENSION_SWEEP``: both motors wind to ``tension_N``, wait for ``settle_s``, and follow ``legs``.
 
-    Segments activate ``tunings``, ``walls`` (obstacles, None for no obstacle) and ``touches`` (contact detections); the
-    tuning, obstacle and contact detection from before the program are restored after it, however it ends.
+    Segments activate ``tunings``, ``walls`` (obstacles, None for no obstacle) and ``contact_detections`` (contact
+    detections); the tuning, obstacle and contact detection from before the program are restored after it, however it
+    ends.
     """
 
     law: Law
@@ -311,7 +312,7 @@ class Program:
     legs: tuple[TensionLeg, ...] = ()
     tunings: tuple[SetTuning, ...] = ()
     walls: tuple[Obstacle | None, ...] = ()
-    touches: tuple[ContactDetection, ...] = ()
+    contact_detections: tuple[ContactDetection, ...] = ()
 
     @property
     def duration_s(self) -> float:

@@ -59,8 +59,9 @@ RETUNED = (
 )
 WALLED = (Segment(0.3, 0.0, 11.0, wall=1), Segment(0.9, 0.2, 11.0), Segment(0.3, 0.2, 11.0, wall=2))
 FELT = (
-    Segment(1.5, 0.0, 11.0, wall=1), Segment(0.5, 0.25, 11.0, shape=Shape.RAMP, touch=1), Segment(0.3, 0.25, 11.0),
-    Segment(0.3, 0.0, 11.0, shape=Shape.RAMP, touch=2), Segment(0.2, 0.0, 11.0),
+    Segment(1.5, 0.0, 11.0, wall=1), Segment(0.5, 0.25, 11.0, shape=Shape.RAMP, contact_detection=1),
+    Segment(0.3, 0.25, 11.0),
+    Segment(0.3, 0.0, 11.0, shape=Shape.RAMP, contact_detection=2), Segment(0.2, 0.0, 11.0),
 )  # fmt: skip
 RETUNINGS = (
     make_tuning_command(LAB, TuningParameters(0.8, 0.6)),
@@ -77,7 +78,7 @@ PROGRAMS = {
         Law.CASCADE,
         FELT,
         walls=(Obstacle(1.0, 0.1, 2e4, 1.0),),
-        touches=(ContactDetection(1.0, learns=True), ContactDetection()),
+        contact_detections=(ContactDetection(1.0, calibrates_bias=True), ContactDetection()),
     ),
     "single loop": Program(Law.SINGLE_LOOP, SEGMENTS),
     "feedback linearization": Program(Law.FEEDBACK_LINEARIZATION, SEGMENTS),

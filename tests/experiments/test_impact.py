@@ -79,7 +79,7 @@ def own_hit(driven: Driven, hit: Hit) -> tuple[float, float]:
     def rate(u_A: float, u_B: float, t: float, x: Array) -> list[float]:
         return own_rate(LAB, u_A, u_B, -r_j * pressed(x), t, x)
 
-    def touch(_t: float, x: Array) -> float:
+    def contact_detection(_t: float, x: Array) -> float:
         return depth(x)
 
     first = hit.window.start - AHEAD
@@ -88,7 +88,15 @@ def own_hit(driven: Driven, hit: Hit) -> tuple[float, float]:
         u_A, u_B = (round(driven.columns[u][tick] / step_V) * step_V for u in ("u_A", "u_B"))
         points = np.linspace(0.0, T_s, 11)
         solved = solve_ivp(
-            partial(rate, u_A, u_B), (0.0, T_s), x, "RK45", points, events=touch, rtol=1e-8, atol=1e-11, max_step=2e-4
+            partial(rate, u_A, u_B),
+            (0.0, T_s),
+            x,
+            "RK45",
+            points,
+            events=contact_detection,
+            rtol=1e-8,
+            atol=1e-11,
+            max_step=2e-4,
         )
         forces = np.array([pressed(at) for at in solved.y.T])
         peak, impulse = max(peak, float(forces.max())), impulse + float(np.trapezoid(forces, points))
@@ -154,7 +162,9 @@ def test_a_hit_is_detected_as_the_observers_poles_predict_and_the_reaction_follo
 
 
 def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
-    program = Program(Law.CASCADE, (Segment(2.0, 0.0, 8.0, touch=1),), touches=(ContactDetection(1.5),))
+    program = Program(
+        Law.CASCADE, (Segment(2.0, 0.0, 8.0, contact_detection=1),), contact_detections=(ContactDetection(1.5),)
+    )
     seen = columns((8.0, 0.3, 4.0), (8.0, 0.3, 5.0))
     seen |= {"F_ext_hat": np.where(seen["t"] > 1.5, seen["F_wall"], 0.0), "limits": np.zeros_like(seen["t"])}
     one, other = find_hits(seen, program)
@@ -167,8 +177,8 @@ def test_hits_that_were_not_felt_are_no_reaction_that_was_measured() -> None:
 
 
 def test_hits_with_reaction_and_none_like_them_without_are_compared_with_nothing() -> None:
-    segments = (Segment(1.0, 0.0, 8.0), Segment(1.0, 0.0, 12.0, touch=1))
-    program = Program(Law.CASCADE, segments, touches=(ContactDetection(1.5),))
+    segments = (Segment(1.0, 0.0, 8.0), Segment(1.0, 0.0, 12.0, contact_detection=1))
+    program = Program(Law.CASCADE, segments, contact_detections=(ContactDetection(1.5),))
     seen = columns((8.0, 0.3, 4.0), (12.0, 0.3, 5.0))
     felt = np.where(np.abs(seen["F_wall"]) > 1.5, 64.0, 0.0)
     figures = compute_impact_metrics(seen | {"F_ext_hat": seen["F_wall"], "limits": felt}, program)

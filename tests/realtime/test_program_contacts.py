@@ -23,7 +23,7 @@ from backend.realtime.commands import (
 from backend.realtime.gains import make_tuning_command
 from backend.realtime.modes import MODE_CODE, Cause, Mode
 from backend.realtime.program import (
-    MAX_TOUCHES,
+    MAX_CONTACT_DETECTIONS,
     ConfigureContactDetection,
     ContactDetected,
     ContactDetection,
@@ -44,15 +44,20 @@ FROM_N = 1.5
 WALL = Obstacle(1.0, 0.2, 2e4, 1.0)
 PARTS = (
     Segment(3.0, 0.0, 12.0, wall=1),
-    Segment(1.0, 0.23, 12.0, shape=Shape.RAMP, touch=1),
+    Segment(1.0, 0.23, 12.0, shape=Shape.RAMP, contact_detection=1),
     Segment(1.0, 0.23, 12.0),
-    Segment(1.0, 0.0, 12.0, shape=Shape.RAMP, touch=2),
+    Segment(1.0, 0.0, 12.0, shape=Shape.RAMP, contact_detection=2),
     Segment(2.0, 0.0, 12.0),
 )
 """3 s of rest at 12 N·m/rad, a ramp into the wall within a second, a second there, and back."""
 
-HITS = Program(Law.CASCADE, PARTS, walls=(WALL,), touches=(ContactDetection(FROM_N, learns=True), ContactDetection()))
-NEVER = replace(HITS, touches=(ContactDetection(), ContactDetection()))
+HITS = Program(
+    Law.CASCADE,
+    PARTS,
+    walls=(WALL,),
+    contact_detections=(ContactDetection(FROM_N, calibrates_bias=True), ContactDetection()),
+)
+NEVER = replace(HITS, contact_detections=(ContactDetection(), ContactDetection()))
 PRESSED, BACK = 3000, 5000
 """Ticks of the program from which on, and up to which, a contact ends what is played."""
 
@@ -135,8 +140,14 @@ def test_what_the_operator_has_learned_is_in_force_before_and_after_it() -> None
 
 
 def test_a_contact_in_another_part_is_none() -> None:
-    unlike = (*PARTS[:1], Segment(1.0, 0.23, 12.0, shape=Shape.RAMP), PARTS[2], replace(PARTS[3], touch=1), PARTS[4])
-    bench, begun = played(replace(HITS, segments=unlike, touches=(ContactDetection(learns=True),)))
+    unlike = (
+        *PARTS[:1],
+        Segment(1.0, 0.23, 12.0, shape=Shape.RAMP),
+        PARTS[2],
+        replace(PARTS[3], contact_detection=1),
+        PARTS[4],
+    )
+    bench, begun = played(replace(HITS, segments=unlike, contact_detections=(ContactDetection(calibrates_bias=True),)))
     assert gives_way(bench, begun).size == 0
     assert np.abs(bench.column("F_wall")).max() > FROM_N
 
@@ -144,12 +155,12 @@ def test_a_contact_in_another_part_is_none() -> None:
 @pytest.mark.parametrize("why", ["nothing was learned", "it was learned while a hand moved the joint"])
 def test_where_it_is_not_known_what_nothing_reads_it_is_hit_without_reaction(why: str) -> None:
     first = PARTS[0]
-    touches: tuple[ContactDetection, ...] = (ContactDetection(FROM_N), ContactDetection())
+    contact_detections: tuple[ContactDetection, ...] = (ContactDetection(FROM_N), ContactDetection())
     before: tuple[Segment, ...] = (first,)
     if why != "nothing was learned":
         shaken = Segment(3.0, 0.0, 12.0, F_push=8.0, shape=Shape.SINE, period_s=0.3, wall=1)
-        before, touches = (replace(first, duration_s=0.01), shaken), HITS.touches
-    bench, begun = played(replace(HITS, segments=(*before, *PARTS[1:]), touches=touches))
+        before, contact_detections = (replace(first, duration_s=0.01), shaken), HITS.contact_detections
+    bench, begun = played(replace(HITS, segments=(*before, *PARTS[1:]), contact_detections=contact_detections))
     assert np.abs(bench.column("F_ext_hat")[begun + 3010 :]).max() > FROM_N
     assert gives_way(bench, begun).size == 0
     assert told(bench, RunEnded)[-1].completed
@@ -210,11 +221,14 @@ def test_a_stop_while_it_gives_way_is_a_stop_and_nothing_of_it_is_left() -> None
 @pytest.mark.parametrize(
     ("program", "words"),
     [
-        (replace(HITS, touches=(ContactDetection(0.5), ContactDetection())), "0.5 N is outside 1"),
-        (replace(HITS, touches=(ContactDetection(31.0), ContactDetection())), "31 N"),
-        (replace(HITS, touches=(ContactDetection(math.nan), ContactDetection())), "contact_N"),
-        (replace(HITS, touches=(ContactDetection(FROM_N),)), "touch 2 of the program's 1"),
-        (replace(HITS, touches=(ContactDetection(),) * (MAX_TOUCHES + 1)), "number of changes of what is given way to"),
+        (replace(HITS, contact_detections=(ContactDetection(0.5), ContactDetection())), "0.5 N is outside 1"),
+        (replace(HITS, contact_detections=(ContactDetection(31.0), ContactDetection())), "31 N"),
+        (replace(HITS, contact_detections=(ContactDetection(math.nan), ContactDetection())), "contact_N"),
+        (replace(HITS, contact_detections=(ContactDetection(FROM_N),)), "touch 2 of the program's 1"),
+        (
+            replace(HITS, contact_detections=(ContactDetection(),) * (MAX_CONTACT_DETECTIONS + 1)),
+            "number of changes of what is given way to",
+        ),
         (replace(HITS, law=Law.SINGLE_LOOP), "gives way to nothing"),
     ],
 )

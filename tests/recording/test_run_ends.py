@@ -4,7 +4,7 @@ import pytest
 
 from backend.faults import FAULT_CODE, Fault
 from backend.realtime.commands import RunEnded
-from backend.realtime.modes import Cause, Why
+from backend.realtime.modes import Cause, ModeCause
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
 from backend.recording.recorder import Recorder
@@ -28,7 +28,7 @@ EARLY = "the program was ended before its end"
 )
 @pytest.mark.parametrize("told", ["before its samples are stored", "between", "after them", "after the next began"])
 def test_a_run_ends_as_the_loop_says_whenever_that_is_told(
-    database: Database, writer: Writer, told: str, why: Why, detail: str, end_state: EndState, kept: str
+    database: Database, writer: Writer, told: str, why: ModeCause, detail: str, end_state: EndState, kept: str
 ) -> None:
     run, following = new_run(database), new_run(database)
     recorder = Recorder(database, writer.ring)

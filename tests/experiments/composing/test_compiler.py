@@ -113,9 +113,9 @@ def test_what_a_contact_ends_is_marked_where_it_begins_and_where_it_is_over() ->
         )
     ).program()
     assert program.segments[1] == Segment(2.0, 0.1, 10.0)
-    assert [segment.touch for segment in program.segments] == [0, 0, 1, 0, 2, 3, 0, 4]
-    assert program.touches == (
-        ContactDetection(1.5, learns=True),
+    assert [segment.contact_detection for segment in program.segments] == [0, 0, 1, 0, 2, 3, 0, 4]
+    assert program.contact_detections == (
+        ContactDetection(1.5, calibrates_bias=True),
         ContactDetection(),
         ContactDetection(1.5),
         ContactDetection(),
