@@ -29,7 +29,7 @@ def with_entries(wiring: Wiring = WIRING, **entries: dict[str, Any]) -> Wiring:
     return replace(wiring, **parts)
 
 
-class BroughtUpRig:
+class CommissionedRig:
     """``declared`` is the wiring file, ``true`` how the card is wired.
 
     ``meanwhile`` does something more before what a step asks for is confirmed, ``in_phase`` when it tells
@@ -75,7 +75,7 @@ class BroughtUpRig:
         return await run_step(step, work)
 
 
-def played(rig: BroughtUpRig, *steps: StepId, **values: float) -> list[StepFinding]:
+def played(rig: CommissionedRig, *steps: StepId, **values: float) -> list[StepFinding]:
     """Run steps one after the other, faster than real time, and close the rig."""
 
     async def all_of_them() -> list[StepFinding]:

@@ -24,7 +24,7 @@ from backend.realtime.program import Law, Program, Segment
 from plant.interface import InjectedFaultKind
 from plant.safety_card import CardState
 from plant.virtual_daq import CardError
-from tests.commissioning.rigs import BroughtUpRig
+from tests.commissioning.rigs import CommissionedRig
 
 BY_HAND = (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.ZERO)
 STARTING: tuple[Command, ...] = (
@@ -37,7 +37,7 @@ STARTING: tuple[Command, ...] = (
 
 @pytest.mark.parametrize("step", BY_HAND)
 def test_the_drives_are_off_during_manual_actions_and_nothing_starts(step: StepId) -> None:
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
     seen: list[CardState] = []
     refused: list[bool] = []
 
@@ -66,7 +66,7 @@ def test_the_drives_are_off_during_manual_actions_and_nothing_starts(step: StepI
 
 
 def test_motors_are_turned_by_hand_without_drives_and_tried_with_them() -> None:
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
     seen: list[bool] = []
 
     async def look(_words: str) -> None:
@@ -82,7 +82,7 @@ def test_motors_are_turned_by_hand_without_drives_and_tried_with_them() -> None:
 
 
 def test_no_hand_is_asked_for_while_the_line_does_not_fall() -> None:
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
     rig.rig.card.faults.enable_held = True
 
     async def work() -> None:
@@ -97,7 +97,7 @@ def test_no_hand_is_asked_for_while_the_line_does_not_fall() -> None:
 
 
 def test_a_line_that_cannot_be_read_back_is_not_left_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
     faults = rig.rig.card.faults
 
     def lost(method: str) -> None:
@@ -120,7 +120,7 @@ def test_a_line_that_cannot_be_read_back_is_not_left_on(monkeypatch: pytest.Monk
 
 
 def test_a_reset_leaves_the_drives_off() -> None:
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
 
     async def work() -> None:
         await rig.loop.advance(0.01)
@@ -139,7 +139,7 @@ def test_a_reset_leaves_the_drives_off() -> None:
 
 @pytest.mark.parametrize("moving", [False, True], ids=["tripped", "winding up"])
 def test_to_switch_the_drives_off_is_refused_in_no_mode(moving: bool) -> None:
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
 
     async def work() -> None:
         await rig.loop.advance(0.01)
@@ -163,7 +163,7 @@ def test_to_switch_the_drives_off_is_refused_in_no_mode(moving: bool) -> None:
     run(rig, work())
 
 
-def run(rig: BroughtUpRig, work: object) -> None:
+def run(rig: CommissionedRig, work: object) -> None:
     assert asyncio.iscoroutine(work)
     try:
         asyncio.run(work)

@@ -12,7 +12,7 @@ from backend.commissioning.steps import WEIGHT_MAX_N, StepId
 from backend.errors import OutOfRangeError
 from backend.realtime.commands import Inject
 from plant.interface import InjectedFault, InjectedFaultKind, Sensor
-from tests.commissioning.rigs import WIRING, BroughtUpRig, played, with_entries
+from tests.commissioning.rigs import WIRING, CommissionedRig, played, with_entries
 
 REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
     "wrong sign": (
@@ -33,7 +33,7 @@ REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_a_load_cell_that_cannot_be_calibrated_is_refused_in_words(case: str) -> None:
     true, said = REFUSED[case]
-    rig = BroughtUpRig(WIRING, with_entries(WIRING, **true))
+    rig = CommissionedRig(WIRING, with_entries(WIRING, **true))
     (finding,) = played(rig, StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
     assert not finding.passed
     assert not finding.calibrations
@@ -43,7 +43,7 @@ def test_a_load_cell_that_cannot_be_calibrated_is_refused_in_words(case: str) ->
 @pytest.mark.parametrize("step", [StepId.TARE, StepId.CALIBRATE])
 def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
     async def session() -> StepFinding:
-        rig = BroughtUpRig()
+        rig = CommissionedRig()
 
         async def broken(_words: str) -> None:
             await rig.loop.send(Inject(InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.F_A)))

@@ -11,12 +11,12 @@ from backend.realtime.commands import Refused, SetMode, SwitchDrives
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.sample import INDEX
 from plant.interface import InjectedFault, InjectedFaultKind, Sensor
-from tests.commissioning.rigs import WIRING, BroughtUpRig, played, with_entries
+from tests.commissioning.rigs import WIRING, CommissionedRig, played, with_entries
 
 
 def test_a_rig_with_correct_wiring_passes_every_step() -> None:
     wiring = with_entries(end_switch={"position": 0.4})
-    findings = dict(zip(StepId, played(BroughtUpRig(wiring, wiring), *(step.id for step in STEPS)), strict=True))
+    findings = dict(zip(StepId, played(CommissionedRig(wiring, wiring), *(step.id for step in STEPS)), strict=True))
     assert [finding.text for finding in findings.values() if not finding.passed] == []
     # The pretension of 10 N, as the load cells' own figures say it.
     tensions = {figure.words: figure.value for figure in findings[StepId.PRETENSION].figures}
@@ -45,7 +45,7 @@ WRONG_BY_HAND: dict[str, tuple[dict[str, dict[str, Any]], tuple[str, ...]]] = {
 @pytest.mark.parametrize("case", WRONG_BY_HAND)
 def test_the_wiring_test_names_what_is_wired_wrongly_and_nothing_else(case: str) -> None:
     entries, named = WRONG_BY_HAND[case]
-    (finding,) = played(BroughtUpRig(with_entries(WIRING, **entries)), StepId.WIRING_TEST)
+    (finding,) = played(CommissionedRig(with_entries(WIRING, **entries)), StepId.WIRING_TEST)
     assert not finding.passed
     assert all(entry in finding.text for entry in named), finding.text
     assert {section for section in SENSORS if section in finding.text} == {*entries}
@@ -60,7 +60,7 @@ SENSORS = {"encoder_q": "counter", "encoder_A": "counter", "encoder_B": "counter
 def test_the_wiring_test_finds_dead_sensors(dead: tuple[str, ...]) -> None:
     """Sensors are not connected although the wiring file has them."""
     nowhere = {section: {SENSORS[section]: "ctr3" if SENSORS[section] == "counter" else "ai7"} for section in dead}
-    (finding,) = played(BroughtUpRig(WIRING, with_entries(WIRING, **nowhere)), StepId.WIRING_TEST)
+    (finding,) = played(CommissionedRig(WIRING, with_entries(WIRING, **nowhere)), StepId.WIRING_TEST)
     assert not finding.passed
     for section in SENSORS:
         found = f"did not move: look at its cable and at {section}" in finding.text
@@ -87,7 +87,7 @@ WRONG_WITH_VOLTAGE = [
 def test_the_direction_step_names_it_before_any_loop_is_closed(
     entries: dict[str, dict[str, Any]], named: list[str]
 ) -> None:
-    rig = BroughtUpRig(with_entries(WIRING, **entries))
+    rig = CommissionedRig(with_entries(WIRING, **entries))
     played_steps = played_and_refused(rig)
     zero, direction, before, after = played_steps
     assert zero.passed
@@ -101,7 +101,7 @@ def test_the_direction_step_names_it_before_any_loop_is_closed(
     assert rig.most_volts <= 1.0
 
 
-def played_and_refused(rig: BroughtUpRig) -> tuple[Any, Any, Refused, Refused]:
+def played_and_refused(rig: CommissionedRig) -> tuple[Any, Any, Refused, Refused]:
     async def work() -> tuple[Any, Any, Refused, Refused]:
         await rig.loop.advance(0.01)
         before = await rig.loop.send(SetMode(Mode.PRETENSION))
@@ -126,7 +126,7 @@ def played_and_refused(rig: BroughtUpRig) -> tuple[Any, Any, Refused, Refused]:
 def test_two_weights_give_slope_and_offset_of_the_card() -> None:
     """The real load cells differ from the wiring file by 7 % and 0.31 V."""
     true = with_entries(load_cell_A={"slope": 10.7, "offset": 0.31}, load_cell_B={"slope": 9.4, "offset": -0.22})
-    (finding,) = played(BroughtUpRig(WIRING, true), StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
+    (finding,) = played(CommissionedRig(WIRING, true), StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
     assert finding.passed, finding.text
     A, B = finding.calibrations
     assert (A.slope, B.slope) == pytest.approx((10.7, 9.4), rel=2e-3)
@@ -142,7 +142,7 @@ BENT = {
 
 @pytest.mark.parametrize(("true", "passed"), [({"slope": 9.4, "offset": -0.22}, True), (BENT, False)])
 def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any], passed: bool) -> None:
-    rig = BroughtUpRig(WIRING, with_entries(load_cell_B=true))
+    rig = CommissionedRig(WIRING, with_entries(load_cell_B=true))
     finding = asyncio.run(rig.do(StepId.CALIBRATE, "B", weight_1_N=5.0, weight_2_N=25.0, weight_3_N=15.0))
     rig.loop.close()
     assert finding.passed is passed, finding.text
@@ -158,7 +158,7 @@ def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any]
 
 def test_a_tare_takes_the_volts_without_load() -> None:
     true = with_entries(load_cell_A={"offset": 0.31}, load_cell_B={"offset": -0.22})
-    rig = BroughtUpRig(WIRING, true)
+    rig = CommissionedRig(WIRING, true)
     (finding,) = played(rig, StepId.TARE)
     assert finding.passed, finding.text
     # 1 s of noise of 5 mV leaves 0.2 mV.
@@ -169,7 +169,7 @@ def test_a_tare_takes_the_volts_without_load() -> None:
 
 def test_homing_reports_its_findings_and_withdraws_contradicted_directions() -> None:
     wiring = with_entries(end_switch={"position": 0.4})
-    rig = BroughtUpRig(wiring, with_entries(end_switch={"position": 0.4}, motor_A={"gain": -1.0}))
+    rig = CommissionedRig(wiring, with_entries(end_switch={"position": 0.4}, motor_A={"gain": -1.0}))
     rig.rig.prove_directions(proven=True)
     (finding,) = played(rig, StepId.HOME)
     assert not finding.passed
@@ -179,7 +179,7 @@ def test_homing_reports_its_findings_and_withdraws_contradicted_directions() -> 
 
 def test_homing_takes_the_end_switch_for_where_it_is() -> None:
     wiring = with_entries(end_switch={"position": 0.9})
-    rig = BroughtUpRig(wiring, wiring)
+    rig = CommissionedRig(wiring, wiring)
     (finding,) = played(rig, StepId.ZERO)
     assert finding.passed, finding.text
     assert finding.figures[0].value == pytest.approx(0.9)
@@ -196,7 +196,7 @@ def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(
     step: StepId, broken: InjectedFault
 ) -> None:
     """After all steps have passed, a part fails: the next pretension is rejected at once, not only after a restart."""
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
 
     async def work() -> tuple[str, Any, Any]:
         await rig.loop.advance(0.01)

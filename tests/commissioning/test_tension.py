@@ -22,7 +22,7 @@ from backend.realtime.modes import MODE_CODE, Mode
 from backend.sample import INDEX
 from plant.interface import InjectedFault, InjectedFaultKind, MotorCommand, Sensor
 from plant.manual_input import ManualInput
-from tests.commissioning.rigs import BroughtUpRig, played
+from tests.commissioning.rigs import CommissionedRig, played
 
 NAN = math.nan
 
@@ -48,7 +48,7 @@ def test_no_number_is_neither_the_pretension_nor_a_tendon_let_go_nor_within_boun
 
 
 def test_a_load_cell_that_is_lost_at_the_trip_has_not_seen_the_motors_let_go() -> None:
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
 
     def lose(phase: str) -> None:
         if phase == "waiting for the trip":
@@ -65,7 +65,7 @@ def test_a_load_cell_that_is_lost_at_the_trip_has_not_seen_the_motors_let_go() -
 
 def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
     """A person presses STOP while the step waits for the module."""
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
 
     async def press(words: str) -> None:
         if "Lower the tension limit" in words:
@@ -91,7 +91,7 @@ def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
 @pytest.mark.parametrize(("cuts", "named"), [((False, False), "motor A"), ((True, False), "motor B")])
 def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool], named: str) -> None:
     """Zero volts from the loop release the motors as well, so only the time before that counts."""
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
     rig.simulator.module_cuts = cuts
     tripped_at: list[float] = []
     write = rig.rig.write
@@ -127,7 +127,7 @@ def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool]
 
 
 def test_the_other_checks_are_armed_while_the_loop_goes_on_to_command() -> None:
-    rig = BroughtUpRig()
+    rig = CommissionedRig()
 
     async def work() -> tuple[Refused, float, float]:
         await rig.loop.advance(0.01)
