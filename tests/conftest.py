@@ -22,12 +22,15 @@ TESTS = Path(__file__).parent
 collect_ignore = [] if "FUZZ_EXAMPLES" in os.environ else ["fuzz"]
 """Thousands of requests are a lane of their own, `make fuzz`."""
 ONLY_COMPUTES = {
+    "analysis",
+    "banks",
     "bench",
     "commissioning",
     "cli",
     "closed_loop",
     "control",
     "docs",
+    "execution",
     "models",
     "experiments",
     "exports",

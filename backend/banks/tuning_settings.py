@@ -44,7 +44,7 @@ from plant import SIDES, PlantParameters
 #
 # The settings that determine the gains of the loops, defined once. Stored runs, experiments, active
 # and saved tuning, and requests derive from ``TuningSettings``, so a new setting reaches all of them;
-# ``tests/experiments/test_tuning_settings.py`` checks this.
+# ``tests/banks/test_tuning_settings.py`` checks this.
 
 
 _LAM_LEAST = 0.01

@@ -38,7 +38,7 @@ _TEMPLATE = b"""
 """
 _RANGES = ((0x20, 0x7F), (0xA0, 0x180), (0x391, 0x3A2), (0x3A3, 0x3CA))
 _PLAIN = frozenset("\n").union(*(map(chr, range(*ends)) for ends in _RANGES))
-"""Characters that the fonts have, as tests/reports/test_missing_letters.py checks."""
+"""Characters that the fonts have, as tests/reports/test_pdf.py checks."""
 
 
 def missing_letters(texts: Iterable[str]) -> frozenset[str]:

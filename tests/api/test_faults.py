@@ -1,6 +1,11 @@
-"""Faults injected through the interface, as the developer page does, on the running service."""
+"""Faults and stops through the interface: what trips, what ends, what is shown."""
 
 import asyncio
+import json
+import re
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from functools import partial
 from typing import Any, cast
 
 import httpx
@@ -13,7 +18,12 @@ from backend.services.actuator import ActuatorService
 from backend.services.fault_injection import INJECTIONS, MANUAL_CAUSES, apply_fault, describe_faults
 from plant.errors import ErrorCode
 from plant.interface import ONLY_OF_A_CARD, SIMULATOR, PlantChoice, PlantKind
-from tests.api.conftest import once_told, problem, until, wait_for
+from tests.api.conftest import client_with, once_told, problem, until, until_state, wait_for
+from tests.api.pages import Page
+from tests.docs.faults_page import PAGE
+from tests.e2e.service import Service, running_service
+
+# Faults injected through the interface, as the developer page does, on the running service.
 
 ONLY_HERE = [
     Fault.SENSOR_JUMP,
@@ -148,3 +158,217 @@ def test_a_trip_leaves_a_flight_record(off: httpx.Client) -> None:
     assert len(csv) - 1 == round(1000 * (found["before_s"] + found["after_s"]))
     assert float(csv[1].split(",")[0]) == pytest.approx(-found["before_s"])
     assert off.get("/api/flights/999999/data.csv").status_code == 404
+
+
+# What a stop, a change of mode and a change of control end, as the table in docs/reference/faults.md says.
+
+HEADING = "| armed or temporary | STOP or a trip | another mode | control changes |"
+EVENTS = ("STOP or a trip", "another mode", "control changes")
+LONG = json.dumps([{"duration_s": 60, "q_ref": 0.1, "S_ref": 10}])
+
+
+def documented() -> dict[str, dict[str, str]]:
+    """What the page says by armed thing and event, without what follows a comma."""
+    table = PAGE[PAGE.index(HEADING) :].split("\n\n")[0].splitlines()[2:]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
+    return {name: dict(zip(EVENTS, (re.split(",", cell)[0] for cell in cells), strict=True)) for name, *cells in rows}
+
+
+class Bench:
+    """Ana at a page in control, in run at rest, and Vera at another page; a viewer's client looks on."""
+
+    def __init__(self, service: Service, viewer: httpx.Client) -> None:
+        self.ana, self.vera, self.viewer = Page(service, "Ana"), Page(service, "Vera"), viewer
+        self.ana.take(take_over=True).raise_for_status()
+        self._open = ExitStack()
+        self._open.enter_context(self.ana.staying())
+
+    def close(self) -> None:
+        self._open.close()
+        self.ana.browser.close()
+        self.vera.browser.close()
+
+    def order(self, method: str, path: str, body: object = None) -> None:
+        answer = self.ana.command(method, path, body)
+        assert answer.is_success, answer.text
+
+    def begin(self) -> None:
+        self.ana.browser.post("/api/stop").raise_for_status()
+        self.order("POST", "/api/reset")
+        self.order("POST", "/api/mode", {"mode": "pretension"})
+        until(self.is_pretensioned)
+        self.order("POST", "/api/mode", {"mode": "run"})
+
+    def is_pretensioned(self) -> bool:
+        return bool(self.state()["pretension_done"])
+
+    def state(self) -> dict[str, Any]:
+        return dict(self.viewer.get("/api/state").raise_for_status().json())
+
+    def queue(self) -> dict[str, Any]:
+        return dict(self.viewer.get("/api/experiments/queue").raise_for_status().json())
+
+    def log(self) -> list[str]:
+        entries = self.viewer.get("/api/log").raise_for_status().json()["entries"]
+        texts = [entry["text"] for entry in entries]
+        return texts[: texts.index(next(text for text in texts if text.startswith("push of")))]
+
+    def arm(self, name: str) -> None:
+        match name:
+            case "tuning trial":
+                self.order("POST", "/api/tuning/trial", {"lam_q": 1.0, "duration_s": 60.0})
+            case "manual push":
+                self.order("POST", "/api/push", {"F_push": 5.0, "duration_s": 10.0})
+            case "calibration over S":
+                self.order("PUT", "/api/touch", {"sweep": "begin"})
+            case "obstacle":
+                self.order("PUT", "/api/wall", {"wall": {"q_wall": 1.0}})
+            case "run, and its temporary tuning" | "queue after the run":
+                item = {"name": "sequence", "settings": {"segments": LONG}}
+                self.order("POST", "/api/experiments/queue", item)
+                self.order("POST", "/api/experiments/queue", item)
+                self.order("POST", "/api/experiments/queue/run")
+                wait_for(self.viewer, "mode", "experiment")
+            case _:
+                pytest.fail(f"the test does not know how to arm: {name}")
+
+    def is_there(self, name: str) -> bool:
+        """Whether what was armed is still there."""
+        state = self.state()
+        checks: dict[str, Callable[[], bool]] = {
+            "tuning trial": lambda: state["trial"] is not None and state["tuning"]["lam_q"] == 1.0,
+            "manual push": lambda: not any(text.startswith("push let go") for text in self.log()),
+            "calibration over S": lambda: bool(state["touch"]["sweep"] and state["touch"]["sweep"]["under_way"]),
+            "run, and its temporary tuning": lambda: state["own_tuning"] is not None and state["task"] is not None,
+            "queue after the run": lambda: bool(self.queue()["running"]),
+            "obstacle": lambda: state["wall"] is not None,
+        }
+        return checks[name]()
+
+    def is_gone(self, name: str) -> bool:
+        return not self.is_there(name)
+
+    def cause(self, event: str) -> int:
+        """Cause the event; return the status of the answer."""
+        match event:
+            case "STOP or a trip":
+                return self.vera.browser.post("/api/stop").status_code
+            case "another mode":
+                return self.ana.command("POST", "/api/mode", {"mode": "compliance"}).status_code
+            case _:
+                return self.vera.take(take_over=True).status_code
+
+    def clear(self) -> None:
+        self.ana.take(take_over=True)
+        self.ana.browser.post("/api/stop").raise_for_status()
+        self.order("PUT", "/api/wall", {"wall": None})
+        for item in self.queue()["items"]:
+            self.order("DELETE", f"/api/experiments/queue/{item['id']}")
+        self.order("POST", "/api/reset")
+        self.order("DELETE", "/api/control")
+
+
+@pytest.fixture
+def bench(service: Service, viewer: httpx.Client) -> Iterator[Bench]:
+    with closing(Bench(service, viewer)) as bench:
+        yield bench
+
+
+ALONE = ("calibration over S", "run, and its temporary tuning", "queue after the run")
+TOGETHER = ("tuning trial", "manual push", "obstacle")
+
+
+def test_the_table_names_what_is_tried() -> None:
+    assert sorted(documented()) == sorted((*ALONE, *TOGETHER))
+
+
+@pytest.mark.parametrize("names", [TOGETHER, ALONE[:1], ALONE[1:]], ids=["in run", "learning", "run"])
+@pytest.mark.parametrize("event", EVENTS)
+def test_each_event_ends_what_the_table_says(bench: Bench, names: tuple[str, ...], event: str) -> None:
+    bench.begin()
+    for name in names:
+        if name != "queue after the run":
+            bench.arm(name)
+    assert all(bench.is_there(name) for name in names)
+    status = bench.cause(event)
+    for name in names:
+        outcome = documented()[name][event]
+        assert (status >= 400) == (outcome == "refused"), (name, status)
+        if outcome in ("ends", "held"):
+            until(partial(bench.is_gone, name))
+        else:
+            assert bench.is_there(name), name
+    bench.clear()
+
+
+# Faults of a card through the interface, on a service that drives the virtual card in real time.
+
+
+@pytest.fixture(scope="module")
+def card(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    data = tmp_path_factory.mktemp("card")
+    with (
+        running_service(data, params="ideal", plant=("rig", "--virtual-card")) as service,
+        client_with(service, "token") as client,
+    ):
+        yield client
+
+
+def latched(client: httpx.Client, kind: str) -> tuple[str, str]:
+    """Wind up, break something, wait for the trip; return the fault and what was seen of it."""
+    client.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    offered = client.get("/api/faults").raise_for_status().json()["card"]
+    (injection,) = [fault["injection"] for fault in offered if fault["injection"]["kind"] == kind]
+    client.post("/api/faults/injection", json=injection).raise_for_status()
+    state = wait_for(client, "mode", "tripped")
+    told = state["fault"]
+    assert isinstance(told, dict)
+    return str(told["code"]), str(told["remedy"])
+
+
+def watchdog_in(state: dict[str, Any]) -> dict[str, Any]:
+    (link,) = [link for link in state["chain"] if link["name"] == "watchdog"]
+    return dict(link)
+
+
+def test_a_load_cell_at_its_end_has_a_fault_of_its_own(card: httpx.Client) -> None:
+    code, remedy = latched(card, "saturation")
+    assert code == Fault.SENSOR_SATURATED
+    assert "amplifier" in remedy
+    refused = card.post("/api/reset")
+    assert refused.status_code == 409
+    assert "10.00 V" in refused.text
+    card.request("DELETE", "/api/faults/injection").raise_for_status()
+    assert card.post("/api/reset").raise_for_status().json()["mode"] == "off"
+
+
+def test_a_card_that_is_gone_is_opened_anew_by_a_reset(card: httpx.Client) -> None:
+    starts = card.get("/api/state").json()["link"]["starts"]
+    code, _ = latched(card, "device_gone")
+    assert code == Fault.PLANT_ERROR
+    # Its own watchdog is what takes the drives away, as nothing can be written any more.
+    until_state(card, lambda state: not watchdog_in(state)["good"], "the watchdog did not expire")
+    assert card.post("/api/reset").raise_for_status().json()["mode"] == "off"
+    state = card.get("/api/state").json()
+    assert (state["link"]["starts"], state["problems"]) == (starts + 1, [])
+
+
+def test_motors_that_were_exchanged_have_to_be_proven_anew_after_the_next_start_too(card: httpx.Client) -> None:
+    card.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    wait_for(card, "pretension_done", True)
+    card.post("/api/mode", json={"mode": "run"}).raise_for_status()
+    card.post("/api/faults/injection", json={"kind": "swapped_motors"}).raise_for_status()
+    card.put("/api/references", json={"q_ref": 0.1, "S_ref": 9.0}).raise_for_status()
+    state = wait_for(card, "mode", "tripped")
+    assert isinstance(state["fault"], dict)
+    assert state["fault"]["code"] == Fault.MOTOR_REVERSED
+    card.request("DELETE", "/api/faults/injection").raise_for_status()
+
+    def direction() -> dict[str, Any]:
+        steps = card.get("/api/bring-up").raise_for_status().json()["steps"]
+        return next(dict(step) for step in steps if step["id"] == "direction")
+
+    until(lambda: direction()["state"] == "failed")
+    result = direction()["result"]
+    assert (result["passed"], result["who"]) == (False, "the loop")
+    assert "runs away from" in result["text"]

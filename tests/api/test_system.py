@@ -1,17 +1,37 @@
-"""The System page's view, a backup made while the service works, and bringing it back."""
+"""The System page and the log, through the interface."""
 
+import json
+import logging
+import os
+import re
+import signal
 import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 
 import httpx
 import pytest
 
+from backend.api.middleware import describe_values
 from backend.data_folder import AlreadyRunningError, lock_for_service
-from backend.storage import runs
-from backend.storage.database import BackupError, open_database, restore_database
-from tests.api.conftest import problem
+from backend.event_bus import EventBus
+from backend.logs import EVENT, LINES_PER_WINDOW, Level, RateLimit, configure_logging
+from backend.services.event_log import LONGEST_WINDOW_S, MOST, TEXT_MAX, WINDOW_S, EventLog, RejectionLog
+from backend.storage import events, runs
+from backend.storage.database import BackupError, Database, open_database, restore_database
+from backend.storage.events import EventKind
+from plant.quantity import Angle
+from tests.api.conftest import client_with, problem, until, wait_for
+from tests.api.test_endings import wait_for_end
+from tests.e2e.service import Service, running_service
 from tests.storage.test_lineage import NEW_RUN
+
+# The System page's view, a backup made while the service works, and bringing it back.
 
 
 def test_the_machine_the_timing_and_the_database_are_told(viewer: httpx.Client) -> None:
@@ -100,3 +120,329 @@ def test_a_bad_file_is_refused_and_nothing_changes(tmp_path: Path, bad: str) -> 
     assert target.read_bytes() == content
     assert not list(tmp_path.glob("*.restoring"))
     assert not list(tmp_path.glob("*before-restore*"))
+
+
+# The log through the interface: who came and went, copies, orders; what people say of it, and who may.
+
+
+def log(client: httpx.Client, **asked: Any) -> list[dict[str, Any]]:
+    return list(client.get("/api/log", params=asked).raise_for_status().json()["entries"])
+
+
+def test_who_comes_and_goes_is_kept(service: Service, viewer: httpx.Client) -> None:
+    token = urlsplit(service.link).query.partition("=")[2]
+    with httpx.Client(base_url=service.url) as browser:
+        browser.post("/api/session", json={"token": token, "name": "Zoë"}).raise_for_status()
+        browser.delete("/api/session").raise_for_status()
+
+    def read_entries() -> list[tuple[str, str]]:
+        return [(entry["text"], entry["who"]) for entry in log(viewer, kind="access", words="Zoë")]
+
+    assert until(lambda: read_entries() if len(read_entries()) == 2 else None) == [
+        ("signed out", "Zoë"),
+        ("signed in as operator", "Zoë"),
+    ]
+    assert token not in str(log(viewer))
+
+
+def test_a_copy_of_the_database_is_kept_with_its_name(operator: httpx.Client, viewer: httpx.Client) -> None:
+    name = operator.post("/api/system/backups").raise_for_status().json()["name"]
+    (newest, *_) = log(viewer, kind="backup")
+    assert (newest["text"], newest["who"]) == (f"database copied to {name}", "operator")
+
+
+def test_a_run_begins_and_ends_in_it_and_an_order_stands_at_its_second(running: httpx.Client) -> None:
+    run = running.get("/api/state").json()["recording_run"]
+    running.put("/api/references", json={"q_ref": 0.2, "S_ref": 10.5}).raise_for_status()
+    tick = running.get("/api/state").json()["tick"]
+
+    def ordered() -> dict[str, Any] | None:
+        return next((entry for entry in log(running, kind="references") if entry["run"] == run), None)
+
+    entry = until(ordered)
+    assert entry["run"] == run
+    assert 0.0 < entry["t"] < tick / 1000
+    running.post("/api/mode", json={"mode": "stopping"}).raise_for_status()
+    ends = until(lambda: [one for one in log(running, kind="run") if one["run"] == run][1:])
+    assert ends[-1]["text"].endswith("began")
+    began = datetime.fromisoformat(ends[-1]["at"])
+    assert abs((datetime.fromisoformat(entry["at"]) - began).total_seconds() - entry["t"]) < 1.0
+
+
+def test_a_mode_is_told_with_whoever_ordered_it_and_a_stop_without(off: httpx.Client, viewer: httpx.Client) -> None:
+    last = log(viewer)[0]["event"] or 0
+
+    def modes() -> list[tuple[str, str]]:
+        """The changes from this test's first order on; the log may get the reset before it late."""
+        found = [one for one in log(viewer, kind="mode") if one["event"] > last]
+        read_entries = [(one["text"], one["who"]) for one in reversed(found)]
+        return read_entries[read_entries.index(ordered) :] if ordered in read_entries else []
+
+    ordered = ("off → pretension", "operator")
+    off.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+    until(lambda: len(modes()) == 2)
+    off.post("/api/mode", json={"mode": "off"}).raise_for_status()
+    off.post("/api/stop").raise_for_status()
+    until(lambda: "tripped" in modes()[-1][0])
+    _, reached, ended, *_ = modes()
+    assert reached == ("pretension reached", "")
+    assert ended == ("pretension → off", "operator")
+
+
+def test_a_stop_is_one_entry_with_whoever_pressed_it_and_its_flight_record_and_a_reset_is_no_alarm(
+    off: httpx.Client, viewer: httpx.Client
+) -> None:
+    proof = off.post("/api/stop").raise_for_status().json()
+    off.post("/api/reset").raise_for_status()
+
+    def read_entries() -> list[dict[str, Any]]:
+        return [one for one in log(viewer) if one["kind"] in ("fault", "trip") or one["text"] == "reset"]
+
+    def holds(flight: dict[str, Any]) -> bool:
+        return bool(0 <= proof["arrived_tick"] - flight["tick"] <= 1000 * flight["after_s"])
+
+    flight = until(lambda: next(filter(holds, viewer.get("/api/flights").json()["flights"]), None))
+    # what the fixture did before, and what was done here
+    assert [(one["kind"], one["who"]) for one in read_entries()[:4]] == 2 * [("note", "operator"), ("trip", "operator")]
+    (trip,) = [one for one in log(viewer, kind="trip") if one["event"] == flight["id"]]
+    assert trip["flight"]
+
+
+def test_an_operator_says_something_of_an_event_and_a_viewer_reads_it(
+    operator: httpx.Client, viewer: httpx.Client
+) -> None:
+    operator.post("/api/system/backups").raise_for_status()
+    number = log(operator, kind="backup")[0]["event"]
+    said = {"note": "before the new tendons", "tags": ["Tendons"]}
+    assert viewer.put(f"/api/log/{number}/remark", json=said).status_code == 403
+    assert operator.put(f"/api/log/{number}/remark", json=said).status_code == 204
+    (entry,) = log(viewer, words="new tendons")
+    assert (entry["event"], entry["tags"], entry["remark_by"]) == (number, ["tendons"], "operator")
+    refused = operator.put(f"/api/log/{number}/remark", json={"note": "", "tags": ["two words"]})
+    assert refused.status_code == 422
+    assert "is no tag" in str(problem(refused)["message"])
+    assert operator.put("/api/log/999999/remark", json=said).status_code == 404
+    assert log(viewer, words="new tendons") == [entry]
+
+
+@pytest.mark.parametrize(
+    "asked", [{"kind": "everything"}, {"before": "yesterday"}, {"limit": 0}, {"since": "2026-01-01"}]
+)
+def test_what_cannot_be_asked_is_refused(viewer: httpx.Client, asked: dict[str, Any]) -> None:
+    assert viewer.get("/api/log", params=asked).status_code == 422
+
+
+# The log at level info names start, stop, processes, connections and modes; by default it has none of them.
+
+
+def lines_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, level: str | None) -> list[str]:
+    """Return the lines of level info of a service that went to pretension and was ended."""
+    if level is not None:
+        monkeypatch.setenv("SINEW_LOG_LEVEL", level)
+    with running_service(tmp_path, params="ideal") as service:
+        with client_with(service, "token") as operator:
+            operator.post("/api/mode", json={"mode": "pretension"}).raise_for_status()
+            wait_for(operator, "pretension_done", True)
+        os.kill(service.pid, signal.SIGTERM)
+        wait_for_end(service)
+    return [line for line in service.log.read_text().splitlines() if " INFO " in line]
+
+
+def test_info_names_what_happens_with_its_identifiers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = lines_of(tmp_path, monkeypatch, "info")
+    text = "\n".join(lines)
+    started = re.search(r"Loop process (\d+) started", text)
+    assert started is not None
+    assert f"Loop process {started[1]}: ended with status 0" in text
+    assert re.search(r"The service started: plant simulator, data folder \S+, address http://127\.0\.0\.1:\d+", text)
+    assert re.search(r"mode: off → pretension by operator", text)
+    assert "The service stopped: " in text
+
+
+def test_by_default_it_has_warnings_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SINEW_LOG_LEVEL", raising=False)
+    lines = lines_of(tmp_path, monkeypatch, None)
+    assert lines == []
+
+
+def test_events_are_written_however_many_there_are() -> None:
+    def written(extra: dict[str, bool]) -> int:
+        limit, log = RateLimit(lambda: 0.0), logging.getLogger("test")
+        record = log.makeRecord("test", logging.INFO, "here.py", 1, "a line", (), None, extra=extra)
+        return sum(limit.filter(record) for _ in range(100))
+
+    assert (written({}), written(EVENT)) == (LINES_PER_WINDOW, 100)
+
+
+@pytest.fixture
+def loggers() -> Iterator[None]:
+    """Loggers as they were, after a test that changes them."""
+    changed = [logging.getLogger(name) for name in ("", "backend", "plant")]
+    before = [(logger.level, logger.handlers[:]) for logger in changed]
+    yield
+    for logger, (level, handlers) in zip(changed, before, strict=True):
+        logger.setLevel(level)
+        logger.handlers[:] = handlers
+
+
+@pytest.mark.usefixtures("loggers")
+@pytest.mark.parametrize(
+    ("level", "written"),
+    [
+        ("info", ["backend.x INFO", "backend.x WARNING", "asyncio WARNING"]),
+        ("warning", ["backend.x WARNING", "asyncio WARNING"]),
+        ("error", []),
+    ],
+)
+def test_a_level_holds_for_libraries_too(level: Level, written: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    configure_logging(level)
+    for name in ("backend.x", "asyncio"):
+        logging.getLogger(name).info("%s INFO", name)
+        logging.getLogger(name).warning("%s WARNING", name)
+    assert [line.rsplit(": ", 1)[1] for line in capsys.readouterr().err.splitlines()] == written
+
+
+# Refused commands in the event log, and floods of them.
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    with closing(open_database(tmp_path)) as opened:
+        yield opened
+
+
+class Flood:
+    """Refusals with windows that the test ends; ``windows_s`` are their lengths."""
+
+    def __init__(self, database: Database) -> None:
+        self._database, self._event_log = database, EventLog(database, EventBus())
+        self.windows_s: list[float] = []
+        self._ends: list[Callable[[], None]] = []
+        self.refusals = RejectionLog(self._event_log, self._begin)
+
+    def _begin(self, delay_s: float, end: Callable[[], None]) -> None:
+        self.windows_s.append(delay_s)
+        self._ends.append(end)
+
+    def end(self) -> None:
+        self._ends.pop()()
+
+    def read_refusals(self) -> list[tuple[str, str]]:
+        self._event_log.close()
+        with self._database.reading() as session:
+            found = [event for event in events.find(session) if event.kind == EventKind.REFUSAL]
+        return [(event.text, event.who) for event in sorted(found, key=lambda event: event.id)]
+
+
+def test_repeated_refusals_are_counted_per_user(database: Database) -> None:
+    flood = Flood(database)
+    for _ in range(500):
+        flood.refusals.add("set mode (mode run)", "a fault is latched", "Ana")
+    flood.refusals.add("set mode (mode run)", "a fault is latched", "Bo")
+    flood.end()
+    assert flood.read_refusals() == [
+        ("set mode (mode run) refused: a fault is latched", "Ana"),
+        ("set mode (mode run) refused: a fault is latched", "Bo"),
+        ("set mode (mode run) refused: a fault is latched (499 times more in 10 s)", "Ana"),
+    ]
+
+
+def test_flood_of_refusals_is_bounded_and_its_windows_grow(database: Database) -> None:
+    flood = Flood(database)
+    for window in range(20):
+        for number in range(1000):
+            flood.refusals.add("set references", f"{window} {number} is too much", "Ana")
+        flood.end()
+    assert len(flood.read_refusals()) == 20 * (MOST + 1)
+    assert flood.read_refusals()[MOST] == ("990 further commands were refused in 10 s", "")
+    assert flood.windows_s[:3] == [WINDOW_S, 2 * WINDOW_S, 4 * WINDOW_S]
+    assert flood.windows_s[-1] == LONGEST_WINDOW_S
+
+
+def test_window_is_short_again_after_a_quiet_one(database: Database) -> None:
+    flood = Flood(database)
+    for repeats in (2, 1, 1):
+        for _ in range(repeats):
+            flood.refusals.add("push", "not now", "Ana")
+        flood.end()
+    assert flood.windows_s == [WINDOW_S, 2 * WINDOW_S, WINDOW_S]
+    assert len(flood.read_refusals()) == 4
+
+
+def test_long_reason_is_cut_and_invisible_characters_are_escaped(database: Database) -> None:
+    flood = Flood(database)
+    flood.refusals.add("push", "\x00\u202e" + 2000 * "x", "Ana")
+    ((text, _),) = flood.read_refusals()
+    assert len(text) == TEXT_MAX
+    assert text.isprintable()
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"mode": "run"}, "mode run"),
+        ({"q_ref": 1.0472, "S_ref": 9.5}, f"q_ref {Angle(1.0472)}, S_ref 9.5 N·m/rad"),
+        ({"learn": True, "bias": None, "parts": [1]}, "learn yes"),
+        ({"text": 100 * "x", "name": "a\nb", "not a name": 1}, ""),
+        ([1, 2], ""),
+        ({f"value_{number}": number for number in range(9)}, ", ".join(f"value_{n} {n}" for n in range(6))),
+    ],
+)
+def test_values_are_told_with_their_units(asked: object, said: str) -> None:
+    assert describe_values(json.dumps(asked).encode()) == said
+
+
+def test_what_is_no_document_has_no_values() -> None:
+    assert [describe_values(body) for body in (b"", b"{", b"\xff", 10_000 * b"[")] == ["", "", "", ""]
+
+
+def test_a_refused_command_stands_in_the_log_with_its_person_and_is_no_alarm(
+    off: httpx.Client, viewer: httpx.Client
+) -> None:
+    reasons = [
+        problem(off.post("/api/mode", json={"mode": "run"}))["message"],
+        problem(off.put("/api/tuning", json={"lam_q": 0.0123}))["message"],
+        problem(off.put("/api/references", json={"q_ref": 9.0, "S_ref": 9.0}))["message"],
+        problem(off.put("/api/references", json={"q_ref": "far", "S_ref": 9.0}))["message"],
+    ]
+    assert viewer.put("/api/references", json={"q_ref": 8.0, "S_ref": 9.0}).status_code == 403
+    off.get("/api/runs/999999")
+
+    def refused() -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = viewer.get("/api/log", params={"kind": "refusal"}).json()["entries"]
+        return found if len(found) > len(reasons) and found[0]["who"] == "viewer" else []
+
+    viewers, *others = until(refused)
+    assert viewers["text"].startswith("set references refused: viewer is signed in as viewer")
+    entries = others[: len(reasons)][::-1]
+    assert [entry["who"] for entry in entries] == ["operator"] * len(reasons)
+    texts = [entry["text"] for entry in entries]
+    for text, begin in zip(
+        texts, ("set mode (mode run)", "set tuning (lam_q 0.0123", "set references", ""), strict=True
+    ):
+        assert text.startswith(begin)
+        assert " refused: " in text
+    assert texts[0].endswith(reasons[0])
+    assert f"q_ref {Angle(9.0)}" in texts[2]  # in SI, as all texts of the log: each reads it in their own unit
+    alarms = viewer.get("/api/log", params={"kind": ["trip", "fault", "recording"]}).json()["entries"]
+    assert not [entry for entry in alarms if "refused" in entry["text"]]
+
+
+def test_the_log_is_searched_in_the_unit_in_which_somebody_reads(off: httpx.Client) -> None:
+    off.put("/api/references", json={"q_ref": 6.6, "S_ref": 9.0})  # 378.2°
+
+    def found(words: str, angles: str) -> int:
+        asked: dict[str, str | int] = {"words": words, "angles": angles, "kind": "refusal", "limit": 1}
+        return int(off.get("/api/log", params=asked).raise_for_status().json()["total"])
+
+    until(lambda: found("378.2°", "deg"))
+    assert (found("378.2", "rad"), found("q_ref 6.6 rad", "rad"), found("6.6", "deg")) == (0, 1, 0)
+
+
+def test_the_log_tells_how_many_entries_there_are(off: httpx.Client) -> None:
+    page = off.get("/api/log", params={"limit": 3}).raise_for_status().json()
+    assert len(page["entries"]) == 3
+    assert page["total"] > 3
+    rest = off.get("/api/log", params={"limit": 1000, "before": page["more_before"]}).json()
+    assert page["total"] == len(page["entries"]) + rest["total"]
+    assert rest["total"] == len(rest["entries"])

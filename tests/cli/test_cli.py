@@ -1,27 +1,40 @@
-"""The command line: what it prints, what it refuses, how it ends.
-
-A process of its own costs seconds of imports: there is one where the process matters, for what an experiment leaves,
-what is loaded for help, and what the doctor asks of the system. All else is called here, through the same ``main``.
-"""
+"""The command line: what it prints and refuses, wherever it runs and whatever answers."""
 
 import getpass
 import json
 import math
+import os
+import shutil
+import socket
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
+from backend import main
 from backend.banks import tuning_settings
 from backend.banks.tuning_settings import TuningSettings
+from backend.cli import server as serve
+from backend.cli.options import RunningService, load_settings
+from backend.schemas.experiment import QueuePlace
 from backend.storage import events, runs
-from backend.storage.database import open_database
-from plant.parameters import load_parameters
+from backend.storage.database import FILE_NAME, Database, open_database
+from plant.parameters import ParameterError, load_parameters
+from plant.wiring import WiringError, load_wiring
 from tests.cli.conftest import Command
 from tests.experiments.parameter_files import weak_motors
 from tests.recording.test_retention import recorded
+from tests.storage.test_lineage import NEW_RUN
+
+# The command line: what it prints, what it refuses, how it ends.
+#
+# A process of its own costs seconds of imports: there is one where the process matters, for what an experiment leaves,
+# what is loaded for help, and what the doctor asks of the system. All else is called here, through the same ``main``.
 
 SHORT = ["--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--set", "lam_q=0.6", "--set", "seed=3"]
 
@@ -199,3 +212,174 @@ def test_recordings_beyond_the_limit_are_listed_and_go_when_named(
     refused = command(*words, "--delete", str(run + 1))
     assert (refused.returncode, "may not go" in refused.stderr) == (2, True)
     assert json.loads(command(*words, "--delete", str(run), "--json").stdout)["total_bytes"] == 0
+
+
+# The command line where terminal, environment or data folder are unusual.
+
+SINEW = str(Path(sys.executable).with_name("sinew"))
+SHIPPED = Path(__file__).parents[2] / "plant"
+
+
+def sinew(*words: str, before: tuple[str, ...] = (), **environment: str) -> subprocess.CompletedProcess[bytes]:
+    return subprocess.run(
+        [*before, SINEW, *words], env={**os.environ, **environment}, capture_output=True, check=False, timeout=300
+    )
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "ascii", "utf-8"])
+def test_a_terminal_without_the_character_gets_its_escape(encoding: str, tmp_path: Path) -> None:
+    ended = sinew("experiments", "text", "lambda_sweep", "--data", str(tmp_path), PYTHONIOENCODING=encoding)
+    assert (ended.returncode, ended.stderr) == (0, b"")
+    assert ("λ" if encoding == "utf-8" else "\\u03bb") in ended.stdout.decode(encoding)
+
+
+@pytest.mark.parametrize("words", [("doctor",), ("serve", "--port", "0"), ("experiment", "tracking")])
+def test_numba_told_to_compile_nothing_is_refused_in_a_line(words: tuple[str, ...], tmp_path: Path) -> None:
+    ended = sinew(*words, "--data", str(tmp_path / "data"), NUMBA_DISABLE_JIT="1")
+    assert ended.returncode == 1
+    (line,) = ended.stderr.decode().splitlines()
+    assert "NUMBA_DISABLE_JIT" in line
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_tilde_that_no_shell_has_replaced_is_the_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("SINEW_DATA", "~/x")
+    assert load_settings().data == tmp_path / "x"
+    assert load_settings(data=Path("~/y")).data == tmp_path / "y"
+
+
+@pytest.mark.parametrize("name", ["what?mode=ro", "50%20", "a#b", "a b&c=d", "[ü]", "sqlite:", "?", "file:x"])
+def test_the_database_lies_in_the_folder_whatever_that_is_called(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / name
+    with_run(folder)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    database = open_database(folder)
+    assert database.file == folder.resolve() / FILE_NAME
+    again, arguments = database.__reduce__()
+    other: Database = again(*arguments)
+    with other.reading() as session:
+        assert [run.id for run in runs.find(session)] == [1]
+    other.close()
+    database.close()
+
+
+def with_run(folder: Path) -> None:
+    database = open_database(folder)
+    with database.session() as session:
+        runs.create(session, NEW_RUN)
+    database.close()
+
+
+def test_a_read_only_data_folder_is_told_with_a_remedy(tmp_path: Path) -> None:
+    folder = tmp_path / "data"
+    with_run(folder)
+    folder.chmod(0o500)
+    (folder / FILE_NAME).chmod(0o400)
+    before: tuple[str, ...] = ()
+    if os.geteuid() == 0:  # who may write everywhere gives that up
+        assert shutil.which("setpriv"), "this test needs setpriv (util-linux) when root runs it"
+        before = ("setpriv", "--bounding-set", "-dac_override", "--inh-caps", "-all")
+    ended = sinew("runs", "list", "--data", str(folder), before=before)
+    folder.chmod(0o700)
+    assert ended.returncode == 1
+    (line,) = ended.stderr.decode().splitlines()
+    assert str(folder) in line
+    assert "read-only" in line
+    assert "--data" in line
+
+
+def test_80_columns_show_the_whole_moment_at_which_a_run_began(tmp_path: Path) -> None:
+    with_run(tmp_path)
+    database = open_database(tmp_path)
+    with database.reading() as session:
+        began = runs.get(session, 1).started_at
+    database.close()
+    ended = sinew("runs", "list", "--data", str(tmp_path), COLUMNS="80", PYTHONIOENCODING="utf-8")
+    assert f"{began:%Y-%m-%d %H:%M}" in ended.stdout.decode()
+
+
+def test_parameters_and_wirings_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    for read, shipped in ((load_parameters, "lab"), (load_wiring, "pcie-6323")):
+        (source,) = SHIPPED.rglob(f"{shipped}.toml")
+        file = tmp_path / source.name
+        file.write_bytes(b"\xef\xbb\xbf" + source.read_bytes())
+        assert read(file) == read(shipped)
+
+
+def test_a_file_with_a_name_that_no_run_could_keep_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / f"{'x' * 201}.toml"
+    file.write_text("")
+    with pytest.raises(ParameterError, match=r"201 characters, 200 are the most"):
+        load_parameters(file)
+    with pytest.raises(WiringError, match=r"201 characters, 200 are the most"):
+        load_wiring(file)
+
+
+# What answers where a service is expected may be anything: a command says so in one line.
+
+OK, REFUSED = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n", b"HTTP/1.1 409 Conflict\r\nConnection: close\r\n\r\n"
+
+
+def answer(said: bytes) -> object:
+    """Ask a server that gives this answer to whoever comes."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.recv(10_000)
+                connection.sendall(said)
+
+        thread = Thread(target=serve)
+        thread.start()
+        try:
+            return RunningService(f"http://127.0.0.1:{server.getsockname()[1]}", "").request(
+                "GET", "/place", None, QueuePlace
+            )
+        finally:
+            thread.join(10)
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (b"SSH-2.0-OpenSSH\r\n", "does not answer"),
+        (b"", "does not answer"),
+        (OK + b"<html>", "is no Sinew: status 200"),
+        (REFUSED + b'{"detail": "no"}', "is no Sinew: status 409"),
+        (REFUSED + b"[]", "is no Sinew: status 409"),
+        (REFUSED, "is no Sinew: status 409"),
+        (OK + b'{"place": "behind"}', "is no Sinew: status 200"),
+        (OK + b'{"place": 3, "mode": "off"}', "is no Sinew: status 200"),
+        (REFUSED + b'{"error": {"code": "busy", "message": "busy now"}}', "sinew: busy now"),
+    ],
+)
+def test_whatever_answers_a_command_ends_in_a_sentence(
+    said: bytes, why: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        answer(said)
+    assert why in capsys.readouterr().err
+
+
+def test_an_answer_is_read() -> None:
+    assert answer(OK + b'{"place": 3}') == QueuePlace(place=3)
+
+
+def test_a_slow_start_says_so_and_a_quick_one_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    starts = iter((0.3, 0.0))
+
+    def start(_settings: object, ready: Callable[[str, None], None]) -> None:
+        time.sleep(next(starts))
+        ready("http://127.0.0.1:8000", None)
+
+    monkeypatch.setattr(main, "serve", start)
+    monkeypatch.setattr(serve, "NOTICE_DELAY_S", 0.05)
+    told = []
+    for _ in range(2):
+        serve.serve(plant="simulator", data=tmp_path)
+        told.append(serve.STARTING_NOTICE in capsys.readouterr().out)
+    assert told == [True, False]

@@ -1,21 +1,47 @@
-"""Whether a report holds, as the command line says it and as programs read its end."""
+"""Reports on the command line: verified, signed, played again, and forged plans."""
 
+import base64
 import json
+import re
+import shlex
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import closing, suppress
+from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from subprocess import DEVNULL
+from typing import Any
 
+import numpy as np
+import pytest
+from pypdf import PdfReader
+
+from backend.experiments.library import build_ready_plan, list_stored_values
+from backend.experiments.parser import ExperimentError
+from backend.exports.base import SEAL, ImportRefusedError
+from backend.models.document import document_digest
+from backend.models.run import DEFINITIONS
 from backend.recording.codec import pack_table, unpack
-from backend.storage import recordings
+from backend.sample import ADDED_LATER
+from backend.services.downloads import check_run_settings
+from backend.services.runs import read_planned_run
+from backend.storage import recordings, runs
 from backend.storage.database import open_database
 from backend.storage.orm import UnknownRecordError
+from backend.storage.runs import Run
 from plant.parameters import load_parameters
 from tests.cli.conftest import Command
+from tests.migrations.old_schema import migrated
+from tests.models.earlier import BEFORE
+from tests.reports.tracking_run import PLAN, samples, source_of
+from tests.soak.attack.costly import HOLDING
+
+# Whether a report holds, as the command line says it and as programs read its end.
 
 
 def sinew(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -208,3 +234,393 @@ def test_identifications_at_several_tensions_tell_the_friction_over_the_load(com
     alone = command("identify", "actuator", "--params", "lab", *short, folder=tmp_path / "here")
     assert alone.returncode == 0, alone.stderr
     assert json.loads(alone.stdout)["load_friction"]["estimate"] is None
+
+
+# The report of a run that an earlier version recorded and evaluated: read with a note, held once evaluated again.
+
+SHORT = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5")
+
+
+def make_older(folder: Path) -> None:
+    """Leave of each recording and result what an earlier version stored: fewer signals, no version, no digests."""
+    with closing(sqlite3.connect(folder / "sinew.db")) as database, database:
+        for run, text in database.execute("select run_id, fields from recording").fetchall():
+            fields = json.loads(text)
+            kept = [place for place, name in enumerate(fields) if name not in ADDED_LATER]
+            assert len(kept) == len(fields) - len(ADDED_LATER)
+            words = json.dumps([fields[place] for place in kept])
+            database.execute("update recording set fields = ? where run_id = ?", (words, run))
+            for column in ("samples", "summary"):
+                chunks = database.execute(f"select first_tick, {column} from chunk where run_id = ?", (run,)).fetchall()
+                for first_tick, packed in chunks:
+                    fewer = pack_table(np.ascontiguousarray(unpack(packed, len(fields))[:, kept]))
+                    database.execute(
+                        f"update chunk set {column} = ?, sha256 = '' where run_id = ? and first_tick = ?",
+                        (fewer, run, first_tick),
+                    )
+        for number, text in database.execute("select id, metrics from result").fetchall():
+            metrics = json.loads(text)
+            assert metrics.pop("definitions") == DEFINITIONS
+            database.execute("update result set metrics = ? where id = ?", (json.dumps(metrics), number))
+    migrated(open_database(folder), folder, BEFORE).close()
+
+
+def test_it_is_not_verified_until_the_run_is_evaluated_again(command: Command, tmp_path: Path) -> None:
+    here, out = tmp_path / "here", tmp_path / "out"
+    assert command("experiment", "tracking", *SHORT, folder=here).returncode == 0
+    assert command("experiment", "tracking", *SHORT, folder=here).returncode == 0
+    make_older(here)
+    report, series, remedy = out / "report.html", out / "series.html", "sinew runs evaluate 1"
+
+    def verified(file: Path, folder: Path = here) -> tuple[int, dict[str, Any]]:
+        done = command("report", "verify", str(file), "--json", folder=folder)
+        return done.returncode, json.loads(done.stdout)
+
+    def written() -> tuple[str, str]:
+        assert command("runs", "report", "1", str(out), folder=here).returncode == 0
+        pdf = " ".join(" ".join(sheet.extract_text().split()) for sheet in PdfReader(out / "report.pdf").pages)
+        return report.read_text(encoding="utf-8"), pdf
+
+    page, pdf = written()
+    heading = (out / "data.csv").read_text(encoding="utf-8").split("\nt,", 1)[1].splitlines()[0].split(",")
+    assert not ADDED_LATER & {*heading}
+    assert page.partition("<main>")[0].count(remedy) == 1
+    assert remedy in pdf
+    for file in (report, out / "report.pdf"):
+        for folder in (here, tmp_path / "elsewhere"):  # by the stored samples, and by data.csv alone
+            status, told = verified(file, folder)
+            assert (status, told["holds"], told["differences"]) == (2, None, [])
+            assert [remedy in one for one in told["left_out"]] == [True]
+    assert command("report", "sign", str(report), folder=here).returncode == 2
+    assert command("report", "series", "1", "2", "--to", str(series), folder=here).returncode == 0
+    text = series.read_text(encoding="utf-8").partition("<main>")[0]
+    assert [f"sinew runs evaluate {number}" in text for number in (1, 2)] == [True, True]
+    assert verified(series)[0] == 2
+
+    assert command("runs", "evaluate", "1", folder=here).returncode == 0
+    page, pdf = written()
+    assert remedy not in page
+    assert remedy not in pdf
+    for file in (report, out / "report.pdf"):
+        for folder in (here, tmp_path / "elsewhere"):
+            status, told = verified(file, folder)
+            assert (status, told["holds"], told["left_out"]) == (0, True, []), told
+    assert command("report", "sign", str(report), folder=here).returncode == 0
+    assert verified(report)[0] == 0
+
+
+# A report is signed by the installation that has its run, and verified elsewhere by the public half alone.
+
+
+def test_a_report_proves_where_it_comes_from(command: Command, tmp_path: Path) -> None:
+    here, out, elsewhere = tmp_path / "here", tmp_path / "out", tmp_path / "elsewhere"
+    assert command("experiment", "tracking", *SHORT, "--out", str(out), folder=here).returncode == 0
+    report, public = out / "report.html", tmp_path / "rig-2.pub"
+
+    def verified(*words: str, folder: Path = elsewhere, file: Path = report) -> tuple[int, Any, dict[str, Any]]:
+        done = command("report", "verify", str(file), "--json", *words, folder=folder)
+        told = json.loads(done.stdout)
+        return done.returncode, told["holds"], told["signature"]
+
+    assert verified() == (0, True, {"state": "none", "key": None, "fingerprint": None, "name": None})
+    assert not elsewhere.exists()
+    assert not (here / "signing-key").exists()
+
+    line = command("report", "key", "--station", "rig-2", folder=here).stdout
+    public.write_text(line, encoding="utf-8")
+    key = json.loads(command("report", "key", "--station", "rig-2", "--json", folder=here).stdout)
+    assert line.split() == [*key["public_key"].split(), key["fingerprint"], "rig-2"]
+    assert len(line.splitlines()) == 1
+    assert verified("--key", str(public))[:2] == (1, False)  # not signed yet
+
+    before = report.read_bytes()
+    report.chmod(0o640)
+    signed = command("report", "sign", str(report), "--station", "rig-2", folder=here)
+    assert signed.returncode == 0, signed.stderr
+    assert key["fingerprint"] in signed.stdout
+    once = report.read_bytes()
+    assert report.stat().st_mode & 0o777 == 0o640
+    assert re.sub(rb'<template id="signature">[^<]*</template>', b"", once) == before
+    assert command("report", "sign", str(report), "--station", "rig-2", folder=here).returncode == 0
+    assert report.read_bytes() == once
+    assert {path.name for path in out.iterdir()} == {"report.html", "report.pdf", "data.csv", "metrics.json"}
+
+    by = {"state": "valid", "fingerprint": key["fingerprint"], "name": "rig-2"}
+    assert verified() == (0, True, {**by, "key": "unknown"})
+    assert verified(folder=here) == (0, True, {**by, "key": "own"})
+    assert verified("--key", str(public)) == (0, True, {**by, "key": "given"})
+    assert verified("--key", key["public_key"], file=out / "report.pdf") == (0, True, {**by, "key": "given"})
+    assert not elsewhere.exists()
+    unknown = command("report", "verify", str(report), folder=elsewhere).stdout
+    assert "an unknown key: that proves nothing" in " ".join(unknown.split())
+    other = json.loads(command("report", "key", "--json", folder=tmp_path / "third").stdout)["public_key"]
+    status, holds, of = verified("--key", other)
+    assert (status, holds, of["key"]) == (1, False, "unknown")
+    junk = command("report", "verify", str(report), "--key", "junk", folder=elsewhere)
+    assert (junk.returncode, junk.stdout) == (2, "")
+
+    alone = tmp_path / "alone" / "report.html"  # without samples the signature is told, the numbers are not
+    alone.parent.mkdir()
+    alone.write_bytes(once)
+    assert verified("--key", str(public), file=alone) == (2, None, {**by, "key": "given"})
+    for touched in (once.replace(b"</h1>", b" </h1>", 1), once.replace(b"</h1>", b"\xff</h1>", 1)):
+        report.write_bytes(touched)
+        alone.write_bytes(touched)
+        assert verified()[2]["state"] == "broken"
+        assert verified()[:2] == verified(file=alone)[:2] == (1, False)
+    report.write_bytes(once)
+
+
+def test_only_what_holds_by_the_runs_of_this_folder_is_signed(command: Command, tmp_path: Path) -> None:
+    here, out, elsewhere = tmp_path / "here", tmp_path / "out", tmp_path / "elsewhere"
+    for _ in range(2):
+        assert command("experiment", "tracking", *SHORT, "--out", str(out), folder=here).returncode == 0
+    report, series = out / "report.html", out / "series.html"
+    page = report.read_bytes()
+    refused = command("report", "sign", str(report), folder=elsewhere)
+    assert (refused.returncode, elsewhere.exists()) == (2, False)
+    pdf = (out / "report.pdf").read_bytes()
+    assert command("report", "sign", str(out / "report.pdf"), folder=here).returncode == 2
+    assert (out / "report.pdf").read_bytes() == pdf
+    for forged, status in (
+        (page.replace(b"</h1>", b" </h1>", 1), 1),
+        (page.replace(b'"Sinew":"', b'"Sinew":"0.', 1), 1),
+        (b"<html></html>", 2),
+        (b"\xff", 2),
+    ):
+        assert forged != page
+        report.write_bytes(forged)
+        assert command("report", "sign", str(report), folder=here).returncode == status
+        assert report.read_bytes() == forged
+    assert not (here / "signing-key").exists()
+
+    assert command("report", "series", "1", "2", "--to", str(series), folder=here).returncode == 0
+    assert command("report", "sign", str(series), folder=here).returncode == 0
+    public = command("report", "key", folder=here).stdout.strip()
+    assert command("report", "verify", str(series), "--key", public, folder=here).returncode == 0
+    series.write_bytes(series.read_bytes().replace(b"</h1>", b" </h1>", 1))
+    assert command("report", "verify", str(series), folder=here).returncode == 1
+
+
+def test_the_private_key_is_in_no_backup_bundle_or_export(command: Command, tmp_path: Path) -> None:
+    here, out = tmp_path / "here", tmp_path / "out"
+    assert command("experiment", "tracking", *SHORT, "--out", str(out), folder=here).returncode == 0
+    assert command("report", "sign", str(out / "report.html"), folder=here).returncode == 0
+    pem = (here / "signing-key").read_bytes()
+    body = base64.b64decode(b"".join(pem.splitlines()[1:-1]))
+    secret = body[-32:]
+    assert command("db", "backup", str(tmp_path / "backup.db"), folder=here).returncode == 0
+    assert command("runs", "bundle", "1", str(tmp_path / "run.zip"), folder=here).returncode == 0
+    assert command("runs", "export", "1", str(tmp_path / "run.mcap"), folder=here).returncode == 0
+    files = [path for path in tmp_path.rglob("*") if path.is_file() and path.name != "signing-key"]
+    assert {"backup.db", "run.zip", "run.mcap", "report.html", "sinew.db"} <= {path.name for path in files}
+    forms = (pem, secret, secret.hex().encode(), base64.b64encode(secret), base64.b64encode(body)[-44:])
+    assert [path for path in files if any(form in path.read_bytes() for form in forms)] == []
+
+
+# The command in a report plays its run again: parsed out of page and PDF, run as it is, metrics compared.
+
+_BLOCK = re.compile(r'<p class="code">(.*?)</p>\n<pre[^>]*><code>(.*?)</code></pre>', re.DOTALL)
+
+
+def blocks_of(page: str) -> dict[str, str]:
+    """Return the blocks to copy of a page, by the first word of their captions."""
+    return {unescape(caption).split()[0].rstrip(","): unescape(text) for caption, text in _BLOCK.findall(page)}
+
+
+def played_again(command: Command, report: Path, monkeypatch: pytest.MonkeyPatch, folder: Path) -> dict[str, object]:
+    """Run the command of a report in an empty folder, with the files that stand below it; return the metrics."""
+    blocks = blocks_of(report.read_text(encoding="utf-8"))
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    for name in ("parameters.toml", "experiment.json"):
+        if name in blocks:
+            Path(name).write_text(blocks[name], encoding="utf-8")
+    line = blocks["Play"]
+    assert line.isascii()
+    words = shlex.split(line.replace("\\\n", " "))
+    assert words[0] == "sinew"
+    again = command(*words[1:])
+    assert again.returncode == 0, again.stderr
+    return metrics_of(folder / "reproduced" / "report")
+
+
+def metrics_of(folder: Path) -> dict[str, object]:
+    document = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
+    return {name: document[name] for name in ("metrics", "criteria", "steps", "settings", "verdict")}
+
+
+def test_an_experiment_is_played_again_to_the_same_metrics(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    values = {"q_duration_s": 1.5, "S_duration_s": 1, "lam_q": 0.61, "b": 0.3, "u_plan": 0, "seed": 11}
+    words = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
+    assert command("experiment", "tracking", *words, "--out", str(out), folder=tmp_path / "here").returncode == 0
+    again = played_again(command, out / "report.html", monkeypatch, tmp_path / "again")
+    assert again == metrics_of(out)
+    page = blocks_of((out / "report.html").read_text(encoding="utf-8"))["Play"]
+    pdf = "\n".join(sheet.extract_text() for sheet in PdfReader(out / "report.pdf").pages)
+    assert [line.strip() for line in page.splitlines()] == [
+        line.strip() for line in pdf[pdf.index("sinew experiment") :].splitlines()[: len(page.splitlines())]
+    ]
+
+
+def test_an_own_experiment_on_own_parameters_is_played_again_from_the_files_in_its_report(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, own, plant = tmp_path / "out", tmp_path / "Nudge.yaml", tmp_path / "bench.toml"
+    own.write_text(
+        "format: 1\nname: nudge\ntitle: Nudge\nmeasures: [steps]\nphases:\n"
+        "  - name: only\n    title: Only\n    parts:\n"
+        "      - {do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 1.0}\n"
+        "      - {do: step, q_ref: 0.2, S_ref: 10.0, duration_s: 1.5}\n",
+        encoding="utf-8",
+    )
+    lab = Path("plant/parameters/ideal.toml").read_text(encoding="utf-8")
+    plant.write_text(re.sub(r"(J_j = \{ value = )[^,]+", r"\g<1>6.1e-4", lab), encoding="utf-8")
+    words = ("experiment", str(own), "--params", str(plant), "--out", str(out))
+    done = command(*words, folder=tmp_path / "here")
+    assert done.returncode == 0, done.stderr
+    again = played_again(command, out / "report.html", monkeypatch, tmp_path / "again")
+    assert again == metrics_of(out)
+
+
+def test_a_sequence_is_played_again(command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    segments = '[{"duration_s": 1, "q_ref": 0.1, "S_ref": 9}, {"duration_s": 1, "q_ref": 0, "S_ref": 9}]'
+    words = ("experiment", "sequence", "--set", f"segments={segments}", "--out", str(out))
+    assert command(*words, folder=tmp_path / "here").returncode == 0
+    again = played_again(command, out / "report.html", monkeypatch, tmp_path / "again")
+    assert again["metrics"] == metrics_of(out)["metrics"]
+    assert again["verdict"] == metrics_of(out)["verdict"]
+
+
+def test_an_identification_is_played_and_estimated_again(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    short = ("--set", "periods=1", "--set", "bits=6", "--set", "settle_s=4")
+    assert command("identify", "actuator", *short, "--out", str(out), folder=tmp_path / "here").returncode == 0
+    stored = json.loads((out / "metrics.json").read_text(encoding="utf-8"))["identification"]["model"]
+    again = played_again(command, out / "report.html", monkeypatch, tmp_path / "again")
+    assert again == metrics_of(out)
+    monkeypatch.chdir(out)
+    lines = blocks_of((out / "report.html").read_text(encoding="utf-8"))["To"].replace("\\\n", " ").splitlines()
+    for key, line in zip(("G_q", "G_S"), lines, strict=True):
+        found = command(*shlex.split(line)[1:], "--json")
+        assert found.returncode == 0, found.stderr
+        told = json.loads(found.stdout)
+        assert told["parameters"] == pytest.approx(stored[key]["parameters"], rel=1e-4)
+
+
+# A plan that was made to hold the interpreter, sealed again with right digests: refused by all that reads it.
+
+MARK = "# sinew-export: "
+
+
+def sinew_resealed(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command in a process of its own, which is ended where it hangs."""
+    command = [sys.executable, "-m", "backend", *words, "--data", str(folder)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def held_up(plan: dict[str, Any]) -> None:
+    """Put the expression into the experiment of a plan."""
+    assert '"duration_s":"q_duration_s"' in plan["experiment"]
+    plan["experiment"] = plan["experiment"].replace('"duration_s":"q_duration_s"', f'"duration_s":"{HOLDING}"')
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A data folder with a tracking run, and the folder of its report."""
+    folder, out = tmp_path_factory.mktemp("here"), tmp_path_factory.mktemp("out")
+    short = ("--set", "q_duration_s=0.5", "--set", "S_duration_s=0.5", "--out", str(out))
+    ended = sinew_resealed("experiment", "tracking", *short, folder=folder)
+    assert ended.returncode == 0, ended.stderr
+    return folder, out
+
+
+def sealed(text: str, change: Callable[[dict[str, Any]], None]) -> str:
+    head, line, tail = re.split(rf"({re.escape(MARK)}.*)\n", text, maxsplit=1)
+    said = json.loads(line.removeprefix(MARK))
+    said.pop(SEAL)
+    change(said["run"])
+    return f"{head}{MARK}{json.dumps(said | {SEAL: document_digest(said)}, ensure_ascii=False)}\n{tail}"
+
+
+def test_an_export_that_was_sealed_again_is_not_taken_in(played: tuple[Path, Path], tmp_path: Path) -> None:
+    _, out = played
+    file = tmp_path / "run.csv"
+    exported = (out / "data.csv").read_text("utf-8")
+    file.write_text(sealed(exported, lambda run: held_up(run["settings"]["plan"])), "utf-8")
+    refused = sinew_resealed("runs", "import", str(file), folder=tmp_path / "there")
+    assert refused.returncode == 2
+    assert "duration_s" in refused.stderr
+    assert "-15 to 15" in refused.stderr
+    listed = sinew_resealed("runs", "list", "--json", folder=tmp_path / "there")
+    assert json.loads(listed.stdout) == []
+    file.write_text(sealed(exported, lambda run: None), "utf-8")
+    assert sinew_resealed("runs", "import", str(file), folder=tmp_path / "there").returncode == 0
+
+
+def test_a_run_that_is_stored_so_is_refused_by_all_that_opens_it(played: tuple[Path, Path], tmp_path: Path) -> None:
+    folder, _ = played
+    with closing(sqlite3.connect(folder / "sinew.db")) as here, closing(sqlite3.connect(tmp_path / "sinew.db")) as copy:
+        here.backup(copy)
+        settings = json.loads(copy.execute("SELECT settings FROM run").fetchone()[0])
+        held_up(settings["plan"])
+        copy.execute("UPDATE run SET settings = ?", (json.dumps(settings),))
+        copy.execute("DELETE FROM result")
+        copy.execute("DELETE FROM report")
+        copy.commit()
+    for words in (("evaluate", "1"), ("bundle", "1", str(tmp_path / "run.zip"))):
+        refused = sinew_resealed("runs", *words, folder=tmp_path)
+        assert refused.returncode != 0, words
+        assert "-15 to 15" in refused.stderr, words
+    database = open_database(tmp_path)
+    with pytest.raises(ExperimentError):
+        read_planned_run(database, 1)
+    with database.reading() as session, pytest.raises(ImportRefusedError):
+        check_run_settings(runs.get(session, 1))
+    database.close()
+
+
+def test_a_report_that_says_so_is_not_verified(played: tuple[Path, Path], tmp_path: Path) -> None:
+    _, out = played
+    page, csv = (out / "report.html").read_text("utf-8"), (out / "data.csv").read_bytes()
+    escaped = '\\"duration_s\\":\\"q_duration_s\\"'
+    assert escaped in page
+    (tmp_path / "report.html").write_text(page.replace(escaped, f'\\"duration_s\\":\\"{HOLDING}\\"'), "utf-8")
+    (tmp_path / "data.csv").write_bytes(csv)
+    refused = sinew_resealed("report", "verify", str(tmp_path / "report.html"), folder=tmp_path / "none")
+    assert refused.returncode in (1, 2)
+    assert "Traceback" not in refused.stderr
+
+
+def run_with(**settings: Any) -> Run:
+    run = source_of(samples(PLAN)).run
+    return replace(run, settings={**run.settings, **settings})
+
+
+OF_PLAN = list_stored_values(build_ready_plan("tracking"))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"plan": {**OF_PLAN, "q_duration_s": 1e9}},
+        {"plan": {**OF_PLAN, "nobody_knows": 1.0}},
+        {"plan": {**OF_PLAN, "experiment": "{"}},
+        {"plan": {**OF_PLAN, "experiment": " " * 400_001}},
+        {"plan": {**OF_PLAN, "experiment": str(OF_PLAN["experiment"]).replace("Tracking", "Track\\u202eing")}},
+        {"loop": {"lam_q": 1e9}},
+        {"loop": {"lam_q": 0.5, "u_plan": 99.0}},
+        {"loop": {"lam_q": 0.5, "motion": "fast"}},
+    ],
+    ids=lambda settings: str(settings)[-60:],
+)
+def test_what_no_request_could_have_ordered_is_not_taken_in(settings: dict[str, Any]) -> None:
+    check_run_settings(run_with())
+    with pytest.raises(ImportRefusedError):
+        check_run_settings(run_with(**settings))

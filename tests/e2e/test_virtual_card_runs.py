@@ -17,7 +17,7 @@ from plant.interface import SIMULATOR
 from tests.e2e.forms import REPORT_TIMEOUT_MS, fill, pressed
 from tests.e2e.operator import Operator
 from tests.e2e.service import Service, running_service
-from tests.experiments.test_virtual_card import ALIKE, PARAMETERS, figures, performed
+from tests.execution.test_simulation import ALIKE, PARAMETERS, figures, performed
 
 RUN_TIMEOUT_MS = 180_000
 """Ten times what the longest of these takes by the loop's own time."""

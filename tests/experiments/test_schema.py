@@ -1,14 +1,30 @@
-"""The JSON schema of an experiment accepts the same documents as the parser."""
+"""Settings of experiments, declared and checked, and their JSON schema."""
 
+import itertools
+import json
+import math
+from dataclasses import asdict
 from typing import Any
 
 import pytest
 import yaml
 from jsonschema_rs import Draft202012Validator
 
-from backend.experiments.library import READY_NAMES, load_ready_experiment, load_ready_text
-from backend.experiments.parser import ExperimentError, build_experiment
-from backend.experiments.schema import EXPERIMENT, build_json_schema
+from backend.errors import OutOfRangeError
+from backend.experiments.library import (
+    READY_NAMES,
+    build_ready_plan,
+    find_experiment,
+    load_ready_experiment,
+    load_ready_text,
+)
+from backend.experiments.parser import ExperimentError, build_experiment, build_settings, parse_values, require_rules
+from backend.experiments.plans import ActuatorIdentificationPlan, Plan
+from backend.experiments.schema import EXPERIMENT, Declared, Experiment, Hold, Rule, Section, build_json_schema
+from backend.models.settings import Setting, SettingError, build_plan, describe_settings
+from backend.realtime.program import Law, Segment, Shape
+
+# The JSON schema of an experiment accepts the same documents as the parser.
 
 VALIDATOR = Draft202012Validator(build_json_schema())
 
@@ -66,3 +82,246 @@ def test_what_lacks_a_part_is_refused_by_schema_and_reader_alike(lacking: str) -
     assert not VALIDATOR.is_valid(wrong)
     with pytest.raises(ExperimentError):
         build_experiment(wrong, {})
+
+
+# Settings declared by an experiment; invalid declarations are rejected.
+
+DEPTH = Declared(
+    name="depth", symbol="a", unit="rad", meaning="amplitude", default="pi / 4", minimum=0, maximum="pi / 2"
+)
+TURNS = Declared(name="turns", kind="integer", symbol="n", meaning="turns", default=3, minimum=1, maximum=9)
+HOW = Declared(name="how", kind="choice", symbol="how", meaning="way", default="a", choices=("a", "b"))
+SURE = Declared(name="sure", kind="boolean", symbol="sure", meaning="whether", default=True)
+
+
+def experiment(*declared: Declared, rules: tuple[Rule, ...] = ()) -> Experiment:
+    held = Section(name="all", title="All", parts=(Hold(do="hold", duration_s=1.0),))
+    return Experiment(format=1, name="tried", title="Tried", settings=declared, rules=rules, phases=(held,))
+
+
+def declared(**changes: Any) -> Declared:
+    usual = {"name": "depth", "symbol": "a", "meaning": "m", "default": 0.2, "minimum": 0.0, "maximum": 1.0}
+    return Declared(**{**usual, **changes})
+
+
+def test_each_kind_is_declared_as_it_was_written() -> None:
+    assert build_settings(experiment(DEPTH, TURNS, HOW, SURE), {}) == (
+        Setting("depth", "number", "a", "rad", "amplitude", math.pi / 4.0, 0.0, math.pi / 2.0),
+        Setting("turns", "integer", "n", "1", "turns", 3, 1.0, 9.0),
+        Setting("how", "choice", "how", "1", "way", "a", choices=("a", "b")),
+        Setting("sure", "boolean", "sure", "1", "whether", True),
+    )
+
+
+def test_values_that_are_not_named_are_the_defaults_and_words_are_read() -> None:
+    settings = build_settings(experiment(DEPTH, TURNS, HOW, SURE), {})
+    assert parse_values(settings, {"turns": "5", "sure": "no"}) == {
+        "depth": math.pi / 4.0, "turns": 5, "how": "a", "sure": False,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("values", "error", "told"),
+    [
+        ({"width": 1}, SettingError, "unknown setting; known are depth, turns, how, sure"),
+        ({"depth": 2.0}, OutOfRangeError, "amplitude: 2\u202frad is outside 0 to 1.57"),
+        ({"depth": float("nan")}, OutOfRangeError, "amplitude"),
+        ({"depth": float("inf")}, OutOfRangeError, "amplitude"),
+        ({"depth": "wide"}, SettingError, "it needs a number"),
+        ({"depth": True}, SettingError, "it needs a number"),
+        ({"turns": 2.5}, SettingError, "it needs a whole number"),
+        ({"turns": 10**9}, OutOfRangeError, "is outside 1 to 9"),
+        ({"how": "c"}, SettingError, "choose one of a, b"),
+        ({"sure": 2}, SettingError, "it needs true or false"),
+    ],
+)
+def test_a_wrong_value_is_refused_as_of_any_other_setting(
+    values: dict[str, object], error: type[Exception], told: str
+) -> None:
+    with pytest.raises(error) as refused:
+        parse_values(build_settings(experiment(DEPTH, TURNS, HOW, SURE), {}), values)
+    assert told in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        (declared(name="lam_q"), "'lam_q' is taken"),
+        (declared(name="bank"), "'bank' is taken"),
+        (declared(name="seed"), "'seed' is taken"),
+        (declared(name="experiment"), "'experiment' is taken"),
+        (declared(name="pi"), "'pi' is taken"),
+        (declared(name="max"), "'max' is taken"),
+        (declared(name="first"), "'first' is taken"),
+        (declared(minimum=None), "depth needs a minimum and a maximum"),
+        (declared(maximum=None), "depth needs a minimum and a maximum"),
+        (declared(default=1.1), "1.1 is outside 0 to 1"),
+        (declared(minimum=0.5, maximum=0.4), "is outside"),
+        (declared(default=True), "not a finite number"),
+        (declared(default="first"), "'first' is not known here"),
+        (declared(maximum="1 / 0"), "has no value"),
+        (declared(maximum="2 ** 1e9"), "has no value"),
+        (declared(kind="choice", default="c", choices=("a", "b")), "the default 'c' is none of its choices"),
+        (declared(kind="choice", default="c"), "the default 'c' is none of its choices"),
+        (declared(kind="boolean", default=3), "it needs true or false"),
+    ],
+)
+def test_a_declaration_that_cannot_be_is_refused_in_its_line(wrong: Declared, told: str) -> None:
+    lines = {(): 1, ("settings",): 5, ("settings", 0): 6, ("settings", 1): 7, ("settings", 1, "name"): 8}
+    with pytest.raises(ExperimentError) as refused:
+        build_settings(experiment(declared(name="first"), wrong), lines)
+    assert told in str(refused.value)
+    assert refused.value.line == (8 if "taken" in told else 7)
+    assert refused.value.path[:2] == ("settings", 1)
+
+
+def test_rules_hold_or_say_which_values_break_them() -> None:
+    low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
+    asked = experiment(low, high, rules=(Rule(that="low < high", remedy="keep low below high"),))
+    lines = {(): 1, ("rules", 0, "that"): 21}
+    require_rules(asked, build_settings(asked, {}), {"low": 0.2, "high": 0.8}, ("low",), lines)
+    with pytest.raises(ExperimentError) as refused:
+        require_rules(asked, build_settings(asked, {}), {"low": 0.8, "high": 0.8}, (), lines)
+    assert str(refused.value) == (
+        "line 21: rules 1, that: low < high does not hold (low is 0.8, high is 0.8): keep low below high"
+    )
+
+
+@pytest.mark.parametrize(("that", "bounds"), [("low < high", (None, 0.8)), ("low >= 2 * high", (1.6, None))])
+def test_a_rejection_names_the_setting_that_was_given(that: str, bounds: tuple[float | None, float | None]) -> None:
+    low, high = (declared(name=name, default=default) for name, default in (("low", 0.2), ("high", 0.8)))
+    asked = experiment(low, high, rules=(Rule(that=that, remedy="mind the gap"),))
+    with pytest.raises(OutOfRangeError, match="mind the gap") as refused:
+        require_rules(asked, build_settings(asked, {}), {"low": 0.9, "high": 0.8}, ("low",), {})
+    assert (refused.value.quantity, refused.value.minimum, refused.value.maximum) == ("low", *bounds)
+
+
+@pytest.mark.parametrize("that", ["low < middle", "low + 1", "low", "low <", "__import__('os')", "1 / 0 < low"])
+def test_a_rule_that_is_no_comparison_is_refused_in_its_line(that: str) -> None:
+    asked = experiment(declared(name="low"), rules=(Rule(that=that, remedy="none"),))
+    with pytest.raises(ExperimentError) as refused:
+        require_rules(asked, build_settings(asked, {}), {"low": 0.2}, (), {("rules", 0, "that"): 3})
+    assert refused.value.line == 3
+
+
+def test_every_setting_has_unit_bounds_default_and_meaning() -> None:
+    for settings in (build_ready_plan("tracking").settings, describe_settings(ActuatorIdentificationPlan)):
+        for setting in settings:
+            assert setting.unit
+            assert setting.symbol
+            assert setting.meaning
+            if setting.kind == "choice":
+                assert setting.default in (setting.choices or ())
+            else:
+                assert setting.minimum is not None
+                assert setting.maximum is not None
+                assert setting.minimum <= setting.default <= setting.maximum  # type: ignore[operator]  # a number here
+            json.dumps(asdict(setting))
+
+
+def test_words_of_a_command_line_become_numbers() -> None:
+    plan = build_ready_plan("tracking", **{"q_amplitude": "0.5", "S_low": 9})
+    assert [plan.values[name] for name in ("q_amplitude", "S_low", "S_high")] == [0.5, 9.0, 14.0]
+    assert build_plan(ActuatorIdentificationPlan, {"bits": "9"}).bits == 9
+
+
+@pytest.mark.parametrize(("name", "value"), [("q_amplitude", 1.6), ("q_amplitude", math.nan), ("S_low", "1e400")])
+def test_a_number_out_of_bounds_is_refused_with_bounds_and_unit(name: str, value: object) -> None:
+    with pytest.raises(OutOfRangeError) as refused:
+        build_ready_plan("tracking", **{name: value})
+    setting = next(item for item in build_ready_plan("tracking").settings if item.name == name)
+    assert refused.value.quantity == name
+    assert (refused.value.minimum, refused.value.maximum) == (setting.minimum, setting.maximum)
+    assert refused.value.unit == setting.unit
+
+
+@pytest.mark.parametrize("value", ["wide", True, None, [1.0]])
+def test_what_is_no_number_is_refused_with_its_unit(value: object) -> None:
+    with pytest.raises(SettingError, match="needs a number in rad") as refused:
+        build_ready_plan("tracking", **{"q_amplitude": value})
+    assert (refused.value.quantity, refused.value.value, refused.value.unit) == ("q_amplitude", value, "rad")
+
+
+def test_unknown_names_and_fractions_of_counts_are_refused() -> None:
+    with pytest.raises(SettingError, match="unknown setting") as unknown:
+        build_ready_plan("tracking", **{"q_amplitud": 1.0})
+    assert "q_amplitude" in unknown.value.legal
+    with pytest.raises(SettingError, match="whole number"):
+        build_plan(ActuatorIdentificationPlan, {"bits": 7.5})
+
+
+def test_settings_are_checked_against_each_other() -> None:
+    with pytest.raises(OutOfRangeError, match="12 N·m/rad is more than 11 N·m/rad; keep it below the upper level"):
+        build_ready_plan("tracking", S_low=12, S_high=11)
+    with pytest.raises(OutOfRangeError, match="shorter chip"):
+        ActuatorIdentificationPlan(chip_s=2.0, bits=12).program()
+
+
+def test_tracking_program_holds_its_references_as_the_paper_does() -> None:
+    plan = build_ready_plan("tracking")
+    program, phases = plan.program(), plan.phases()
+    assert program.law is Law.CASCADE
+    assert [phase.name for phase in phases] == ["lead_in", "position", "stiffness", "both"]
+    assert phases[0].start_s == 0.0
+    assert phases[-1].end_s == program.duration_s
+    assert all(a.end_s == b.start_s for a, b in itertools.pairwise(phases))
+
+    start = 0.0
+    by_phase: dict[str, list[Segment]] = {phase.name: [] for phase in phases}
+    for segment in program.segments:
+        phase = next(phase for phase in phases if phase.start_s <= start < phase.end_s)
+        by_phase[phase.name].append(segment)
+        start += segment.duration_s
+    assert {segment.S_ref for segment in by_phase["position"]} == {10.0}
+    assert {segment.q_ref for segment in by_phase["position"]} >= {math.pi / 3, -math.pi / 3}
+    assert {segment.duration_s for segment in by_phase["position"]} == {8.0}
+    assert {segment.q_ref for segment in by_phase["stiffness"]} == {0.0}
+    assert {segment.S_ref for segment in by_phase["stiffness"]} == {8.0, 10.0, 14.0}
+    assert {segment.duration_s for segment in by_phase["stiffness"]} == {6.0}
+    for before, after in zip([by_phase["stiffness"][-1], *by_phase["both"]], by_phase["both"], strict=False):
+        assert before.q_ref != after.q_ref
+        assert before.S_ref != after.S_ref
+
+
+def test_identification_program_is_the_default_experiment_of_the_method() -> None:
+    program = ActuatorIdentificationPlan(tension_N=30.0).program()
+    assert program.law is Law.FORCE_HOLD
+    assert program.tension_N == 30.0
+    assert program.segments == ()
+    assert program.excitation is not None
+    assert program.excitation.duration_s == pytest.approx(20.32)
+    assert program.duration_s == pytest.approx(program.settle_s + 20.32)
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        build_ready_plan("tracking", q_duration_s=1.23456, S_duration_s=0.98765),
+        build_ready_plan("compliance", push_seed=4),
+        find_experiment("sequence").make_plan({"segments": '[{"duration_s": 0.12345, "q_ref": 0, "S_ref": 10}]'}),
+    ],
+)
+def test_segments_last_whole_milliseconds_as_the_loop_plays_them(plan: Plan) -> None:
+    for segment in plan.program().segments:
+        assert segment.duration_s * 1000 == pytest.approx(round(segment.duration_s * 1000), abs=1e-9)
+
+
+@pytest.mark.parametrize("profile", ["hand", "steps", "ramp"])
+def test_compliance_pushes_both_ways_within_its_bound_and_ends_at_rest(profile: str) -> None:
+    plan = build_ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20})
+    program = plan.program()
+    forces = [segment.F_push for segment in program.segments]
+    assert program.law is Law.COMPLIANCE
+    assert -12.0 <= min(forces) < -3.0
+    assert 3.0 < max(forces) <= 12.0
+    assert forces[0] == forces[-1] == 0.0
+    assert {(segment.q_ref, segment.S_ref) for segment in program.segments} == {(0.0, 10.0)}
+    assert build_ready_plan("compliance", **{"profile": profile, "F_push": 12.0, "pushes": 20}).program() == program
+
+
+def test_a_hand_pushes_differently_with_another_seed_and_never_jumps() -> None:
+    first, second = (build_ready_plan("compliance", push_seed=seed).program().segments for seed in (1, 2))
+    assert first != second
+    for before, after in itertools.pairwise(first):
+        assert after.shape is Shape.RAMP or after.F_push == pytest.approx(before.F_push)
+        assert abs(after.F_push - before.F_push) < 6.0

@@ -1,4 +1,4 @@
-"""Every word that the page shows of signals, results, faults and states has its meaning, and one source."""
+"""Explanations of words, and of boxes of forms."""
 
 import re
 from dataclasses import fields, is_dataclass
@@ -9,32 +9,45 @@ from pkgutil import iter_modules
 from typing import get_args
 
 import pytest
+from pydantic import TypeAdapter, ValidationError
 
 from backend import analysis
 from backend.analysis.evaluation import METRICS_BY_MEASURE, build_metric_documents
 from backend.analysis.step_metrics import WholeMetrics
 from backend.api.export import build_files
 from backend.commissioning.status import StepState
+from backend.errors import InvalidValueError
+from backend.experiments.library import experiments_by_name
+from backend.experiments.plans import LoopSettings
 from backend.faults import EXPLANATIONS, Fault, Limit
 from backend.glossary.glossary import (
     EQUATIONS,
+    FORMS,
     RESULTS,
     GlossaryError,
     GlossaryTerm,
     TermKind,
+    build_field_terms,
     build_glossary,
     parse_faults,
     parse_limits,
     parse_notation,
+    read_bounds,
 )
 from backend.identification.models import Grade
 from backend.models.run import Outcome
+from backend.models.settings import Setting, describe_settings
 from backend.realtime.modes import Cause, HomingEnd, Mode
 from backend.sample import FIELDS
+from backend.schemas.base import UNITS
+from backend.schemas.identification import IdentificationRequest
 from backend.schemas.run import ChecklistState
 from backend.schemas.state import ChainLinkView
+from backend.services.jobs import describe_identification_kinds
 from backend.storage.runs import EndState
 from plant.parameters import SECTIONS
+
+# Every word that the page shows of signals, results, faults and states has its meaning, and one source.
 
 ROOT = Path(__file__).parents[2]
 ENTRIES = build_glossary()
@@ -146,3 +159,81 @@ def test_every_result_that_declares_figures_is_in_the_glossary() -> None:
         if any("definition" in item.metadata for item in fields(kind))
     }
     assert declaring == set(RESULTS)
+
+
+# Each box of a form is explained, and with the bounds that the service accepts.
+
+REQUEST: TypeAdapter[IdentificationRequest] = TypeAdapter(IdentificationRequest)
+NAMED = ("kind",)
+"""Which form it is, chosen above it."""
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_field_of_an_order_says_what_its_request_says(form: str) -> None:
+    told = {
+        entry.name.removeprefix(f"{form}."): entry for entry in build_field_terms() if entry.name.startswith(f"{form}.")
+    }
+    declared = FORMS[form].model_fields
+    assert set(told) == set(declared) - set(NAMED)
+    for name, entry in told.items():
+        assert entry.kind is TermKind.SETTING
+        unit = UNITS.get(name, "1")
+        assert entry.unit == ("" if unit == "1" else unit)
+        assert declared[name].description in (entry.meaning, f"{entry.meaning} [{unit}]")
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_bounds_that_are_told_are_those_that_the_request_takes(form: str) -> None:
+    request = FORMS[form]
+    for name, field in request.model_fields.items():
+        low, high = read_bounds(field)
+        if low is None or high is None:
+            continue
+        adapter: TypeAdapter[object] = TypeAdapter(request.__pydantic_fields__[name].rebuild_annotation())
+        told = next(entry for entry in build_field_terms() if entry.name == f"{form}.{name}")
+        assert dict(told.more)["Accepted"].startswith(f"{low:g} to {high:g}")
+        for value in (low, high):
+            adapter.validate_python(int(value) if value.is_integer() else value)
+        for value in (low - 1.0, high + 1.0):
+            with pytest.raises(ValidationError):
+                adapter.validate_python(value)
+
+
+def shown(setting: Setting) -> None:
+    """A setting has words, a unit and, for a number, both bounds."""
+    assert setting.meaning.strip()
+    assert setting.unit
+    number = isinstance(setting.default, int | float) and not isinstance(setting.default, bool)
+    assert not number or (setting.minimum is not None and setting.maximum is not None), setting.name
+
+
+@pytest.mark.parametrize("kind", [kind.kind for kind in describe_identification_kinds()])
+def test_settings_of_an_identification_take_their_ends_and_nothing_beyond(kind: str) -> None:
+    settings = next(one.settings for one in describe_identification_kinds() if one.kind == kind)
+    for setting in settings:
+        shown(setting)
+        if setting.minimum is None or setting.maximum is None:
+            continue
+        for value in (setting.minimum, setting.maximum):
+            REQUEST.validate_python({"kind": kind, setting.name: value})
+        for value in (setting.minimum - 1, setting.maximum + 1):
+            with pytest.raises(ValidationError, match=setting.name):
+                REQUEST.validate_python({"kind": kind, setting.name: value})
+
+
+@pytest.mark.parametrize("name", experiments_by_name())
+def test_settings_of_an_experiment_take_their_ends_and_nothing_beyond(name: str) -> None:
+    declared = [*experiments_by_name()[name].settings, *describe_settings(LoopSettings)]
+    for setting in declared:
+        shown(setting)
+        if setting.kind not in ("number", "integer"):
+            continue
+        assert setting.minimum is not None
+        assert setting.maximum is not None
+        assert [setting.parse(value) for value in (setting.minimum, setting.maximum)] == [
+            setting.minimum,
+            setting.maximum,
+        ]
+        for value in (setting.minimum - 1, 2 * abs(setting.maximum) + 1):
+            with pytest.raises(InvalidValueError):
+                setting.parse(round(value) if setting.kind == "integer" else value)

@@ -1,14 +1,26 @@
-"""The default experiment on a linear system that is simulated by other means than the estimator's."""
+"""The identification of the actuator, on linear systems and on the simulator."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import lsim, max_len_seq
 
-from backend.identification.actuator import ActuatorGeometry, ActuatorIdentification, identify_actuator
+from backend.control.decoupler import build_decoupler, stiffness_slope
+from backend.experiments.plans import ActuatorIdentificationPlan
+from backend.identification.actuator import STRUCTURES, ActuatorGeometry, ActuatorIdentification, identify_actuator
 from backend.identification.estimation import estimate_model
 from backend.identification.fitting import Method
-from backend.identification.models import Estimate, Grade
+from backend.identification.models import TABLE_1, Estimate, Grade
 from backend.identification.records import Record
+from backend.tuning.gains import LAM_MOTOR, make_motor_loops
+from backend.tuning.robustness import decoupled_model, linearize_one_motor
+from plant.interface import T_s
+from plant.parameters import PlantParameters, load_parameters
+from tests.docs.figures.identification_page import default_plan, paper_plan
+from tests.docs.figures.identification_runs import Bench
+
+# The default experiment on a linear system that is simulated by other means than the estimator's.
 
 GEOMETRY = ActuatorGeometry(r_m=0.0075, r_j=0.075, k2=8543.8)
 PERIOD_S = 1e-3
@@ -74,3 +86,117 @@ def test_too_little_motion_is_said_with_the_number_of_counts() -> None:
     assert found.verdict.grade is Grade.UNUSABLE
     assert "not enough motion" in found.verdict.sentence
     assert f"{found.motion_counts:.1f} counts" in found.verdict.sentence
+
+
+# The default experiment played on the simulator, against geometry and against the plant linearised numerically.
+
+OMEGA = np.geomspace(0.05, 5.0, 30)
+SUM_OF_LAGS_S = 0.342
+GAIN_S = 0.721
+
+
+def identified(bench: Bench, parameters: PlantParameters, plan: ActuatorIdentificationPlan) -> ActuatorIdentification:
+    g = parameters.geometry
+    geometry = ActuatorGeometry(
+        g.r_m, g.r_j, stiffness_slope(build_decoupler(parameters), 10.0) / (2.0 * g.r_j**2 * g.r_m)
+    )
+    return identify_actuator(bench.play(plan), T_s, geometry, 0, STRUCTURES[:2])
+
+
+def candidate(found: ActuatorIdentification, channel: str, structure: str) -> Estimate:
+    ranked = (found.candidates_q if channel == "q" else found.candidates_S).ranked
+    return next(estimate for estimate in ranked if estimate.model.structure == structure)
+
+
+def linearised(parameters: PlantParameters, S: float) -> tuple[np.ndarray, np.ndarray]:
+    """Responses at OMEGA from one motor's reference to q and S.
+
+    Both sides are alike, so that one motor alone does half of what both do through the decoupler.
+    """
+    model = decoupled_model(parameters, make_motor_loops(parameters, LAM_MOTOR), S)
+    through_decoupler = model(1j * OMEGA)
+    g = parameters.geometry
+    return through_decoupler[0, 0] * g.r_m / (2.0 * g.r_j), through_decoupler[1, 1] * GAIN_S
+
+
+@pytest.fixture(scope="module")
+def ideal() -> PlantParameters:
+    return load_parameters("ideal")
+
+
+@pytest.fixture(scope="module")
+def ideal_runs(ideal: PlantParameters) -> dict[float, ActuatorIdentification]:
+    bench = Bench(ideal)
+    return {tension: identified(bench, ideal, default_plan(tension)) for tension in TABLE_1}
+
+
+@pytest.fixture(scope="module", params=["lab", "lab without friction"])
+def lab_bench(request: pytest.FixtureRequest) -> Bench:
+    lab = load_parameters("lab")
+    without = replace(lab, motor=replace(lab.motor, c0=0.0, c1=0.0))
+    return Bench(lab if request.param == "lab" else without)
+
+
+@pytest.mark.parametrize("tension", [20.0, 40.0])
+def test_G_S_has_the_gain_and_lag_of_linear_theory(lab_bench: Bench, tension: float) -> None:
+    """With the sensors of `lab`; friction adds to what the linear model leaves over, not to gain and lag."""
+    lab = load_parameters("lab")
+    record = lab_bench.play(default_plan(tension))
+    theory = linearize_one_motor(lab, make_motor_loops(lab, LAM_MOTOR), float(np.mean(record["S"])))
+    found = estimate_model(Record(T_s, record["theta_A_ref"], record["S"]), "order:4").first_order
+    assert pytest.approx(theory.K_S, rel=2e-3) == found.K
+    assert pytest.approx(theory.T_S, rel=6e-3) == found.T
+
+
+def test_G_S_agrees_with_linear_theory_over_fifty_seeds() -> None:
+    """Mean over 50 seeds of the sensors' noise, without friction: gain within 0.2 %, sum of lags within 0.5 %."""
+    lab = load_parameters("lab")
+    without = replace(lab, motor=replace(lab.motor, c0=0.0, c1=0.0))
+    off: dict[float, list[tuple[float, float]]] = {tension: [] for tension in TABLE_1}
+    for seed in range(50):
+        bench = Bench(without, seed)
+        for tension, ratios in off.items():
+            record = bench.play(default_plan(tension))
+            theory = linearize_one_motor(without, make_motor_loops(without, LAM_MOTOR), float(np.mean(record["S"])))
+            found = estimate_model(Record(T_s, record["theta_A_ref"], record["S"]), "order:4").first_order
+            ratios.append((found.K / theory.K_S, found.T / theory.T_S))
+    for ratios in off.values():
+        gain, lag = np.mean(ratios, axis=0)
+        assert gain == pytest.approx(1.0, abs=2e-3)
+        assert lag == pytest.approx(1.0, abs=5e-3)
+
+
+@pytest.mark.parametrize("tension", TABLE_1)
+def test_on_the_ideal_plant_gains_lags_and_frequency_response_are_right(
+    ideal: PlantParameters, ideal_runs: dict[float, ActuatorIdentification], tension: float
+) -> None:
+    found = ideal_runs[tension]
+    G_q, G_S = found.G_q, found.G_S
+    assert found.verdict.grade is Grade.USABLE
+    assert candidate(found, "q", "lags4").model.gain == pytest.approx(0.05, rel=0.01)
+    assert G_q.model.gain == pytest.approx(0.05, rel=0.002)
+    assert candidate(found, "S", "order:4").model.gain == pytest.approx(GAIN_S, rel=0.01)
+    for model, truth in zip((G_q, G_S), linearised(ideal, TABLE_1[tension].S), strict=True):
+        assert pytest.approx(SUM_OF_LAGS_S, rel=0.05) == model.first_order.T
+        ratio = model.model.response(OMEGA) / truth
+        assert np.max(np.abs(np.abs(ratio) - 1.0)) < 0.03
+        assert np.max(np.abs(np.degrees(np.angle(ratio)))) < 3.0
+
+
+def test_on_the_lab_plant_the_verdict_warns_that_friction_makes_the_model_local() -> None:
+    lab = load_parameters("lab")
+    found = identified(Bench(lab), lab, default_plan(20.0))
+    assert found.verdict.grade is Grade.CAUTION
+    assert "friction" in found.verdict.sentence
+    assert "local" in found.verdict.sentence
+    for channel, gain in ((found.G_q, 0.05), (found.G_S, GAIN_S)):
+        assert channel.model.gain == pytest.approx(gain, rel=0.03)
+
+
+def test_the_papers_1_ms_sequence_moves_too_little_and_the_verdict_says_so() -> None:
+    lab = load_parameters("lab")
+    found = identified(Bench(lab), lab, paper_plan(20.0))
+    assert found.verdict.grade is Grade.UNUSABLE
+    assert found.motion_counts < 10.0
+    assert f"not enough motion, the output moved by {found.motion_counts:.1f} counts" in found.verdict.sentence
+    assert "use longer chips or a larger amplitude" in found.verdict.sentence

@@ -87,7 +87,7 @@ def test_a_change_that_nobody_can_see_is_not_made() -> None:
 def test_all_tests_that_reach_a_file_are_known_and_those_that_start_a_service_reach_all() -> None:
     away = reaching(Imports().steps_to("backend/identification/motor.py"))
     near = belonging_to("backend/identification/motor.py", away)
-    assert "tests/identification/test_motor_record.py" in near
+    assert "tests/identification/test_motor.py" in near
     further = set(away) - set(near)
     assert further
     assert not any(test.startswith("tests/identification/") for test in further)

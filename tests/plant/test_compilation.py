@@ -1,18 +1,32 @@
-"""Machine code for one place in the tick: the same numbers, and never compiled again."""
+"""Machine code: specialised functions, cells, and the folder that keeps it."""
 
 import math
+import os
+import pickle
 import random
+import struct
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numba.core.errors import TypingError
+from numpy.typing import NDArray
 
-from plant.compilation import PrecompiledCall, compiled
+from backend.storage import events
+from backend.storage.database import open_database
+from plant.compilation import PrecompiledCall, StateBlock, compiled, store_compiled
 from plant.dynamics import AT_REST, PlantState
 from plant.interface import ZERO_VOLTS
 from plant.parameters import load_parameters
 from plant.simulator import SafetyBounds, Simulator, actuate_plant, is_limit_exceeded
+
+# Machine code for one place in the tick: the same numbers, and never compiled again.
 
 LAB = load_parameters("lab")
 PLANT, BOUNDS = LAB.make_dynamics(), SafetyBounds(40.0, 1.5)
@@ -60,8 +74,8 @@ WHOLE, BROKEN = (Weights(2, 3, 1), (4, 5), 2, 6), (Weights(2.5, 3.25, 1), (4.5, 
 def test_where_a_float_is_declared_whole_numbers_and_floats_are_both_right(like: tuple[Weights, Any, int, Any]) -> None:
     called = PrecompiledCall(weighted, *like)
     mixed = (Weights(2, 3.25, 1), (4.5, 5), 2, 6)
-    for given in (WHOLE, BROKEN, mixed):
-        assert called(*given) == weighted.py_func(*given)  # type: ignore[attr-defined]  # of numba
+    for each_given in (WHOLE, BROKEN, mixed):
+        assert called(*each_given) == weighted.py_func(*each_given)  # type: ignore[attr-defined]  # of numba
 
 
 @compiled
@@ -113,3 +127,267 @@ def test_a_float_where_a_whole_number_is_declared_is_refused_and_not_cut_off(giv
 def test_what_cannot_be_read_so_is_refused(x: PlantState) -> None:
     with pytest.raises(TypeError):
         is_exceeded(PLANT, BOUNDS, x)
+
+
+# A cell holds a value as compiled functions see it and as the interpreter put it: the same, and in one place.
+
+
+class Inner(NamedTuple):
+    a: float
+    on: bool
+    n: int
+
+
+class Outer(NamedTuple):
+    first: Inner
+    table: NDArray[np.float64]
+    pair: tuple[float, float]
+    nothing: None
+    flags: tuple[bool, bool]
+    last: Inner
+
+
+def outer(table: NDArray[np.float64]) -> Outer:
+    return Outer(Inner(1.5, True, -7), table, (2.5, 3.5), None, (False, True), Inner(-0.5, False, 1 << 40))
+
+
+@compiled
+def shifted(cell: StateBlock[Outer], by: float) -> float:
+    """Change of each kind something: by a field, by the whole, and in the array."""
+    was = cell.value
+    store_compiled(cell.last, Inner(was.last.a + by, not was.last.on, was.last.n + 1))
+    store_compiled(cell.first.a, was.first.a - by)
+    cell.table.value[1, 2] = by
+    return float(cell.pair.value[1] + was.pair[0])
+
+
+def test_what_is_put_is_what_is_got_and_fields_are_parts_of_it() -> None:
+    value = outer(np.arange(6.0).reshape(2, 3))
+    cell = StateBlock(value)
+    assert cell.get() == value
+    part = cell.field("last")
+    part.set(Inner(9.0, True, 3))
+    assert cell.get().last == Inner(9.0, True, 3)
+    cell.set(value)
+    assert part.get() == value.last
+
+
+@given(by=st.floats(-1e6, 1e6), n=st.integers(-(2**60), 2**60), on=st.booleans())
+def test_compiled_functions_read_and_write_the_same_numbers(by: float, n: int, on: bool) -> None:
+    table = np.zeros((2, 3))
+    cell = StateBlock(outer(table)._replace(last=Inner(0.25, on, n)))
+    assert shifted(cell, by) == 6.0
+    now = cell.get()
+    assert now.last == Inner(0.25 + by, not on, n + 1)
+    assert now.first == Inner(1.5 - by, True, -7)
+    assert table[1, 2] == by
+    assert now.table is table
+
+
+def test_another_array_takes_the_place_of_the_one_before() -> None:
+    cell = StateBlock(outer(np.zeros((2, 3))))
+    larger = np.zeros((40, 3))
+    cell.field("table").set(larger)
+    shifted(cell, 4.0)
+    assert larger[1, 2] == 4.0
+    assert cell.get().table is larger
+
+
+def test_a_copy_by_pickle_is_another_cell_and_its_fields_are_its_own() -> None:
+    cell = StateBlock(outer(np.zeros((2, 3))))
+    copy, part = pickle.loads(pickle.dumps((cell, cell.field("last"))))
+    shifted(copy, 2.0)
+    assert cell.get().last == outer(np.zeros((2, 3))).last
+    assert part.get() == copy.get().last == Inner(1.5, True, (1 << 40) + 1)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        outer(np.zeros((2, 3)))[:5],
+        outer(np.zeros(6)),
+        outer(np.zeros((2, 3), np.int64)),
+        outer(np.zeros((2, 3)))._replace(first=Inner("a", True, 1)),  # type: ignore[arg-type]  # that is the mistake
+    ],
+)
+def test_what_is_not_like_the_first_is_refused_and_nothing_changes(wrong: Any) -> None:
+    value = outer(np.zeros((2, 3)))
+    cell = StateBlock(value)
+    with pytest.raises(struct.error):
+        cell.set(wrong)
+    assert cell.get() == value
+
+
+def test_what_has_no_place_is_refused() -> None:
+    with pytest.raises(TypeError, match="no place"):
+        StateBlock((1.0, "text"))
+
+
+# Where machine code is kept: for an account with a home, without one, and where nothing can be written.
+
+STRANGER = 54_321
+"""Number of an account that is in no password file."""
+SHOWS = """
+import subprocess, sys
+from plant import compilation
+
+@compilation.compiled
+def more(x):
+    return x + 1.0
+
+assert more(1.0) == 2.0
+print(compilation.CACHE, flush=True)
+if sys.argv[1:]:
+    subprocess.run([sys.executable, __file__], check=True)
+"""
+
+
+def as_stranger() -> Sequence[str]:
+    """Return what runs a program as an account without name or home, who may read all and write nothing.
+
+    Only root can become another account; elsewhere the tests' own account takes its place.
+    """
+    if os.geteuid() != 0:
+        return ()
+    numbers = (f"--reuid={STRANGER}", f"--regid={STRANGER}", "--clear-groups")
+    return ("setpriv", *numbers, "--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search")
+
+
+@pytest.fixture
+def open_folder(tmp_path: Path) -> Path:
+    """A folder where every account may write."""
+    folder = tmp_path / "open"
+    folder.mkdir()
+    folder.chmod(0o777)
+    return folder
+
+
+@pytest.fixture
+def closed(tmp_path: Path) -> Path:
+    """A path where no folder can be made, by root neither."""
+    file = tmp_path / "closed"
+    file.write_text("")
+    return file / "below"
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    """A file with a compiled function, that prints where its code is kept."""
+    file = tmp_path / "shows.py"
+    file.write_text(SHOWS)
+    return file
+
+
+def kept_in(program: Path, *words: str, **environment: object) -> tuple[list[str], list[str]]:
+    """Return the lines that a process, and with ``words`` one that it starts, prints and says."""
+    given = {"PATH": os.environ["PATH"], **{name: str(value) for name, value in environment.items()}}
+    ended = subprocess.run(
+        [*as_stranger(), sys.executable, str(program), *words], env=given, cwd="/", capture_output=True, text=True
+    )
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout.splitlines(), ended.stderr.splitlines()
+
+
+def test_the_cache_of_the_account_is_used_without_a_word(program: Path, open_folder: Path) -> None:
+    (folder,), said = kept_in(program, HOME=open_folder)
+    assert Path(folder).parent == open_folder / ".cache" / "sinew"
+    assert said == []
+    (folder,), said = kept_in(program, HOME=open_folder, XDG_CACHE_HOME=open_folder / "other")
+    assert (Path(folder).parent, said) == (open_folder / "other" / "sinew", [])
+
+
+def test_a_folder_named_for_numba_comes_first(program: Path, open_folder: Path) -> None:
+    (folder,), said = kept_in(program, HOME=open_folder, NUMBA_CACHE_DIR=open_folder / "named")
+    assert (Path(folder).parent, said) == (open_folder / "named", [])
+
+
+def test_the_data_folder_takes_its_place_and_one_line_says_so(program: Path, open_folder: Path, closed: Path) -> None:
+    data = open_folder / "data"
+    data.mkdir(mode=0o777)
+    data.chmod(0o777)
+    found, said = kept_in(program, "both", HOME=closed, SINEW_CACHE_FALLBACK=data)
+    assert {Path(folder).parent for folder in found} == {data / "cache"}
+    assert len(found) == 2
+    assert len(said) == 1
+    assert str(data / "cache") in said[0]
+
+
+def test_a_temporary_folder_of_the_account_comes_after_it(program: Path, open_folder: Path, closed: Path) -> None:
+    found, said = kept_in(
+        program, "both", HOME=closed, TMPDIR=open_folder, SINEW_CACHE_FALLBACK=open_folder / "missing"
+    )
+    (place,) = {Path(folder).parent for folder in found}
+    assert place.parent == open_folder
+    assert place.stat().st_mode & 0o077 == 0
+    assert len(said) == 1
+    assert str(place) in said[0]
+    assert not (open_folder / "missing").exists()
+
+
+def test_code_that_another_account_could_have_put_there_is_not_run(
+    program: Path, open_folder: Path, closed: Path
+) -> None:
+    user = STRANGER if os.geteuid() == 0 else os.geteuid()
+    place = open_folder / f"sinew-{user}"
+    place.mkdir()
+    place.chmod(0o777)
+    (folder,), _ = kept_in(program, HOME=closed, TMPDIR=open_folder)
+    assert folder == "None"
+
+
+def test_without_any_folder_it_stays_in_memory_and_one_line_says_so(
+    program: Path, closed: Path, open_folder: Path
+) -> None:
+    place = open_folder / f"sinew-{STRANGER if os.geteuid() == 0 else os.geteuid()}"
+    place.write_text("a file where the folder would be")
+    found, said = kept_in(program, "both", HOME=closed, TMPDIR=open_folder)
+    assert found == ["None", "None"]
+    assert len(said) == 1
+    assert "NUMBA_CACHE_DIR" in said[0]
+
+
+def by_stranger(folder: Path, *words: str) -> str:
+    """Return what a command prints that an account without name and home gives."""
+    sinew = str(Path(sys.executable).with_name("sinew"))
+    ended = subprocess.run(
+        [*as_stranger(), sinew, *words, "--data", str(folder / "data")],
+        env={"PATH": os.environ["PATH"], "TMPDIR": str(folder), "PYTHONIOENCODING": "utf-8"},
+        cwd="/",
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == 0, ended.stderr
+    return ended.stdout
+
+
+def test_an_account_without_name_and_home_is_recorded_by_its_number(open_folder: Path) -> None:
+    by_stranger(open_folder, "db", "backup")
+    database = open_database(open_folder / "data")
+    with database.reading() as session:
+        (event,) = events.find(session)
+    database.close()
+    if os.geteuid() == 0:
+        assert event.who == str(STRANGER)
+    by_stranger(open_folder, "doctor")
+
+
+def test_an_account_without_name_and_home_plays_an_experiment(open_folder: Path) -> None:
+    words = ["experiment", "sequence", "--set", 'segments=[{"duration_s": 0.5, "q_ref": 0.0, "S_ref": 10}]']
+    assert "completed" in by_stranger(open_folder, *words)
+
+
+HITS = SHOWS + "\nprint(sum(more.stats.cache_hits.values()), sum(more.stats.cache_misses.values()))\n"
+
+
+def test_what_an_image_has_compiled_is_copied_and_not_compiled_again(program: Path, open_folder: Path) -> None:
+    program.write_text(HITS)
+    (folder, first), said = kept_in(program, XDG_CACHE_HOME=open_folder / "image")
+    assert (first, said) == ("0 1", [])
+    prepared = Path(folder).parent
+    (prepared / "figures-1.json").write_text("{}")
+    (copied, second), said = kept_in(program, XDG_CACHE_HOME=open_folder / "volume", SINEW_CACHE_PREPARED=prepared)
+    assert (second, said) == ("1 0", [])
+    assert Path(copied).parent == open_folder / "volume" / "sinew"
+    assert (Path(copied).parent / "figures-1.json").read_text() == "{}"
+    _, third = kept_in(program, XDG_CACHE_HOME=open_folder / "other", SINEW_CACHE_PREPARED=open_folder / "nowhere")[0]
+    assert third == "0 1"

@@ -1,4 +1,4 @@
-"""The plant's differential equation: closed forms, an integrator and equations of the test's own, conservation laws."""
+"""The plant's differential equation: joint, springs, load at the shaft, wall."""
 
 import math
 from dataclasses import replace
@@ -9,22 +9,42 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
 
 from plant.dynamics import (
+    K_LEAST,
+    NO_OBSTACLE,
     SUBSTEPS,
     Dynamics,
+    Joint,
+    Obstacle,
     PlantState,
     Spring,
     advance_state,
+    contact_force,
     elongation_A,
     elongation_B,
     joint_acceleration,
     joint_stiffness,
+    largest_wall_damping,
+    largest_wall_stiffness,
     polynomial_spring,
+    require_possible_wall,
+    require_stiffening,
+    spring_curvature,
+    spring_elongation,
+    spring_polynomial,
+    spring_slope,
+    tabulated_spring,
     tendon_tension,
+    tendon_tension_slope,
 )
-from plant.interface import T_s
+from plant.interface import NO_LOAD, ZERO_VOLTS, MotorCommand, PlantError, ShaftLoad, T_s
 from plant.parameters import PlantParameters, load_parameters
+from plant.simulator import Simulator
+
+# The plant's differential equation: closed forms, an integrator and equations of the test's own, conservation laws.
 
 IDEAL, LAB = load_parameters("ideal"), load_parameters("lab")
 SLACK_THETA = -200.0
@@ -183,3 +203,375 @@ def test_friction_holds_still_what_the_tendon_alone_would_turn() -> None:
         turned.append(5.0 - x.theta_A)
     assert turned[0] > 0.4
     assert 0.0 < turned[1] < 0.02
+
+
+# A load at the gearbox shaft: closed form, energy, an integration of the test's own, what is refused.
+
+LOAD_NM = 0.375
+SLACK = PlantState(0.0, 0.0, SLACK_THETA, 0.0, 0.0, SLACK_THETA, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def ideal_shaft_load() -> PlantParameters:
+    return load_parameters("ideal")
+
+
+def test_a_load_turns_a_free_motor_as_the_closed_form_and_its_work_is_accounted_for(
+    ideal_shaft_load: PlantParameters,
+) -> None:
+    """J w' + B w = -load from rest; work of the load = kinetic energy + what the damping took."""
+    motor = ideal_shaft_load.make_dynamics().motor_A
+    x, T_m, ticks = SLACK, motor.J_m / motor.B_m, 1000
+    speeds = []
+    for tick in range(1, ticks + 1):
+        x = advance_state(ideal_shaft_load.make_dynamics(), x, 0.0, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(LOAD_NM, 0.0))
+        t = tick * T_s
+        assert x.omega_A == pytest.approx(-LOAD_NM / motor.B_m * -math.expm1(-t / T_m), rel=1e-9)
+        assert x.theta_A - SLACK_THETA == pytest.approx(-LOAD_NM / motor.B_m * (t + T_m * math.expm1(-t / T_m)))
+        speeds.append(x.omega_A)
+    assert (x.theta_B, x.omega_B, x.q) == (SLACK_THETA, 0.0, 0.0)
+    work = LOAD_NM * (SLACK_THETA - x.theta_A)
+    lost = motor.B_m * np.trapezoid(np.square([0.0, *speeds]), dx=T_s)
+    assert work == pytest.approx(0.5 * motor.J_m * x.omega_A**2 + lost, rel=1e-5)
+
+
+def test_loads_with_tendons_and_friction_agree_with_an_independent_integration() -> None:
+    """A load is more force on the reel, which friction feels as well."""
+    p, x = LAB, PlantState(0.05, 0.0, 5.0, 0.0, 0.0, 5.0, 0.0, 0.0)
+    own, B_m = np.array(x), LAB.motor.K_t / LAB.motor.K_m
+
+    def loaded(t: float, y: np.ndarray, loads: ShaftLoad) -> np.ndarray:
+        rate = np.array(own_rate(p, 3.0, 2.0, 0.0, t, y))
+        for at, load in ((3, loads.load_A), (6, loads.load_B)):
+            felt = load * (1.0 + p.motor.c1 * math.tanh(y[at] / p.motor.omega_smooth))
+            rate[at] -= felt / (B_m * p.motor.T_m)
+        return rate
+
+    for loads in (ShaftLoad(LOAD_NM, 0.1), NO_LOAD, ShaftLoad(0.0, LOAD_NM)):
+        for _ in range(300):
+            x = advance_state(p.make_dynamics(), x, 3.0, 2.0, 0.0, T_s, SUBSTEPS, loads)
+        end = solve_ivp(loaded, (0.0, 0.3), own, args=(loads,), method="LSODA", rtol=1e-9, atol=1e-11, max_step=2e-3)
+        own = end.y[:, -1]
+        assert np.array(x) == pytest.approx(own, rel=1e-4, abs=1e-4)
+
+
+def test_the_simulator_loads_from_the_next_period_on_until_told_otherwise(ideal_shaft_load: PlantParameters) -> None:
+    simulator = Simulator(ideal_shaft_load, x=SLACK)
+    simulator.load(ShaftLoad(0.0, LOAD_NM))
+    simulator.write(ZERO_VOLTS)
+    assert simulator.x == advance_state(
+        ideal_shaft_load.make_dynamics(), SLACK, 0.0, 0.0, 0.0, T_s, SUBSTEPS, ShaftLoad(0.0, LOAD_NM)
+    )
+    simulator.load(NO_LOAD)
+    before = simulator.x
+    simulator.write(ZERO_VOLTS)
+    assert simulator.x == advance_state(ideal_shaft_load.make_dynamics(), before, 0.0, 0.0, 0.0, T_s, SUBSTEPS)
+
+
+@pytest.mark.parametrize("load", [ShaftLoad(-0.1, 0.0), ShaftLoad(0.0, math.nan)])
+def test_a_load_that_pushes_its_tendon_is_refused(ideal_shaft_load: PlantParameters, load: ShaftLoad) -> None:
+    with pytest.raises(PlantError, match="loads pull"):
+        Simulator(ideal_shaft_load).load(load)
+
+
+# The spring against the paper's figures, against numpy's polynomials and SciPy's interpolation.
+
+K = (-2.498, 331.49, 8543.8)
+CUBIC_SPRING = (-2.0, 300.0, 7000.0, 40_000.0)
+PAPER_SPRING = polynomial_spring(K, 0.06135, 1e5)
+r_j = 75e-3
+
+
+def table_of(k: tuple[float, ...], rows: int) -> tuple[np.ndarray, np.ndarray]:
+    curve = np.polynomial.Polynomial(k)
+    x = np.linspace(max(curve.roots().real), 0.062, rows)
+    F = curve(x)
+    F[0] = 0.0
+    return x, F
+
+
+def test_force_and_root_are_the_papers() -> None:
+    assert tendon_tension(PAPER_SPRING, 0.06135) == pytest.approx(50.0, abs=0.01)
+    assert pytest.approx(6.46e-3, abs=5e-6) == PAPER_SPRING.x_slack
+
+
+@pytest.mark.parametrize(("F", "S"), [(10.0, 8.24), (20.0, 10.55), (30.0, 12.43), (40.0, 14.06)])
+def test_stiffness_at_the_nominal_tensions(F: float, S: float) -> None:
+    x = spring_elongation(PAPER_SPRING, F)
+    assert tendon_tension(PAPER_SPRING, x) == pytest.approx(F, abs=1e-9)
+    assert 2.0 * r_j**2 * tendon_tension_slope(PAPER_SPRING, x) == pytest.approx(S, abs=0.006)
+
+
+def test_least_stiffness_under_the_pulling_constraint_is_that_of_erratum_E8() -> None:
+    assert 2.0 * r_j**2 * spring_slope(PAPER_SPRING, PAPER_SPRING.x_slack) == pytest.approx(4.97, abs=0.005)
+
+
+@pytest.mark.parametrize("k", [K, CUBIC_SPRING, (-2.0, 300.0, 7000.0, 4e4, 1e5, 2e6)])
+def test_polynomials_of_order_2_to_5_and_their_derivatives(k: tuple[float, ...]) -> None:
+    spring, curve = polynomial_spring(k, 0.05, 1e5), np.polynomial.Polynomial(k)
+    for x in np.linspace(0.008, 0.0499, 17):
+        assert tendon_tension(spring, x) == pytest.approx(curve(x), rel=1e-12)
+        assert tendon_tension_slope(spring, x) == pytest.approx(curve.deriv()(x), rel=1e-12)
+        assert spring_curvature(spring, x) == pytest.approx(curve.deriv(2)(x), rel=1e-12)
+
+
+@pytest.mark.parametrize("k", [K, CUBIC_SPRING])
+def test_table_is_the_monotone_cubic_of_scipy(k: tuple[float, ...]) -> None:
+    x, F = table_of(k, 12)
+    spring, reference = tabulated_spring(x, F, 0.06, 1e5), PchipInterpolator(x, F)
+    for value in np.linspace(x[0] + 1e-6, 0.06, 97):
+        assert tendon_tension(spring, value) == pytest.approx(reference(value), abs=1e-10)
+        assert tendon_tension_slope(spring, value) == pytest.approx(reference(value, 1), abs=1e-8)
+    assert pytest.approx(reference(0.06), abs=1e-10) == spring.F_solid
+
+
+@pytest.fixture(params=["polynomial", "table"])
+def spring(request: pytest.FixtureRequest) -> Spring:
+    return PAPER_SPRING if request.param == "polynomial" else tabulated_spring(*table_of(CUBIC_SPRING, 9), 0.06, 1e5)
+
+
+def test_tendon_never_pushes_and_never_pulls_less_when_stretched_further(spring: Spring) -> None:
+    forces = np.array([tendon_tension(spring, x) for x in np.linspace(-0.2, 0.2, 2001)])
+    assert forces[0] == 0.0
+    assert np.all(np.diff(forces) >= 0.0)
+    assert tendon_tension_slope(spring, spring.x_slack - 1e-9) == 0.0
+
+
+def test_coils_on_coils_are_steep_and_join_without_a_jump(spring: Spring) -> None:
+    beyond, before = tendon_tension(spring, spring.x_solid + 1e-9), tendon_tension(spring, spring.x_solid - 1e-9)
+    assert beyond == pytest.approx(before, abs=1e-3)
+    assert tendon_tension(spring, spring.x_solid + 1e-3) == pytest.approx(spring.F_solid + 100.0)
+    assert tendon_tension_slope(spring, spring.x_solid + 1e-6) > 50.0 * spring_slope(spring, spring.x_solid)
+
+
+@given(st.floats(0.1, 49.9))
+def test_elongation_inverts_tension(F: float) -> None:
+    assert tendon_tension(PAPER_SPRING, spring_elongation(PAPER_SPRING, F)) == pytest.approx(F, rel=1e-12)
+
+
+@pytest.mark.parametrize("F", [-1.0, 0.0, 51.0])
+def test_elongation_refuses_what_the_spring_cannot_carry(F: float) -> None:
+    with pytest.raises(ValueError, match=rf"{F:g} N is outside 0-50\.0 N"):
+        spring_elongation(PAPER_SPRING, F)
+
+
+def test_curves_that_do_not_rise_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"no zero-force root below x_solid = 0\.06 m"):
+        polynomial_spring((3.0, 300.0, 8000.0), 0.06, 1e5)
+    with pytest.raises(ValueError, match=r"falls at x = 0\.05"):
+        polynomial_spring((-2.0, 400.0, 5000.0, -1e5), 0.06, 1e5)
+    x, F = table_of(K, 8)
+    F[4] = F[3]
+    with pytest.raises(ValueError, match="do not after row 4"):
+        tabulated_spring(x, F, 0.06, 1e5)
+
+
+def test_what_a_curve_does_below_its_root_is_of_no_concern() -> None:
+    """Its lowest point may lie right below the root, where the tendon is slack."""
+    k2, lowest, depth = 8000.0, 6e-3, 8e-7
+    spring = polynomial_spring((k2 * lowest**2 - depth, -2.0 * k2 * lowest, k2), 0.06, 1e5)
+    assert spring.x_slack == pytest.approx(lowest + (depth / k2) ** 0.5)
+
+
+def test_tables_that_cannot_be_used_are_refused() -> None:
+    x, F = table_of(K, 8)
+    with pytest.raises(ValueError, match="3 rows or more"):
+        tabulated_spring(x[:2], F[:2], 0.06, 1e5)
+    with pytest.raises(ValueError, match="not finite"):
+        tabulated_spring(x, np.where(F > 30.0, np.nan, F), 0.06, 1e5)
+    with pytest.raises(ValueError, match="begin at zero force"):
+        tabulated_spring(x, F + 1.0, 0.06, 1e5)
+    with pytest.raises(ValueError, match=r"x_solid = 0\.07 m lies outside the spring table"):
+        tabulated_spring(x, F, 0.07, 1e5)
+
+
+def test_a_spring_that_does_not_stiffen_cannot_set_stiffness() -> None:
+    require_stiffening(PAPER_SPRING)
+    require_stiffening(tabulated_spring(*table_of(CUBIC_SPRING, 9), 0.06, 1e5))
+    with pytest.raises(ValueError, match="does not stiffen at x = "):
+        require_stiffening(polynomial_spring((-2.0, 300.0, 0.0), 0.06, 1e5))
+    x, F = table_of(K, 9)
+    F[4] += 1.0
+    with pytest.raises(ValueError, match="fewer and smoother points"):
+        require_stiffening(tabulated_spring(x, F, 0.06, 1e5))
+
+
+def test_the_curve_goes_on_where_the_tendon_is_slack(ideal: PlantParameters) -> None:
+    assert spring_polynomial(ideal.make_identified_spring("A"), 0.0) == pytest.approx(K[0])
+    assert load_parameters("lab").make_dynamics().spring_A.k == pytest.approx([0.985 * k for k in K])
+
+
+def test_a_table_with_uneven_steps_is_that_of_scipy_too() -> None:
+    x = np.array([0.0, 0.004, 0.006, 0.02, 0.023, 0.05, 0.062])
+    F = np.array([0.0, 1.0, 2.5, 9.0, 12.0, 40.0, 60.0])
+    spring, reference = tabulated_spring(x, F, 0.06, 1e5), PchipInterpolator(x, F)
+    for value in np.linspace(1e-6, 0.06, 211):
+        assert tendon_tension(spring, value) == pytest.approx(reference(value), abs=1e-10)
+        assert tendon_tension_slope(spring, value) == pytest.approx(reference(value, 1), abs=1e-8)
+
+
+# A wall in the joint's way: closed forms of an impact, energy, what is refused, and nothing changed without one.
+
+LAB_OBSTACLE = load_parameters("lab")
+H = T_s / SUBSTEPS
+WALL = Obstacle(1.0, 0.3, 2e4, 0.0)
+
+
+def free() -> Dynamics:
+    """The plant with its tendons slack and no friction at the joint: a mass m = J_j/r_j² at r_j."""
+    plant = LAB_OBSTACLE.make_dynamics()
+    return plant._replace(joint=plant.joint._replace(B_j=0.0))
+
+
+def mass(joint: Joint) -> float:
+    return joint.J_j / joint.r_j**2
+
+
+def thrown(q: float, q_dot: float) -> PlantState:
+    return PlantState(q, q_dot, SLACK_THETA, 0.0, 0.0, SLACK_THETA, 0.0, 0.0)
+
+
+def flight(wall: Obstacle, q_dot: float, start: float = 0.0) -> tuple[np.ndarray, PlantState]:
+    """Forces [N] in each integration step from just before the wall until well after it, and where it has come to."""
+    plant, x = free(), thrown(wall.q_wall - wall.side * start, wall.side * q_dot)
+    forces = []
+    for _ in range(4000):
+        x = advance_state(plant, x, 0.0, 0.0, 0.0, H, 1, NO_LOAD, wall)
+        forces.append(contact_force(wall, plant.joint, x.q, x.q_dot))
+        if len(forces) > 3 and forces[-1] == 0.0 and x.q_dot * wall.side < 0.0:
+            break
+    return np.array(forces), x
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("k", "q_dot"), [(2e3, 0.5), (2e4, 2.0), (3.3e4, 3.0)])
+def test_a_free_mass_on_an_undamped_wall_hits_and_leaves_as_a_half_sine(side: float, k: float, q_dot: float) -> None:
+    wall = Obstacle(side, side * 0.3, k, 0.0)
+    joint = free().joint
+    for start in (0.0, 0.3 * H * q_dot, 0.7 * H * q_dot):
+        forces, x = flight(wall, q_dot, start)
+        v = joint.r_j * q_dot
+        assert np.all(side * forces <= 0.0)
+        assert np.abs(forces).max() == pytest.approx(v * math.sqrt(k * mass(joint)), rel=4e-3)
+        duration_s = H * np.count_nonzero(forces)
+        assert duration_s == pytest.approx(math.pi * math.sqrt(mass(joint) / k), abs=1.1 * H)
+        assert side * x.q_dot == pytest.approx(-q_dot, rel=3e-3)
+        assert H * np.abs(forces).sum() == pytest.approx(2.0 * mass(joint) * v, rel=5e-3)
+
+
+@pytest.mark.parametrize("c", [0.5, 3.0, 7.0])
+@pytest.mark.parametrize("q_dot", [0.5, 2.0])
+def test_damping_gives_back_the_speed_of_the_closed_form_whatever_the_stiffness(c: float, q_dot: float) -> None:
+    r_j, v = LAB_OBSTACLE.geometry.r_j, LAB_OBSTACLE.geometry.r_j * q_dot
+
+    def left(w: float) -> float:
+        return (-c * w - math.log1p(-c * w)) - (c * v - math.log1p(c * v))
+
+    back = brentq(left, 0.0, min(v, (1.0 - 1e-12) / c))
+    for k in (3e3, 3e4):
+        _, x = flight(Obstacle(1.0, 0.3, k, c), q_dot)
+        assert -r_j * x.q_dot == pytest.approx(back, rel=5e-3)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.floats(K_LEAST, 3.3e4), st.floats(0.0, 7.0), st.floats(0.01, 20.0), st.floats(0.0, 1.0), st.sampled_from([-1, 1])
+)
+def test_no_wall_ever_gives_more_than_it_took(k: float, c: float, q_dot: float, part: float, side: int) -> None:
+    """Within the error of one step in which the joint touches: a thousandth of the energy, at any place in the step."""
+    wall = Obstacle(float(side), 0.2 * side, k, c)
+    plant, x = free(), thrown(0.2 * side - side * part * H * q_dot, side * q_dot)
+    before = energy(plant, x)
+    for _ in range(400):
+        x = advance_state(plant, x, 0.0, 0.0, 0.0, T_s, SUBSTEPS, NO_LOAD, wall)
+        depth = max(plant.joint.r_j * wall.side * (x.q - wall.q_wall), 0.0)
+        assert energy(plant, x) + 0.5 * k * depth**2 <= 1.003 * before
+
+
+@given(st.floats(0.0, 1.5), st.floats(-30.0, 30.0), st.floats(0.0, 7.0), st.sampled_from([-1.0, 1.0]))
+def test_a_wall_pushes_away_from_itself_or_not_at_all(q: float, q_dot: float, c: float, side: float) -> None:
+    wall = Obstacle(side, 0.4, 2e4, c)
+    force = contact_force(wall, LAB_OBSTACLE.make_dynamics().joint, q, q_dot)
+    assert side * force <= 0.0
+    assert (force == 0.0) or side * (q - 0.4) > 0.0
+    assert contact_force(NO_OBSTACLE, LAB_OBSTACLE.make_dynamics().joint, q, q_dot) == 0.0
+
+
+def test_the_steps_are_stable_at_the_bounds_and_say_where_they_come_from() -> None:
+    joint, F_max = LAB_OBSTACLE.make_dynamics().joint, LAB_OBSTACLE.safety.F_max
+    assert math.sqrt(largest_wall_stiffness(joint, H) / mass(joint)) * H == pytest.approx(0.15)
+    assert largest_wall_damping(joint, F_max, H) * F_max * H / mass(joint) == pytest.approx(1.0)
+    wall = Obstacle(1.0, 0.3, largest_wall_stiffness(joint, H), largest_wall_damping(joint, F_max, H))
+    pressed, x = 50.0, thrown(0.29, 3.0)
+    plant = LAB_OBSTACLE.make_dynamics()
+    for _ in range(400):
+        x = advance_state(plant, x, 0.0, 0.0, joint.r_j * pressed, T_s, SUBSTEPS, NO_LOAD, wall)
+    assert contact_force(wall, joint, x.q, x.q_dot) == pytest.approx(-pressed, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wall", "told"),
+    [
+        (WALL._replace(side=0.5), "side of the wall: 0.5 is neither 1"),
+        (WALL._replace(side=math.nan), "side of the wall: nan is neither 1"),
+        (WALL._replace(q_wall=1.6), "angle of the wall: 1.6\u202frad is outside -1.5708 to 1.5708\u202frad"),
+        (WALL._replace(q_wall=math.nan), "angle of the wall: nan\u202frad"),
+        (
+            WALL._replace(k_wall=4e4),
+            "stiffness of the wall: 40000 N/m is outside 100 to 33280 N/m; the simulator's step",
+        ),
+        (WALL._replace(k_wall=50.0), "stiffness of the wall: 50 N/m is outside 100"),
+        (WALL._replace(k_wall=math.inf), "stiffness of the wall: inf N/m"),
+        (WALL._replace(c_wall=-0.1), "damping of the wall: -0.1 s/m is outside 0 to 7.39556 s/m"),
+        (WALL._replace(c_wall=8.0), "damping of the wall: 8 s/m is outside"),
+        (
+            WALL._replace(q_wall=-0.1),
+            "the joint stands at 0\u202frad, in a wall at -0.1\u202frad: bring it below that first",
+        ),
+        (WALL._replace(q_wall=0.1, side=-1.0), "in a wall at 0.1\u202frad: bring it above that first"),
+    ],
+)
+def test_a_wall_that_cannot_be_is_refused_and_the_one_before_stays(wall: Obstacle, told: str) -> None:
+    simulator = Simulator(LAB_OBSTACLE)
+    simulator.obstacle(WALL)
+    with pytest.raises(PlantError) as refused:
+        simulator.obstacle(wall)
+    assert told in str(refused.value)
+    assert simulator.simulated.field("obstacle").get() == WALL
+    require_possible_wall(
+        WALL, LAB_OBSTACLE.make_dynamics().joint, LAB_OBSTACLE.safety.F_max, LAB_OBSTACLE.geometry.q_max, H
+    )
+
+
+def test_it_comes_and_goes_in_flight_and_what_it_presses_is_measured() -> None:
+    simulator = Simulator(LAB_OBSTACLE)
+    simulator.open()
+    assert simulator.read().F_wall == 0.0
+    simulator.obstacle(WALL._replace(q_wall=0.05))
+    simulator.push(20.0)
+    for _ in range(400):
+        simulator.write(MotorCommand(0.0, 0.0))
+    m = simulator.read()
+    assert m.F_wall == pytest.approx(-20.0, rel=1e-3)
+    assert m.q == pytest.approx(0.05 + 20.0 / 2e4 / LAB_OBSTACLE.geometry.r_j, abs=2e-3)
+    simulator.obstacle(None)
+    for _ in range(100):
+        simulator.write(MotorCommand(0.0, 0.0))
+    assert (simulator.read().F_wall, simulator.read().q > 0.2) == (0.0, True)
+
+
+@pytest.mark.parametrize("name", ["ideal", "lab", "lab-stick"])
+def test_a_wall_that_is_never_touched_changes_no_bit(name: str) -> None:
+    bare, walled = Simulator(load_parameters(name), seed=3), Simulator(load_parameters(name), seed=3)
+    walled.obstacle(WALL._replace(q_wall=1.57))
+    random = np.random.default_rng(5)
+    for tick in range(5000):
+        if tick % 200 == 0:
+            command = MotorCommand(*random.uniform(0.0, 2.0, 2))
+            for simulator in (bare, walled):
+                simulator.push(float(tick % 7))
+        for simulator in (bare, walled):
+            simulator.write(command)
+        assert bare.x == walled.x
+        assert bare.read() == walled.read()
+    assert bare.x.q != 0.0

@@ -1,7 +1,9 @@
-"""A recording that Sinew wrote, played back: the same readings, the same trip, told how far the voltages were."""
+"""A recording as a plant, played back."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -14,10 +16,12 @@ from backend.realtime.modes import Mode
 from plant import replay
 from plant.interface import NO_LOAD, Measurement, MotorCommand, PlantError
 from plant.parameters import PlantParameters
-from plant.replay import Replay, load_replay
+from plant.replay import Replay, load_replay, preload_replay
 from tests.exports.written import to_csv, to_mat, to_parquet
 from tests.plant.recorded import columns_of, session, trip_recorded
 from tests.realtime.bench_top import BenchTop
+
+# A recording that Sinew wrote, played back: the same readings, the same trip, told how far the voltages were.
 
 Columns = dict[str, np.ndarray]
 
@@ -239,3 +243,43 @@ def test_a_unit_that_the_file_names_has_to_be_the_right_one(columns: Columns, tm
     pa.parquet.write_table(pa.table(table.columns, schema=pa.schema(fields)), tmp_path / "run.parquet")
     with pytest.raises(PlantError, match="the column q is in deg, it has to be in rad"):
         load_replay(tmp_path / "run.parquet")
+
+
+# A recording that was looked over is not read a second time in the same process, unless the file has changed.
+
+COLUMNS = {name: np.zeros(20) for name in ("q", "theta_A", "theta_B", "F_A", "F_B", "u_A", "u_B")}
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    found = tmp_path / "run.csv"
+    found.write_bytes(to_csv({"t": np.arange(20.0) / 1000.0, **COLUMNS}))
+    return found
+
+
+@pytest.fixture
+def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    found: list[Path] = []
+    read = replay._read_table
+
+    def counted(path: Path) -> Any:
+        found.append(path)
+        return read(path)
+
+    monkeypatch.setattr(replay, "_read_table", counted)
+    return found
+
+
+def test_what_was_looked_over_is_handed_on_once(file: Path, reads: list[Path]) -> None:
+    preload_replay(file)
+    assert len(load_replay(str(file))) == 20
+    assert len(reads) == 1
+    load_replay(file)
+    assert len(reads) == 2
+
+
+def test_a_file_that_has_changed_since_is_read_anew(file: Path, reads: list[Path]) -> None:
+    preload_replay(file)
+    os.utime(file, ns=(1, 1))
+    load_replay(file)
+    assert len(reads) == 2

@@ -1,10 +1,9 @@
-"""Whatever breaks of a card or its wires in run ends in zero volts, drives off, a named fault and a whole recording.
-
-The real client of NI-DAQmx talks to the virtual card, stepped as fast as it goes.
-"""
+"""The loop on a card: faults, its clock, its guard."""
 
 import asyncio
+import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 
 from backend.control.decoupler import compute_bounds
 from backend.faults import FAULT_CODE, Fault
+from backend.realtime.channel import Channel, channel_pair
 from backend.realtime.commands import (
     Accepted,
     ApplyPush,
@@ -23,10 +23,15 @@ from backend.realtime.commands import (
     SetReferences,
     Stopped,
 )
+from backend.realtime.control_loop import Loop
 from backend.realtime.gains import make_tuning_command
 from backend.realtime.headless import SimulatedLoop
+from backend.realtime.heartbeat import POLL_S, WatchdogMonitor
 from backend.realtime.modes import MODE_CODE, Mode
+from backend.realtime.process import Worker
+from backend.realtime.program import SetTuning
 from backend.realtime.ring_buffer import Ring
+from backend.realtime.timing import Pacer
 from backend.recording.reader import read_samples
 from backend.recording.recorder import Recorder
 from backend.sample import INDEX
@@ -34,13 +39,19 @@ from backend.storage import recordings
 from backend.storage.database import Database, open_database
 from backend.storage.runs import EndState
 from backend.tuning.gains import TuningParameters
+from plant import virtual_daq
 from plant.interface import ONLY_OF_A_CARD, InjectedFault, InjectedFaultKind, Sensor
-from plant.parameters import load_parameters
+from plant.parameters import PlantParameters, load_parameters
+from plant.safety_card import WATCHDOG_S, Card, CardState
 from plant.simulator import Simulator
 from plant.virtual_daq import VirtualRig
 from plant.wiring import load_wiring
 from tests.docs.faults_page import documented_ms
 from tests.recording.stand_in import new_run, stored_run
+
+# Whatever breaks of a card or its wires in run ends in zero volts, drives off, a named fault and a whole recording.
+#
+# The real client of NI-DAQmx talks to the virtual card, stepped as fast as it goes.
 
 LAB = load_parameters("lab")
 AT_ONCE = 2
@@ -212,3 +223,107 @@ def test_a_mended_card_goes_on_after_a_reset(database: Database) -> None:
         bench.close()
 
     asyncio.run(session())
+
+
+# A loop that the card's clock paces: a wiring that asks for hardware timing, a card that offers it, and one that not.
+#
+# The clock is driven here by those who wait for it, so nothing depends on the machine's own.
+
+SHIPPED = load_wiring("pcie-6323")
+HARDWARE = replace(SHIPPED, card=replace(SHIPPED.card, timing="hardware"))
+TICKS, PAUSED_AT, PAUSE_NS = 1000, 500, 3_400_000
+
+
+class Clock:
+    """Stands where nobody waits; ``paused_at`` that wait the whole machine pauses."""
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+        self.waits = 0
+
+    def monotonic(self) -> float:
+        return self.now_ns * 1e-9
+
+    def sleep(self, seconds: float) -> None:
+        self.waits += 1
+        self.now_ns += round(seconds * 1e9) + (PAUSE_NS if self.waits == PAUSED_AT else 0)
+
+
+def test_the_cards_clock_paces_the_loop(
+    ideal: PlantParameters, tuning: SetTuning, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Clock()
+    monkeypatch.setattr(virtual_daq, "time", clock)
+    plant = VirtualRig(HARDWARE, Simulator(ideal, 0), has_clock=True)
+    service, theirs = channel_pair()
+    ring = Ring.create()
+    loop = Loop(plant, ideal, ring, tuning)
+    assert plant.paces_loop
+    assert plant.description == "virtual card, pcie-6323 as Dev1, timed by the card's clock"
+    worker = Worker(plant, loop, Channel(theirs))
+
+    def seen_s() -> float:
+        if ring.count == TICKS:
+            worker.terminate()
+        return clock.monotonic()
+
+    def never(_deadline_ns: int) -> None:
+        raise AssertionError("two clocks pace the loop")
+
+    begun_ns = clock.now_ns
+    worker.run(Pacer(1e-3, lambda: clock.now_ns, never), seen_s)
+    _, rows, _ = ring.read(0, ring.count)
+    late_ms, overruns = 1e3 * rows[:, INDEX["lateness_s"]], rows[:, INDEX["overruns"]]
+    told = int(np.argmax(late_ms > 0.5))
+    # 1 kHz by the card's clock: a tick a millisecond, and those missing that the pause took.
+    assert (clock.now_ns - begun_ns) * 1e-6 == pytest.approx(ring.count + overruns[-1], abs=1.5)
+    assert late_ms[told] == pytest.approx(PAUSE_NS * 1e-6, abs=1e-3)
+    assert PAUSED_AT - 3 <= told <= PAUSED_AT + 3
+    assert overruns[told - 1] == 0
+    assert overruns[-1] == PAUSE_NS // 1_000_000
+    assert np.delete(late_ms, [told]).max() < 1e-3
+    loop.close()
+    service.close()
+
+
+def test_without_a_clock_at_the_card_this_machine_keeps_the_time_and_says_so(ideal: PlantParameters) -> None:
+    plant = VirtualRig(HARDWARE, Simulator(ideal, 0), has_clock=False)
+    plant.open()
+    assert not plant.paces_loop
+    assert "timed by this machine: the card offers no hardware-timed single point" in plant.description
+    plant.close()
+    asked_for_less = VirtualRig(SHIPPED, Simulator(ideal, 0), has_clock=True)
+    asked_for_less.open()
+    assert not asked_for_less.paces_loop
+    assert "timed by this machine, on demand" in asked_for_less.description
+    asked_for_less.close()
+
+
+# What the service sees of a card beside the loop: when nobody would take the drives away any more.
+
+
+class Shown(Card):
+    """A card with these registers; its watchdog never looks again."""
+
+    def __init__(self, armed: bool, drive_enabled: bool) -> None:
+        self._shown = CardState(1, 7, armed, drive_enabled, False, False, False, False, WATCHDOG_S, 0.0, 0.0)
+
+    def state(self) -> CardState:
+        return self._shown
+
+
+@pytest.mark.parametrize(("armed", "drive_enabled"), [*itertools.product((True, False), repeat=2)])
+def test_a_watchdog_that_stands_still_is_lost_where_it_has_drives_to_take_away(
+    armed: bool, drive_enabled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = [100.0]
+    monkeypatch.setattr("plant.safety_card.time.monotonic", lambda: now_s[0])
+    guard = WatchdogMonitor(Shown(armed, drive_enabled))
+    looks = 0
+    while guard.watchdog_silent_s <= WATCHDOG_S:
+        assert not guard.is_watchdog_lost
+        guard.poll(loop_ended=False)
+        now_s[0] += POLL_S
+        looks += 1
+        assert looks < 1000
+    assert guard.is_watchdog_lost is (armed and drive_enabled)

@@ -1,10 +1,12 @@
-"""A contact is felt and the joint gives way: how soon, how soft, and until when."""
+"""Contacts that are felt, contacts of programs, and pushes that are rejected."""
 
 import math
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from backend.faults import Limit
 from backend.realtime.commands import (
@@ -17,15 +19,30 @@ from backend.realtime.commands import (
     SetMode,
     SetReferences,
     Stop,
+    TuningChanged,
+    WallChanged,
 )
 from backend.realtime.contact import TAIL_S
-from backend.realtime.gains import make_tuning_command
+from backend.realtime.gains import build_cascade_tuning, make_tuning_command
 from backend.realtime.modes import MODE_CODE, Cause, Mode
-from backend.realtime.program import ConfigureContactDetection, ContactDetected, Law, Program, Segment, Shape
-from backend.tuning.gains import TuningParameters
+from backend.realtime.program import (
+    MAX_CONTACT_DETECTIONS,
+    ConfigureContactDetection,
+    ContactDetected,
+    ContactDetection,
+    Law,
+    Program,
+    Segment,
+    SetTuning,
+    Shape,
+)
+from backend.tuning.gains import UNSEEN_F, TuningParameters, collect_plant_knowledge
+from backend.tuning.simulation import NEAR_RAD, PUSH_N, forecast_push
 from plant.dynamics import Obstacle
 from plant.parameters import load_parameters
 from tests.realtime.bench_top import BenchTop
+
+# A contact is felt and the joint gives way: how soon, how soft, and until when.
 
 _E = TypeVar("_E")
 
@@ -234,3 +251,372 @@ def test_giving_way_saves_a_stiff_joint_from_a_trip() -> None:
     assert bench.loop.mode is Mode.TRIPPED
     _, _, bench = hit(1.2, FROM_N)
     assert bench.loop.mode is Mode.COMPLIANCE
+
+
+# A program with contacts of its own: a part ends, the joint gives way, and the program goes on in time.
+
+LAB_PROGRAM = load_parameters("lab")
+WALL = Obstacle(1.0, 0.2, 2e4, 1.0)
+PARTS = (
+    Segment(3.0, 0.0, 12.0, wall=1),
+    Segment(1.0, 0.23, 12.0, shape=Shape.RAMP, contact_detection=1),
+    Segment(1.0, 0.23, 12.0),
+    Segment(1.0, 0.0, 12.0, shape=Shape.RAMP, contact_detection=2),
+    Segment(2.0, 0.0, 12.0),
+)
+"""3 s of rest at 12 N·m/rad, a ramp into the wall within a second, a second there, and back."""
+
+HITS = Program(
+    Law.CASCADE,
+    PARTS,
+    walls=(WALL,),
+    contact_detections=(ContactDetection(FROM_N, calibrates_bias=True), ContactDetection()),
+)
+NEVER = replace(HITS, contact_detections=(ContactDetection(), ContactDetection()))
+PRESSED, BACK = 3000, 5000
+"""Ticks of the program from which on, and up to which, a contact ends what is played."""
+
+
+def played(program: Program, seconds: float = 0.0) -> tuple[BenchTop, int]:
+    """The bench after a program, or so long into it; the tick in which it begins."""
+    bench = BenchTop(LAB_PROGRAM, make_tuning_command(LAB_PROGRAM, TuningParameters(), u_plan=8.5))
+    bench.wind_up()
+    begun = len(bench.samples.rows)
+    assert isinstance(bench.send(RunProgram(program, 8)), Accepted)
+    bench.advance(seconds or program.duration_s + 0.1)
+    return bench, begun
+
+
+def gives_way(bench: BenchTop, begun: int) -> NDArray[np.int64]:
+    return np.flatnonzero(bench.column("limits")[begun:].astype(int) & Limit.CONTACT)
+
+
+def test_the_joint_gives_way_from_the_tick_in_which_it_is_felt_until_its_part_is_over() -> None:
+    bench, begun = played(HITS)
+    reacting = gives_way(bench, begun)
+    estimate = np.abs(bench.column("F_ext_hat")[begun:])
+    over = PRESSED + int(np.argmax(estimate[PRESSED:] > FROM_N))
+    assert reacting[0] == over
+    assert np.array_equal(reacting, np.arange(over, BACK - 1))  # in the last tick it is over
+    S, F_wall = bench.column("S")[begun:], np.abs(bench.column("F_wall")[begun:])
+    assert S[BACK - 1] == pytest.approx(bench.loop.bounds.S_min, abs=1.0)
+    assert S[-500] == pytest.approx(12.0, abs=0.1)
+    assert F_wall[BACK - 200 : BACK].max() < 0.5 * FROM_N  # it leans on the wall no more
+    never, _ = played(NEVER)
+    assert F_wall.sum() < 0.5 * np.abs(never.column("F_wall")).sum()
+
+
+def test_the_program_goes_on_in_time_as_one_run() -> None:
+    bench, begun = played(HITS)
+    never, _ = played(NEVER)
+    ended, plainly = told(bench, RunEnded)[-1], told(never, RunEnded)[-1]
+    assert (ended.run, ended.completed, ended.why) == (8, True, Cause.PROGRAM_ENDED)
+    assert ended.tick == plainly.tick
+    for name in ("q_ref", "S_ref"):
+        one, other = (each.column(name)[begun + BACK + 1000 : ended.tick] for each in (bench, never))
+        assert np.array_equal(one, other)
+    assert set(bench.column("mode")[begun : ended.tick]) == {MODE_CODE[Mode.EXPERIMENT]}
+    assert set(bench.column("run")[begun : ended.tick]) == {8.0}
+    assert told(bench, ContactDetected) == []  # nobody has to choose a mode
+    assert bench.column("F_A")[begun:].min() > 1.0
+
+
+def test_no_voltage_jumps_where_it_gives_way_or_goes_on() -> None:
+    bench, begun = played(HITS)
+    for name in ("u_A", "u_B"):
+        u = bench.column(name)[begun:]
+        first = gives_way(bench, begun)[0]
+        step = 8.5 / 10  # of a plan, whose voltages are averaged over 10 ms; twice that from full to full reverse
+        assert abs(u[first] - u[first - 1]) < 2.0 * step
+        assert abs(u[BACK] - u[BACK - 1]) < step + 0.05
+
+
+def test_what_the_operator_has_learned_is_in_force_before_and_after_it() -> None:
+    bench = BenchTop(LAB_PROGRAM, make_tuning_command(LAB_PROGRAM, TuningParameters(), u_plan=8.5))
+    bench.run()
+    bench.send(SetReferences(0.0, 12.0))
+    bench.advance(4.0)
+    bench.send(ConfigureContactDetection(((12.0, 5.0),), 0.0))
+    bench.advance(0.001)
+    before = bench.column("F_ext_hat", last=1)[0]
+    begun = len(bench.samples.rows)
+    bench.send(RunProgram(HITS, 8))
+    bench.advance(HITS.duration_s)
+    estimate = bench.column("F_ext_hat")[begun:]
+    assert estimate[:2900] == pytest.approx(before, abs=0.5)
+    assert estimate[3010:3500] == pytest.approx(0.0, abs=0.3)
+    assert gives_way(bench, begun).size
+    bench.advance(6.0)
+    assert bench.column("F_ext_hat", last=1)[0] < -3.0  # 5 N are taken off again
+
+
+def test_a_contact_in_another_part_is_none() -> None:
+    unlike = (
+        *PARTS[:1],
+        Segment(1.0, 0.23, 12.0, shape=Shape.RAMP),
+        PARTS[2],
+        replace(PARTS[3], contact_detection=1),
+        PARTS[4],
+    )
+    bench, begun = played(replace(HITS, segments=unlike, contact_detections=(ContactDetection(calibrates_bias=True),)))
+    assert gives_way(bench, begun).size == 0
+    assert np.abs(bench.column("F_wall")).max() > FROM_N
+
+
+@pytest.mark.parametrize("why", ["nothing was learned", "it was learned while a hand moved the joint"])
+def test_where_it_is_not_known_what_nothing_reads_it_is_hit_without_reaction(why: str) -> None:
+    first = PARTS[0]
+    contact_detections: tuple[ContactDetection, ...] = (ContactDetection(FROM_N), ContactDetection())
+    before: tuple[Segment, ...] = (first,)
+    if why != "nothing was learned":
+        shaken = Segment(3.0, 0.0, 12.0, F_push=8.0, shape=Shape.SINE, period_s=0.3, wall=1)
+        before, contact_detections = (replace(first, duration_s=0.01), shaken), HITS.contact_detections
+    bench, begun = played(replace(HITS, segments=(*before, *PARTS[1:]), contact_detections=contact_detections))
+    assert np.abs(bench.column("F_ext_hat")[begun + 3010 :]).max() > FROM_N
+    assert gives_way(bench, begun).size == 0
+    assert told(bench, RunEnded)[-1].completed
+
+
+def test_an_operators_reaction_ends_a_program_for_good_and_is_told_of_before() -> None:
+    bench = BenchTop(LAB_PROGRAM, make_tuning_command(LAB_PROGRAM, TuningParameters(), u_plan=8.5))
+    bench.run()
+    bench.send(SetReferences(0.0, 12.0))
+    bench.advance(4.0)
+    bias = float(np.mean(bench.column("F_ext_hat", last=1000)))
+    bench.send(ConfigureContactDetection(((12.0, bias),), 1.2))
+    refused = bench.send(RunProgram(HITS, 8))
+    assert isinstance(refused, Refused)
+    assert "contacts from 1.2 N on" in refused.reason
+    assert told(bench, RunEnded) == []
+    assert isinstance(bench.send(RunProgram(NEVER, 8)), Accepted)  # it gives way to nothing by itself
+    bench.send(SetMode(Mode.PRETENSION))
+    bench.advance(5.0)
+    bench.send(ConfigureContactDetection(((12.0, bias),), 0.0))
+    assert isinstance(bench.send(RunProgram(HITS, 9)), Accepted)
+    bench.advance(3.5)
+    bench.send(ConfigureContactDetection(((12.0, bias),), 1.2))  # in flight: it goes before the program's own
+    bench.advance(2.0)
+    assert told(bench, RunEnded)[-1].why is Cause.CONTACT
+    assert bench.loop.mode is Mode.COMPLIANCE
+
+
+def test_what_was_changed_in_the_part_that_is_over_is_in_force_behind_it() -> None:
+    parts = (*PARTS[:2], replace(PARTS[2], tuning=1, wall=2), *PARTS[3:])
+    slower = make_tuning_command(LAB_PROGRAM, TuningParameters(0.8, 0.6))
+    bench, begun = played(replace(HITS, segments=parts, tunings=(slower,), walls=(WALL, None)), 5.01)
+    assert gives_way(bench, begun)[0] < 4000
+    assert told(bench, TuningChanged)[-1].lam_q == 0.8
+    assert told(bench, WallChanged)[-1].wall is None
+    assert bench.column("lam_q", last=1)[0] == 0.8
+
+
+def test_a_part_that_ends_the_program_ends_it_in_time() -> None:
+    bench, begun = played(replace(HITS, segments=PARTS[:3]))
+    ended = told(bench, RunEnded)[-1]
+    assert ended.completed
+    assert ended.tick - begun == pytest.approx(BACK, abs=2)
+    assert gives_way(bench, begun)[-1] == pytest.approx(BACK, abs=2)
+
+
+def test_a_stop_while_it_gives_way_is_a_stop_and_nothing_of_it_is_left() -> None:
+    bench, begun = played(HITS, 4.5)
+    assert gives_way(bench, begun).size
+    bench.send(Stop())
+    bench.advance(2.0)
+    assert bench.loop.mode is Mode.TRIPPED
+    assert told(bench, RunEnded)[-1].why is Stop().fault
+    assert int(bench.column("limits", last=1)[0]) & Limit.CONTACT == 0
+    assert bench.column("F_wall", last=1)[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        (replace(HITS, contact_detections=(ContactDetection(0.5), ContactDetection())), "0.5 N is outside 1"),
+        (replace(HITS, contact_detections=(ContactDetection(31.0), ContactDetection())), "31 N"),
+        (replace(HITS, contact_detections=(ContactDetection(math.nan), ContactDetection())), "contact_N"),
+        (replace(HITS, contact_detections=(ContactDetection(FROM_N),)), "touch 2 of the program's 1"),
+        (
+            replace(HITS, contact_detections=(ContactDetection(),) * (MAX_CONTACT_DETECTIONS + 1)),
+            "number of changes of what is given way to",
+        ),
+        (replace(HITS, law=Law.SINGLE_LOOP), "gives way to nothing"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_before_anything_moves(program: Program, words: str) -> None:
+    bench = BenchTop(LAB_PROGRAM, make_tuning_command(LAB_PROGRAM, TuningParameters(), u_plan=8.5))
+    bench.wind_up()
+    refused = bench.send(RunProgram(program, 8))
+    assert isinstance(refused, Refused)
+    assert words in refused.reason
+    assert bench.loop.mode is Mode.PRETENSION
+
+
+# Pushes that are rejected by feed-forward: how soon the joint is back, what it takes to be allowed, and no bump.
+
+
+def held(name: str, lam_q: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]:
+    """In run at 0 rad, at rest, nothing learned."""
+    parameters = load_parameters(name)
+    tuning = make_tuning_command(parameters, TuningParameters(lam_q, 0.345), u_plan=8.5)
+    bench = BenchTop(parameters, tuning)
+    bench.run()
+    bench.send(SetReferences(0.0, S))
+    bench.advance(4.0)
+    return bench, tuning
+
+
+def learned(name: str, lam_q: float, k_ext: float, S: float = 10.0) -> tuple[BenchTop, SetTuning]:
+    """The same with the bias learned there, and pushes rejected."""
+    bench, tuning = held(name, lam_q, S)
+    assert isinstance(
+        bench.send(ConfigureContactDetection(((S, float(np.mean(bench.column("F_ext_hat", last=500)))),))), Accepted
+    )
+    rejecting = replace(tuning, k_ext=k_ext)
+    assert isinstance(bench.send(rejecting), Accepted)
+    return bench, rejecting
+
+
+def back_s(bench: BenchTop, F_push: float, seconds: float) -> float:
+    begun = len(bench.samples.rows)
+    assert isinstance(bench.send(ApplyPush(F_push, seconds)), Accepted)
+    bench.advance(seconds)
+    off = np.abs(bench.column("q")[begun:] - bench.column("q_ref")[begun:])
+    return float(np.flatnonzero(off > 1.01 * NEAR_RAD)[-1] + 1) * 1e-3
+
+
+@pytest.mark.parametrize("k_ext", [0.0, 0.7, 1.0])
+def test_the_joint_is_back_when_the_forecast_says_so(k_ext: float) -> None:
+    """Nonlinear springs, a simulator of its own method and the whole loop, against the linear model."""
+    bench, tuning = learned("ideal", 1.0, k_ext)
+    known = build_cascade_tuning(tuning, collect_plant_knowledge(load_parameters("ideal")))
+    forecast = forecast_push(load_parameters("ideal"), known, 10.0, 1.0)
+    assert back_s(bench, PUSH_N, 8.0) == pytest.approx(forecast.recovery_s, rel=0.06)
+    assert np.max(np.abs(bench.column("q", last=8000))) == pytest.approx(forecast.deflection, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["lab", "lab-stick"])
+def test_with_friction_and_counts_too_the_position_loop_has_no_more_to_do_than_what_is_left_to_it(name: str) -> None:
+    """That is 0.3 N that are not answered, and half a count of the encoder in what was learned at rest."""
+    parameters = load_parameters(name)
+    bench, _ = learned(name, 2.0, 1.0)
+    left_N = UNSEEN_F + 10.0 * 0.5 * parameters.sensors.joint_step / parameters.geometry.r_j
+    for F_push in (5.0, -5.0):
+        assert back_s(bench, F_push, 6.0) < 4.5  # by the position loop alone 11; 4.23 with dead zones at rest
+        off = bench.column("q", last=4500) - bench.column("q_ref", last=4500)
+        assert np.max(np.abs(off)) < left_N * parameters.geometry.r_j / 10.0 + parameters.sensors.joint_step
+        assert np.ptp(bench.column("u_A", last=2000)) < 0.3
+        bench.advance(6.0)
+
+
+def test_at_rest_nothing_is_moved_by_it() -> None:
+    bench, _ = learned("lab", 1.0, 1.0)
+    bench.advance(3.0)
+    plain, _ = held("lab", 1.0)
+    plain.advance(3.0)
+    for name in ("q", "u_A", "u_B", "S"):
+        np.testing.assert_array_equal(bench.column(name, last=3000), plain.column(name, last=3000))
+
+
+def test_it_takes_what_was_learned() -> None:
+    bench, tuning = held("lab", 1.0)
+    refused = bench.send(replace(tuning, k_ext=0.7))
+    assert isinstance(refused, Refused)
+    assert "learn it first" in refused.reason
+    program = Program(Law.CASCADE, (Segment(0.5, 0.0, 10.0, tuning=1),), tunings=(replace(tuning, k_ext=0.7),))
+    assert isinstance(bench.send(RunProgram(program, 3)), Refused)
+    assert isinstance(bench.send(ConfigureContactDetection(((10.0, 0.0),))), Accepted)
+    assert isinstance(bench.send(replace(tuning, k_ext=1.2)), Refused)
+    assert isinstance(bench.send(RunProgram(program, 3)), Accepted)
+    bench.advance(1.0)  # over, and the operator's is back
+    assert isinstance(bench.send(ConfigureContactDetection(())), Accepted)
+
+
+def test_what_it_takes_is_not_forgotten_under_it() -> None:
+    bench, tuning = learned("lab", 1.0, 0.7)
+    refused = bench.send(ConfigureContactDetection(()))
+    assert isinstance(refused, Refused)
+    assert "k_ext to 0" in refused.reason
+    assert isinstance(bench.send(tuning), Accepted)
+
+
+def test_with_zeros_found_anew_pushes_are_the_position_loop_s_again() -> None:
+    bench, tuning = learned("ideal", 1.0, 1.0)
+    tunings = bench.loop._mode_manager.tunings
+    assert tunings.gains.disturbance_feedforward.k_ext == 1.0
+    bench.loop._mode_manager.contact.reset(0)
+    assert tunings.gains.disturbance_feedforward.k_ext == 0.0
+    assert back_s(bench, 5.0, 8.0) > 3.0  # with it 0.5 s
+    assert isinstance(bench.send(tuning), Refused)
+
+
+@pytest.mark.parametrize("u_plan", [0.0, 8.5])
+def test_it_comes_and_goes_under_a_push_without_a_bump(u_plan: float) -> None:
+    bench, tuning = learned("ideal", 1.0, 0.0)
+    for after_s in (0.1, 0.4, 1.5):
+        tuning = replace(tuning, u_plan=u_plan, k_ext=0.0)
+        bench.send(tuning)
+        bench.advance(6.0)
+        bench.send(ApplyPush(6.0, after_s + 0.8))
+        bench.advance(after_s)
+        for k_ext in (1.0, 0.5, 0.0, 0.8):
+            bench.send(replace(tuning, k_ext=k_ext))
+            bench.advance(0.2)
+            steps = np.abs(np.diff(bench.column("u_A", last=205)))
+            assert steps[4] < max(1e-3, 1.5 * steps[3])  # the tick in which it changed, against the one before
+            assert np.max(steps) < 0.05
+    assert bench.loop.mode is Mode.RUN
+
+
+def test_with_the_position_loop_open_it_does_nothing_and_closing_it_is_smooth() -> None:
+    closed = {}
+    for k_ext in (0.0, 1.0):
+        bench, _ = learned("ideal", 1.0, k_ext)
+        assert isinstance(bench.send(SetMode(Mode.COMPLIANCE, 2)), Accepted)
+        bench.advance(1.0)
+        bench.send(ApplyPush(5.0, 8.0))
+        bench.advance(3.0)
+        assert bench.column("q", last=1)[0] == pytest.approx(0.075 * 5.0 / 10.0, rel=0.02)
+        assert isinstance(bench.send(SetMode(Mode.RUN, 3)), Accepted)
+        bench.advance(1.0)
+        closed[k_ext] = bench.column("u_A", last=1000), bench.column("q", last=1)[0] - 0.075 * 5.0 / 10.0
+    (u, off), (u_rejected, off_rejected) = closed[0.0], closed[1.0]
+    assert abs(u_rejected[0] - u[0]) < 1e-9
+    assert np.max(np.abs(np.diff(u_rejected - u))) < 0.02
+    # Run begins with the references where the joint is, so there is nothing to bring back (decision 0053).
+    assert max(abs(off), abs(off_rejected)) < 1e-4
+
+
+def test_it_gives_way_to_a_contact_as_ever() -> None:
+    ways = []
+    for k_ext in (0.0, 1.0):
+        bench, _ = learned("lab", 1.0, k_ext)
+        bias = bench.loop._mode_manager.contact._step._bias.get()
+        bench.send(ConfigureContactDetection(tuple((float(S), float(F)) for S, F in bias), 2.0))
+        bench.send(ApplyPush(6.0, 2.0))
+        bench.advance(2.0)
+        assert bench.loop.mode is Mode.COMPLIANCE
+        ways.append(bench.column("q", last=2000))
+    np.testing.assert_allclose(ways[1], ways[0], atol=0.01)
+
+
+@pytest.mark.parametrize("name", ["ideal", "lab"])
+def test_random_pushes_neither_trip_nor_slacken(name: str) -> None:
+    bench, _ = learned(name, 1.0, 1.0)
+    random = np.random.default_rng(16)
+    for _ in range(30):
+        if random.random() < 0.4:
+            lambdas = TuningParameters(random.uniform(0.36, 2.0), random.uniform(0.35, 0.8))
+            k_ext, u_plan = random.uniform(0.0, 1.0), 8.5 if random.random() < 0.7 else 0.0
+            parameters = load_parameters(name)
+            assert isinstance(
+                bench.send(replace(make_tuning_command(parameters, lambdas, u_plan=u_plan), k_ext=k_ext)), Accepted
+            )
+        if random.random() < 0.3:
+            bench.send(SetReferences(random.uniform(-1.0, 1.0), random.uniform(9.0, 12.0)))
+        bench.send(ApplyPush(random.uniform(-10.0, 10.0), random.uniform(0.05, 2.0)))
+        bench.advance(random.uniform(0.1, 1.5))
+        assert bench.loop.mode is Mode.RUN
+    for F in (bench.column("F_A"), bench.column("F_B")):
+        assert F[10_000:].min() > 1.0
+        assert F[10_000:].max() < 50.0

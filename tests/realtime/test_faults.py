@@ -1,9 +1,7 @@
-"""Every fault that the loop or its plant finds, injected into the simulator, reacts as in docs/reference/faults.md.
+"""Faults, limits and broken invariants of the loop: reactions and texts."""
 
-Those that are found elsewhere are tested there: ``service_lost`` in test_worker.py, ``operator_lost`` in
-tests/api/test_control.py, and in test_card_faults.py what only a card has.
-"""
-
+import math
+import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,11 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from backend.control import NO_EVENT
 from backend.control.decoupler import F_SLACK
-from backend.control.fault_detection import CONTRADICTION_N
-from backend.faults import FAULT_CODE, FAULTS, Fault
+from backend.control.fault_detection import CLEAR, CONTRADICTION_N, TRIPPED, FaultDetectionState
+from backend.control.motion_types import make_voltage_limit_flags
+from backend.faults import EXPLANATIONS, FAULT_CODE, FAULTS, Fault, Limit, describe_fault
 from backend.realtime.commands import (
     Accepted,
+    ApplyPush,
     Inject,
     ModeChanged,
     PlantAnswers,
@@ -27,14 +28,22 @@ from backend.realtime.commands import (
     Stop,
     Stopped,
 )
+from backend.realtime.control_loop import FaultDescriber
 from backend.realtime.modes import Mode
+from backend.realtime.ring_buffer import Ring
 from backend.sample import INDEX
-from plant.interface import InjectedFault, InjectedFaultKind, Sensor
+from backend.units import AngleUnit, format_text
+from plant.interface import NO_RAW, NOT_MEASURED, InjectedFault, InjectedFaultKind, Measurement, MotorCommand, Sensor
 from plant.parameters import PlantParameters, load_parameters
 from plant.safety_card import Card
 from plant.simulator import Simulator
 from tests.docs.faults_page import documented_ms
 from tests.realtime.bench_top import BenchTop
+
+# Every fault that the loop or its plant finds, injected into the simulator, reacts as in docs/reference/faults.md.
+#
+# Those that are found elsewhere are tested there: ``service_lost`` in test_worker.py, ``operator_lost`` in
+# tests/api/test_control.py, and in test_card_faults.py what only a card has.
 
 ENCODERS, CELLS = (Sensor.Q, Sensor.THETA_A, Sensor.THETA_B), (Sensor.F_A, Sensor.F_B)
 FOUND_ELSEWHERE = {
@@ -317,3 +326,258 @@ def test_samples_stay_numbers_after_a_reading_that_was_none(lab: PlantParameters
     bench.send(Inject(None))
     bench.advance(0.01)
     assert np.isfinite(bench.samples.rows[-1][INDEX["q_dot"]])
+
+
+# What a fault is told in: one sentence, what was seen of it after a colon, and no number without its unit.
+
+SENTENCE = re.compile(r"[A-Z][^:]*(: .*[^.])?\.")
+WITHOUT_UNIT = re.compile(r"(?<![\w.-])-?\d+(?:\.\d+)?(?![\d.]|:? (?:rad|N|V|s|ms)\b| to -?\d)")
+
+
+@pytest.mark.parametrize(
+    ("broken", "expected"),
+    [
+        (
+            InjectedFault(InjectedFaultKind.JUMP, Sensor.Q),
+            r"A sensor jumped further than the rig can move: q went from .* to .* rad\.",
+        ),
+        (InjectedFault(InjectedFaultKind.JUMP, Sensor.F_A), r".*: F_A went from .* to .* N\."),
+        (
+            InjectedFault(InjectedFaultKind.STUCK, Sensor.F_B),
+            r".*: F_B stands at .* N although its motor turned by .* rad\.",
+        ),
+        (
+            InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.Q),
+            r"The joint left its range: q = .* rad; the bound is .* rad .*\.",
+        ),
+        (
+            InjectedFault(InjectedFaultKind.DRIFT_UP, Sensor.F_A),
+            r"A tendon pulled harder than its limit: F_A = .* N above .* N; F_B = .* N\.",
+        ),
+        (
+            InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.F_A),
+            r"A tendon was slack for too long: F_A = .* N below .* N for .*; F_B = .* N\.",
+        ),
+        (InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.Q), r"A sensor gave no number: no number from q\."),
+        (
+            InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.THETA_A),
+            r"Tension and motor positions contradict each other: F_A = .*",
+        ),
+        (
+            InjectedFault(InjectedFaultKind.SAFETY_TRIP),
+            r"The independent safety module cut the motors: .*F_A = .* N, F_B = .* N, q = .* rad .*",
+        ),
+    ],
+    ids=lambda value: f"{value.kind}-{value.sensor}" if isinstance(value, InjectedFault) else "",
+)
+def test_a_fault_is_one_sentence_with_units(lab: PlantParameters, broken: InjectedFault, expected: str) -> None:
+    bench = moving(lab)
+    bench.send(Inject(broken))
+    until_tripped(bench, 2000)
+    (stopped,) = (event for event in bench.events if isinstance(event, Stopped))
+    told = format_text(describe_fault(stopped.fault, stopped.detail), AngleUnit.RADIANS)
+    assert re.fullmatch(expected, told), told
+    assert SENTENCE.fullmatch(told)
+    assert WITHOUT_UNIT.findall(told) == []
+
+
+def test_a_stop_that_was_pressed_says_no_more_than_that(lab: PlantParameters) -> None:
+    bench = moving(lab)
+    bench.send(Stop())
+    bench.advance(0.01)
+    (stopped,) = (event for event in bench.events if isinstance(event, Stopped))
+    assert describe_fault(stopped.fault, stopped.detail) == EXPLANATIONS[Fault.STOP_PRESSED].message
+
+
+def test_a_reading_that_is_no_number_is_told_without_a_unit(lab: PlantParameters) -> None:
+    tripped = CLEAR._replace(kind=TRIPPED)
+    seen = FaultDetectionState(*(len(FaultDetectionState._fields) * [None]))  # type: ignore[arg-type]
+    m = NOT_MEASURED._replace(F_B=12.0)
+    _, detail = FaultDescriber(lab).describe(tripped, seen, m, m, MotorCommand(0.0, 0.0), NO_RAW, 0)
+    assert detail == "the loop read no number from F_A, F_B = 12.0 N, no number from q then"
+
+
+# What must not be in the loop is a trip at zero volts, told and recorded; that loop is not reset.
+
+
+class Written(Simulator):
+    """Keeps what was written last."""
+
+    last = MotorCommand(0.0, 0.0)
+
+    def write(self, command: MotorCommand) -> None:
+        self.last = command
+        super().write(command)
+
+
+@pytest.fixture
+def moving_invariants(lab: PlantParameters) -> BenchTop:
+    bench = BenchTop(lab, plant=Written(lab))
+    bench.run()
+    bench.send(SetReferences(0.5, 11.0))
+    bench.advance(0.1)
+    assert abs(last(bench).u_A) > 0.1
+    return bench
+
+
+def last(bench: BenchTop) -> MotorCommand:
+    assert isinstance(bench.plant, Written)
+    return bench.plant.last
+
+
+def decides(u_A: float, u_B: float) -> Callable[[BenchTop], None]:
+    return lambda bench: setattr(bench.loop._step, "compute_control", lambda: (NO_EVENT, u_A, u_B))
+
+
+def raises(bench: BenchTop) -> None:
+    def detect(*_: object) -> int:
+        raise ZeroDivisionError("a gain of zero")
+
+    bench.loop._step.detect_faults = detect
+
+
+def forgets_its_motion(bench: BenchTop) -> None:
+    bench.loop._mode_manager.motion = None
+    bench.loop._inputs_outdated = True
+
+
+def trips_without_a_fault(bench: BenchTop) -> None:
+    bench.loop._mode_manager.mode = Mode.TRIPPED
+    bench.loop._inputs_outdated = True
+
+
+MISTAKES = [
+    decides(math.nan, 1.0),
+    decides(1.0, math.inf),
+    decides(10.001, 0.0),
+    decides(0.0, -11.0),
+    raises,
+    forgets_its_motion,
+]
+
+
+@pytest.mark.parametrize("spoil", MISTAKES, ids=["nan", "inf", "beyond A", "beyond B", "exception", "no motion"])
+def test_a_mistake_in_the_step_is_a_trip_before_a_voltage_is_written(
+    moving_invariants: BenchTop, spoil: Callable[[BenchTop], None]
+) -> None:
+    spoil(moving_invariants)
+    rows = len(moving_invariants.samples.rows)
+    moving_invariants.advance(documented_ms(Fault.INTERNAL_ERROR) * 1e-3)
+    assert (moving_invariants.loop.mode, moving_invariants.loop.fault) == (Mode.TRIPPED, Fault.INTERNAL_ERROR)
+    assert last(moving_invariants) == MotorCommand(0.0, 0.0)
+    moving_invariants.advance(0.1)
+    assert len(moving_invariants.samples.rows) == rows + 101  # it goes on recording
+    assert set(moving_invariants.column("fault", 101)) == {float(FAULT_CODE[Fault.INTERNAL_ERROR])}
+    assert set(moving_invariants.column("u_A", 101)) == set(moving_invariants.column("u_B", 101)) == {0.0}
+    (stopped,) = [event for event in moving_invariants.events if isinstance(event, Stopped)]
+    assert (stopped.fault, stopped.hard) == (Fault.INTERNAL_ERROR, True)
+    assert isinstance(moving_invariants.send(Reset()), Refused)
+    assert isinstance(moving_invariants.send(SetMode(Mode.PRETENSION)), Refused)
+    assert moving_invariants.loop.mode is Mode.TRIPPED
+
+
+def test_a_loop_that_is_tripped_without_a_fault_is_not_reset(moving_invariants: BenchTop) -> None:
+    trips_without_a_fault(moving_invariants)
+    moving_invariants.advance(0.001)
+    assert (moving_invariants.loop.fault, last(moving_invariants)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
+    assert isinstance(moving_invariants.send(Reset()), Refused)
+
+
+def test_a_mistake_after_another_trip_takes_its_place_so_that_reset_starts_a_new_loop(
+    moving_invariants: BenchTop,
+) -> None:
+    moving_invariants.send(Stop(Fault.STOP_PRESSED))
+    moving_invariants.advance(0.01)
+    assert moving_invariants.loop.fault is Fault.STOP_PRESSED
+    raises(moving_invariants)
+    moving_invariants.advance(0.002)
+    assert moving_invariants.column("fault", 1)[0] == FAULT_CODE[Fault.INTERNAL_ERROR]
+    told = [event.fault for event in moving_invariants.events if isinstance(event, Stopped)]
+    assert told == [Fault.STOP_PRESSED, Fault.INTERNAL_ERROR]
+
+
+def test_a_command_that_fails_is_refused_and_trips(
+    moving_invariants: BenchTop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise KeyError("S_ref")
+
+    monkeypatch.setattr(moving_invariants.loop._mode_manager, "set_references", fail)
+    refused = moving_invariants.send(SetReferences(0.2, 11.0))
+    assert isinstance(refused, Refused)
+    assert "KeyError" in refused.reason
+    moving_invariants.advance(0.001)
+    assert (moving_invariants.loop.fault, last(moving_invariants)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
+
+
+def test_a_ring_that_another_process_spoils_is_a_trip(lab: PlantParameters) -> None:
+    bench = BenchTop(lab, plant=Written(lab))
+    ring = bench.loop._ring = Ring.create(1000)
+    bench.run()
+    assert abs(last(bench).u_A) > 0.1
+    count = ring.count
+    ring._header[3] = 0
+    bench.advance(documented_ms(Fault.INTERNAL_ERROR) * 1e-3)
+    assert (bench.loop.fault, last(bench)) == (Fault.INTERNAL_ERROR, MotorCommand(0.0, 0.0))
+    bench.advance(0.1)
+    assert ring.count == count + 101
+    newest = ring.newest()
+    assert newest is not None
+    assert newest[INDEX["fault"]] == FAULT_CODE[Fault.INTERNAL_ERROR]
+    ring.close()
+
+
+def test_every_move_between_modes_leaves_a_consistent_machine(lab: PlantParameters) -> None:
+    bench = BenchTop(lab)
+    bench.run()
+    for mode in (Mode.PRETENSION, Mode.RUN, Mode.STOPPING):
+        assert isinstance(bench.send(SetMode(mode)), Accepted)
+        bench.loop._mode_manager.require_consistent()
+        bench.advance(0.5)
+        bench.loop._mode_manager.require_consistent()
+    assert bench.loop.fault is Fault.NONE
+
+
+# The limit flags in the sample say which limit acted, in the tick it acted; a fault tells the limit as it is.
+
+
+@pytest.fixture(scope="module")
+def pushed_bench() -> BenchTop:
+    bench = BenchTop(load_parameters("ideal"))
+    bench.run()
+    bench.send(SetReferences(0.0, 8.0))
+    bench.advance(4.0)
+    bench.send(ApplyPush(18.0, 3.0))
+    bench.advance(3.0)
+    bench.advance(3.0)
+    return bench
+
+
+def test_tension_floor_is_flagged_while_it_lifts_the_stiffness(pushed_bench: BenchTop) -> None:
+    flags, S, S_ref = (pushed_bench.column(name, last=6000) for name in ("limits", "S", "S_ref"))
+    at_floor = (flags.astype(int) & Limit.TENSION_FLOOR) != 0
+    assert np.all(at_floor[1000:3000])
+    assert np.all((S - S_ref)[1500:3000] > 0.3)
+    assert not np.any(at_floor[-1000:])
+
+
+def test_governor_is_flagged_while_it_moves_the_references(pushed_bench: BenchTop) -> None:
+    flags, S_ref, governed = (pushed_bench.column(name, last=10_000) for name in ("limits", "S_ref", "S_ref_gov"))
+    held_back = (flags.astype(int) & Limit.GOVERNOR) != 0
+    assert np.array_equal(held_back, governed != S_ref)
+    assert 0 < np.count_nonzero(held_back) < 1000
+
+
+def test_a_joint_beyond_its_limit_is_told_with_the_limit_that_it_has() -> None:
+    """In degrees too, in which most people read it: the bound is 90, not what three decimals of a radian make of it."""
+    checks = FaultDescriber(load_parameters("ideal"))
+    fault, seen = checks.find_static_fault(Measurement(math.radians(-91.25), 0.0, 0.0, 20.0, 20.0, 10.0, 0.0, 0.0))
+    assert fault is Fault.JOINT_LIMIT
+    told, bound = format_text(seen, AngleUnit.DEGREES).split("; ")
+    assert bound == "the bound is 90° to either side"
+    assert float(told.removeprefix("q = ").removesuffix("°")) == pytest.approx(-91.25, abs=5e-4)
+
+
+def test_a_clipped_voltage_is_flagged_at_its_own_motor_and_no_other_flag_with_it() -> None:
+    flags = [make_voltage_limit_flags(A, B) for A in (False, True) for B in (False, True)]
+    assert flags == [0, Limit.VOLTAGE_B, Limit.VOLTAGE_A, Limit.VOLTAGE_A | Limit.VOLTAGE_B]

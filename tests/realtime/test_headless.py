@@ -1,4 +1,4 @@
-"""Headless stepping is the same loop: answers, events, samples and time agree, and it repeats to the last bit."""
+"""Headless stepping, and what each column of a sample holds."""
 
 import asyncio
 from collections.abc import Callable
@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from backend.faults import FAULT_CODE, Fault, Limit
 from backend.realtime.commands import (
     Accepted,
     ModeChanged,
@@ -20,13 +21,19 @@ from backend.realtime.commands import (
     Stop,
     Stopped,
 )
+from backend.realtime.gains import make_tuning_command
 from backend.realtime.headless import SimulatedLoop
 from backend.realtime.modes import MODE_CODE, Mode
 from backend.realtime.program import Law, Program, Segment, SetTuning
 from backend.realtime.ring_buffer import Ring
-from backend.sample import INDEX
-from plant.parameters import PlantParameters
+from backend.sample import INDEX, NAMES
+from backend.tuning.gains import TuningParameters
+from plant.interface import Measurement, MotorCommand, RawReading
+from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
+from tests.realtime.bench_top import BenchTop
+
+# Headless stepping is the same loop: answers, events, samples and time agree, and it repeats to the last bit.
 
 Make = Callable[..., SimulatedLoop]
 
@@ -166,3 +173,150 @@ def test_pretension_is_reached_again_after_a_stop_let_the_tendons_go(make: Make)
         headless.close()
 
     asyncio.run(session())
+
+
+# Each column of a sample holds what its name says: what the plant was asked and told, what was commanded.
+
+
+class Witness(Simulator):
+    """Keeps what it said and what it was told, tick by tick, with a card that reads other numbers every time."""
+
+    def __init__(self, parameters: PlantParameters) -> None:
+        super().__init__(parameters)
+        self.said: list[Measurement] = []
+        self.told: list[MotorCommand] = []
+
+    def read(self) -> Measurement:
+        self.said.append(super().read())
+        return self.said[-1]
+
+    def write(self, command: MotorCommand) -> None:
+        self.told.append(command)
+        self.raw = self.card(len(self.told))
+        super().write(command)
+
+    @staticmethod
+    def card(ticks: int) -> RawReading:
+        return RawReading(1.0 + 1e-6 * ticks, 2.0 + 1e-6 * ticks, 3e6 + ticks, 4e6 + ticks, 5e6 + ticks)
+
+
+class Session:
+    """Wound up, run 7 at rest, then both references moved at once, with a push; and what the plant saw of it."""
+
+    def __init__(self) -> None:
+        parameters = load_parameters("lab")
+        self.plant = Witness(parameters)
+        self.bench = BenchTop(parameters, make_tuning_command(parameters, TuningParameters(0.3, 0.5)), self.plant)
+        self.bench.run(run=7)
+        self.bench.advance(2.0)
+        self.begun = len(self.bench.samples.rows)
+        self.plant.push(3.0)
+        self.bench.send(SetReferences(0.4, 12.0))
+        for _ in range(300):
+            self.bench.loop.tick(lateness_s=2e-5, overruns=2)
+        self.middle = len(self.bench.samples.rows)
+        for _ in range(4000):
+            self.bench.loop.tick(overruns=2)
+
+    def column(self, name: str) -> np.ndarray:
+        return self.bench.column(name)
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return Session()
+
+
+@pytest.mark.parametrize("name", ["q", "F_A", "F_B", "S_true", "F_push", "F_wall"])
+def test_what_is_measured_is_what_the_plant_said(session: Session, name: str) -> None:
+    said = [getattr(m, name) for m in session.plant.said[-1000:]]  # one more was said at the start, before a tick
+    np.testing.assert_array_equal(session.column(name)[-1000:], said)
+
+
+def test_stiffness_is_not_known_before_the_first_pretension(session: Session) -> None:
+    """Nobody knows where the motors are until then."""
+    S = session.column("S")
+    assert np.isnan(S[0])
+    assert np.isfinite(S[session.begun :]).all()
+
+
+@pytest.mark.parametrize("side", ["A", "B"])
+def test_motors_count_from_where_they_were_wound_up(session: Session, side: str) -> None:
+    said = np.array([getattr(m, f"theta_{side}") for m in session.plant.said[-4000:]])
+    counted = session.column(f"theta_{side}")[-4000:]
+    assert np.ptp(counted) > 0.5
+    assert np.ptp(counted - said) == pytest.approx(0.0, abs=1e-12)
+    assert counted[-500:] == pytest.approx(session.column(f"theta_{side}_ref")[-500:], abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["u_A", "u_B"])
+def test_a_voltage_is_what_the_plant_was_told(session: Session, name: str) -> None:
+    told = [getattr(command, name) for command in session.plant.told]
+    np.testing.assert_array_equal(session.column(name), told)
+    assert np.ptp(told) > 0.5
+
+
+@pytest.mark.parametrize("name", RawReading._fields)
+def test_what_the_card_said_is_kept_as_it_was(session: Session, name: str) -> None:
+    rows = len(session.bench.samples.rows)
+    read = [getattr(Witness.card(tick + 1), name) for tick in range(rows)]  # it is asked after the write
+    np.testing.assert_array_equal(session.column(name), read)
+
+
+def test_references_are_those_commanded_and_the_governed_are_on_their_way(session: Session) -> None:
+    for name, after in (("q_ref", 0.4), ("S_ref", 12.0)):
+        asked, governed = session.column(name), session.column(f"{name}_gov")
+        assert set(asked[session.begun :]) == {after}
+        assert asked[session.begun - 1] < governed[session.begun] < after
+        assert governed[-1] == pytest.approx(after, abs=1e-9)
+
+
+def test_speed_and_stiffness_are_those_of_the_joint(session: Session) -> None:
+    moving = slice(session.begun, session.middle + 1000)
+    q, q_dot = session.column("q")[moving], session.column("q_dot")[moving]
+    assert np.sum(q_dot) * 1e-3 == pytest.approx(q[-1] - q[0], abs=0.02)
+    assert session.column("S")[-500:] == pytest.approx(session.column("S_true")[-500:], abs=0.3)
+    assert np.mean(session.column("S")[-500:]) == pytest.approx(12.0, abs=0.05)
+
+
+def test_the_clock_the_run_and_the_tuning_are_those_in_force(session: Session) -> None:
+    rows = len(session.bench.samples.rows)
+    np.testing.assert_array_equal(session.column("tick"), np.arange(rows))
+    assert session.column("t") == pytest.approx(np.arange(rows) * 1e-3, abs=1e-12)
+    running = session.column("mode") == MODE_CODE[Mode.RUN]
+    assert running[session.begun :].all()
+    np.testing.assert_array_equal(session.column("run"), np.where(running, 7, 0))
+    assert set(session.column("lam_q")) == {0.3}
+    assert set(session.column("lam_S")) == {0.5}
+    assert set(session.column("bank_entry")) == {0.0}
+    assert set(session.column("fault")) == {FAULT_CODE[Fault.NONE]}
+
+
+def test_lateness_and_overruns_are_those_of_the_tick(session: Session) -> None:
+    late = np.zeros(len(session.bench.samples.rows))
+    late[session.begun : session.middle] = 2e-5
+    np.testing.assert_array_equal(session.column("lateness_s"), late)
+    np.testing.assert_array_equal(session.column("overruns"), np.where(np.arange(late.size) < session.begun, 0, 2))
+
+
+def test_a_limit_that_acts_has_its_bit(session: Session) -> None:
+    limits = session.column("limits").astype(int)
+    governed = limits[session.begun] & Limit.GOVERNOR
+    assert governed
+    assert limits[-1] == 0
+
+
+def test_a_fault_has_its_number_once_it_is_latched() -> None:
+    bench = BenchTop(load_parameters("lab"))
+    bench.run()
+    bench.send(Stop())
+    bench.advance(2.0)
+    assert bench.column("fault")[-1] == FAULT_CODE[Fault.STOP_PRESSED]
+    assert bench.column("mode")[-1] == MODE_CODE[Mode.TRIPPED]
+
+
+def test_no_column_is_left_out_here() -> None:
+    seen = "tick t mode run q q_ref q_ref_gov q_dot S S_ref S_ref_gov S_true theta_A theta_A_ref theta_B theta_B_ref"
+    seen += " F_A F_B u_A u_B F_push F_ext_hat F_wall V_A V_B n_q n_A n_B"
+    seen += " lam_q lam_S bank_entry limits fault lateness_s overruns"
+    assert tuple(seen.split()) == NAMES

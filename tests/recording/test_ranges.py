@@ -1,6 +1,8 @@
-"""Figures of a range of a recording come from every sample of it, and agree with the run's CSV."""
+"""Figures of ranges of a recording."""
 
+import asyncio
 import json
+import multiprocessing
 from collections.abc import Iterator
 from contextlib import closing
 from itertools import takewhile
@@ -14,19 +16,78 @@ import pytest
 from numpy.typing import NDArray
 from scipy import signal
 
-from backend.errors import OutOfRangeError
+from backend.errors import OutOfRangeError, RequestRejectedError
 from backend.exports import writers
 from backend.exports.base import export_run
 from backend.recording.reader import UnknownSignalError
 from backend.sample import STORED_NAMES
 from backend.services import signals
-from backend.services.signals import RangeQuery, read_values, stream_range_csv, stream_spectra, stream_statistics
+from backend.services.signals import (
+    RangeAnalysis,
+    RangeQuery,
+    read_values,
+    stream_range_csv,
+    stream_spectra,
+    stream_statistics,
+)
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
 from plant.interface import T_s
 from tests.recording.stored_run import R_J, R_M, store_run
 
-COUNT = 130_000
+# Long ranges are read in a process of their own, with the same result, and no longer than somebody waits.
+
+COUNT = 120_000
+
+
+@pytest.fixture
+def asked(database: Database) -> RangeQuery:
+    run = store_run(database, {"q": np.sin(np.arange(COUNT) * 1e-3)})
+    return RangeQuery(run, 0.0, None, ("q", "u_A"))
+
+
+@pytest.mark.parametrize("at_hand", [COUNT, 1000])
+def test_threads_and_process_give_the_same_lines(
+    database: Database, asked: RangeQuery, at_hand: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(signals, "AT_HAND_SAMPLES", at_hand)
+
+    async def read() -> tuple[bytes, int]:
+        stream = await RangeAnalysis(database).stream_statistics(asked)
+        beside = len(multiprocessing.active_children())
+        return b"".join([piece async for piece in stream]), beside
+
+    found, beside = asyncio.run(read())
+    assert found == b"".join(stream_statistics(database, asked))
+    assert beside == int(at_hand < COUNT)
+
+
+@pytest.mark.parametrize("at_hand", [COUNT, 1000])
+def test_a_stream_that_is_left_frees_its_place(
+    database: Database, asked: RangeQuery, at_hand: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(signals, "AT_HAND_SAMPLES", at_hand)
+    monkeypatch.setattr(signals, "MAX_RANGES", 1)
+
+    async def leave() -> None:
+        recorded = RangeAnalysis(database)
+        left = await recorded.stream_statistics(asked)
+        with pytest.raises(RequestRejectedError) as refused:
+            await recorded.stream_spectra(asked)
+        assert refused.value.retry_after_s > 0
+        await left.aclose()
+        assert not multiprocessing.active_children()
+        with pytest.raises(OutOfRangeError):  # what is refused takes no place
+            await recorded.stream_csv(RangeQuery(asked.run, COUNT, None, ("q",)))
+        lines = b"".join([piece async for piece in await recorded.stream_statistics(asked)])
+        assert lines.count(b"\n") > 1
+
+    asyncio.run(leave())
+
+
+# Figures of a range of a recording come from every sample of it, and agree with the run's CSV.
+
+COUNT_RANGES = 130_000
 """More than two slabs, and no whole number of them."""
 MISSING = slice(61_000, 61_700)
 SIGNALS = ("q", "q_ref", "S", "u_A", "q - q_ref", "x_A")
@@ -35,10 +96,10 @@ SIGNALS = ("q", "q_ref", "S", "u_A", "q - q_ref", "x_A")
 def made_up() -> dict[str, NDArray[np.floating]]:
     """Return what only every sample tells: noise between spikes of one sample, on a large offset."""
     chance = np.random.default_rng(5)
-    t = np.arange(COUNT) * T_s
-    q = 0.4 * np.sin(2 * np.pi * 0.2 * t) + 1e-3 * chance.standard_normal(COUNT)
+    t = np.arange(COUNT_RANGES) * T_s
+    q = 0.4 * np.sin(2 * np.pi * 0.2 * t) + 1e-3 * chance.standard_normal(COUNT_RANGES)
     q_ref = np.where(t < 20.0, np.nan, 0.4 * np.sin(2 * np.pi * 0.2 * t))
-    S = 1000.0 + chance.standard_normal(COUNT)
+    S = 1000.0 + chance.standard_normal(COUNT_RANGES)
     S[40_000:40_321] = np.nan
     u_A = np.sign(np.sin(2 * np.pi * 47.0 * t))
     u_A[70_007], u_A[90_009] = 9.5, -8.5

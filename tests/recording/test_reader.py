@@ -1,4 +1,4 @@
-"""Slices and envelopes agree with what was written, drawn together by a plain loop."""
+"""Recordings read back: slices, envelopes and columns."""
 
 from pathlib import Path
 
@@ -8,11 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backend.realtime.ring_buffer import Ring
-from backend.recording.reader import SampleEnvelope, UnknownSignalError, read_envelope, read_samples
+from backend.recording.reader import (
+    SampleEnvelope,
+    UnknownSignalError,
+    read_drawn_columns,
+    read_envelope,
+    read_recorded_columns,
+    read_samples,
+)
 from backend.sample import ADDED_LATER, INDEX, STORED_NAMES
 from backend.storage.database import Database, open_database
 from backend.storage.orm import UnknownRecordError
 from tests.recording.stand_in import Rows, Writer, new_run, recorder_of
+
+# Slices and envelopes agree with what was written, drawn together by a plain loop.
 
 TICKS = 12_000
 
@@ -142,3 +151,33 @@ def test_a_signal_that_only_later_versions_record_is_nan(tmp_path: Path, monkeyp
         assert none.t.size == none.maximum[name].size > 0
         assert name not in known.columns
     recorded.database.close()
+
+
+# Columns to compute with and columns to draw, from the same recording.
+
+
+def test_columns_hold_every_sample_and_drawings_their_extremes(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = recorder_of(writer, database)
+    written = writer.write(6_000, run.id)
+    writer.write(1)
+    recorder.drain()
+
+    columns, missed = read_recorded_columns(database, run.id)
+    assert missed == 0
+    assert set(columns) == {"t", *STORED_NAMES}
+    np.testing.assert_allclose(columns["t"], np.arange(6_000) * 1e-3)
+    np.testing.assert_allclose(columns["q"], written[:, INDEX["q"]], atol=1e-6)
+
+    drawn = read_drawn_columns(database, run.id, points=50)
+    assert drawn["t"].size <= 120
+    assert np.all(np.diff(drawn["t"]) > 0)
+    for name in ("q", "S", "u_A"):
+        assert (drawn[name].min(), drawn[name].max()) == (columns[name].min(), columns[name].max())
+    recorder.close()
+
+
+def test_a_run_without_samples_has_empty_columns(database: Database) -> None:
+    run = new_run(database)
+    assert read_recorded_columns(database, run.id)[0]["q"].size == 0
+    assert read_drawn_columns(database, run.id)["t"].size == 0

@@ -1,5 +1,6 @@
-"""Every sample of a run is stored once, and gaps are told; how runs end is in test_run_ends."""
+"""Recorded runs: samples, gaps, ends, walls, and a real loop."""
 
+import asyncio
 import itertools
 import sqlite3
 import threading
@@ -9,16 +10,28 @@ import numpy as np
 import pytest
 from sqlalchemy import event
 
+from backend.faults import FAULT_CODE, Fault
+from backend.models.run import MAX_WALL_CHANGES, StoredWall, build_stored_wall, find_wall_at, merge_wall_changes
+from backend.realtime.commands import Accepted, PretensionReached, RunEnded, SetMode, SetReferences, Stop, WallChanged
+from backend.realtime.gains import make_tuning_command
+from backend.realtime.headless import SimulatedLoop
+from backend.realtime.modes import MODE_CODE, Cause, Mode, ModeCause
 from backend.realtime.ring_buffer import Ring
 from backend.realtime.supervisor import LoopExited
 from backend.recording.codec import unpack
-from backend.recording.reader import read_samples
-from backend.recording.recorder import RecordingError
+from backend.recording.reader import read_envelope, read_samples
+from backend.recording.recorder import ObstacleChanges, Recorder, RecordingError
 from backend.sample import INDEX, STORED_NAMES
 from backend.storage import events, recordings
 from backend.storage.database import Database
 from backend.storage.runs import EndState
+from backend.tuning.gains import TuningParameters
+from plant.dynamics import Obstacle
+from plant.parameters import load_parameters
+from plant.simulator import Simulator
 from tests.recording.stand_in import Writer, new_run, recorder_of, stored_run
+
+# Every sample of a run is stored once, and gaps are told; how runs end is below.
 
 
 def assert_stored(database: Database, run_id: int, rows: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
@@ -316,3 +329,226 @@ def test_a_position_beyond_the_ring_is_noticed(database: Database, writer: Write
     recorder.drain()
     assert_stored(database, run.id, rows)
     recorder.close()
+
+
+# How a run ended: as the loop says it, whatever is stored when, and as what is known where the loop says nothing.
+
+EARLY = "the program was ended before its end"
+
+
+@pytest.mark.parametrize(
+    ("why", "detail", "end_state", "kept"),
+    [
+        (Cause.ASKED_FOR, "", EndState.STOPPED, EARLY),
+        (Fault.STOP_PRESSED, "", EndState.STOPPED, "stop_pressed"),
+        (Fault.OPERATOR_LOST, "", EndState.LINK_LOST, "operator_lost"),
+        (Fault.SERVICE_LOST, "", EndState.SERVICE_DIED, "service_lost"),
+        (Fault.FORCE_LIMIT, "F_A = 161 N", EndState.TRIPPED, "force_limit: F_A = 161 N"),
+        (Fault.SERVICE_ENDED, "service ended by SIGTERM", EndState.STOPPED, "service ended by SIGTERM"),
+    ],
+)
+@pytest.mark.parametrize("told", ["before its samples are stored", "between", "after them", "after the next began"])
+def test_a_run_ends_as_the_loop_says_whenever_that_is_told(
+    database: Database, writer: Writer, told: str, why: ModeCause, detail: str, end_state: EndState, kept: str
+) -> None:
+    run, following = new_run(database), new_run(database)
+    recorder = Recorder(database, writer.ring)
+    end = RunEnded(tick=1010, run=run.id, completed=False, why=why, detail=detail)
+    writer.write(1010, run.id)
+    if told == "before its samples are stored":
+        recorder.on_event(end)
+    recorder.drain()
+    if told == "between":
+        recorder.on_event(end)
+    writer.write(1)
+    recorder.drain()
+    if told == "after them":
+        recorder.on_event(end)
+    writer.write(1100, following.id)
+    recorder.drain()
+    if told == "after the next began":
+        assert stored_run(database, run.id).end_state == EndState.RUNNING
+        recorder.on_event(end)
+    recorder.drain()
+    ended = stored_run(database, run.id)
+    assert (ended.end_state, ended.end_detail) == (end_state, kept)
+    assert stored_run(database, following.id).end_state == EndState.RUNNING
+    recorder.close()
+
+
+def test_what_samples_show_ends_no_run(database: Database, writer: Writer) -> None:
+    run = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    writer.write(10, run.id)
+    writer.write(1, fault=FAULT_CODE[Fault.SLACK])
+    recorder.drain()
+    assert stored_run(database, run.id).end_state == EndState.RUNNING
+    recorder.on_event(LoopExited("killed by SIGKILL"))
+    recorder.drain()
+    ended = stored_run(database, run.id)
+    assert (ended.end_state, ended.end_detail) == (EndState.LINK_LOST, "the loop process died: killed by SIGKILL")
+
+
+@pytest.mark.parametrize("sampled", [0, 10])
+def test_an_end_told_before_the_loop_died_stays(database: Database, writer: Writer, sampled: int) -> None:
+    """Also where the run was over before it had a sample."""
+    run, open_still = new_run(database), new_run(database)
+    recorder = Recorder(database, writer.ring)
+    if sampled:
+        writer.write(sampled, run.id)
+    recorder.on_event(RunEnded(sampled, run.id, completed=False, why=Fault.STOP_PRESSED))
+    writer.write(10, open_still.id)
+    recorder.on_event(LoopExited("killed by SIGKILL"))
+    recorder.follow(Ring.create(16))
+    recorder.drain()
+    ended = [stored_run(database, one.id) for one in (run, open_still)]
+    assert [one.end_state for one in ended] == [EndState.STOPPED, EndState.LINK_LOST]
+    assert ended[0].end_detail == "stop_pressed"
+
+
+def test_programs_ended_early_are_all_stopped_though_their_samples_are_stored_at_once(
+    database: Database, writer: Writer
+) -> None:
+    format_early_end = [new_run(database), new_run(database)]
+    complete = new_run(database)
+    recorder = Recorder(database, writer.ring)
+    for run in (*format_early_end, complete):
+        writer.write(10, run.id)
+        recorder.on_event(RunEnded(10, run.id, completed=run is complete, why=Cause.ASKED_FOR))
+    writer.write(1)
+    recorder.drain()
+    stopped = [stored_run(database, run.id) for run in format_early_end]
+    assert [(run.end_state, run.end_detail) for run in stopped] == [(EndState.STOPPED, EARLY)] * 2
+    assert stored_run(database, complete.id).end_state == EndState.COMPLETED
+
+
+# Which walls a run keeps: those that stood in its samples, whenever that was told.
+
+ABOVE, BELOW = Obstacle(1.0, 0.3, 2e4, 1.0), Obstacle(-1.0, -0.4, 5e3, 0.0)
+DOWN = StoredWall(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_run_keeps_what_stood_in_its_samples_and_the_next_one_what_stands(database: Database, writer: Writer) -> None:
+    recorder = recorder_of(writer, database)
+    first, second, third = (new_run(database).id for _ in range(3))
+    recorder.on_event(WallChanged(100, 0, BELOW))
+    recorder.on_event(WallChanged(200, 0, ABOVE))
+    writer.write(500)  # of no run: what stood last stands when the first begins, at 500
+    writer.write(700, run=first)
+    recorder.drain()
+    recorder.on_event(WallChanged(900, 0, None))  # told late: nothing of that second is stored yet
+    recorder.on_event(WallChanged(1250, 0, BELOW))  # in the second run's samples, told while the first is recorded
+    writer.write(600, run=second)
+    recorder.drain()
+    recorder.on_event(WallChanged(1850, 0, None))  # between the second and the third
+    writer.write(100)
+    writer.write(2500, run=third)
+    recorder.drain()
+    recorder.on_event(WallChanged(2950, 0, ABOVE))  # in a second that is stored already: told too late, and kept
+    writer.write(1100, run=third)
+    writer.write(1)
+    recorder.drain()
+    kept = [stored_run(database, run).set_to.walls for run in (first, second, third)]
+    assert kept[0] == (build_stored_wall(0.0, ABOVE), build_stored_wall(0.4, None))
+    assert kept[1] == (build_stored_wall(0.05, BELOW),)
+    assert kept[2] == (build_stored_wall(1.05, ABOVE),)
+
+
+def test_a_run_without_walls_and_one_of_a_new_loop_keep_none(database: Database, writer: Writer) -> None:
+    recorder = recorder_of(writer, database)
+    first, second = new_run(database).id, new_run(database).id
+    writer.write(300, run=first)
+    writer.write(1)
+    recorder.on_event(WallChanged(301, 0, ABOVE))
+    recorder.drain()
+    assert stored_run(database, first).set_to.walls is None
+    assert "walls" not in stored_run(database, first).settings
+    recorder.follow(writer.ring)  # another process: nothing stands in its plant's way
+    recorder._position = writer.ring.count
+    recorder._drain()
+    recorder._position = writer.ring.count
+    writer.write(300, run=second)
+    writer.write(1)
+    recorder.drain()
+    assert stored_run(database, second).set_to.walls is None
+
+
+def test_what_stands_at_a_moment() -> None:
+    changes = merge_wall_changes(
+        [build_stored_wall(0.5, ABOVE), build_stored_wall(0.2, BELOW)],
+        [build_stored_wall(0.9, None), build_stored_wall(0.5, BELOW)],
+    )
+    assert [find_wall_at(changes, t) for t in (0.1, 0.2, 0.5, 0.899, 0.9, 5.0)] == [
+        None,
+        BELOW,
+        BELOW,
+        BELOW,
+        None,
+        None,
+    ]
+    many = merge_wall_changes((), [build_stored_wall(float(t), ABOVE) for t in range(MAX_WALL_CHANGES + 10)])
+    assert len(many) == MAX_WALL_CHANGES
+    assert find_wall_at(many, MAX_WALL_CHANGES - 2.0) == ABOVE
+    assert find_wall_at(many, MAX_WALL_CHANGES + 5.0) is None
+
+
+def test_many_changes_before_a_run_leave_the_last() -> None:
+    walls = ObstacleChanges()
+    for tick in range(12_000):
+        walls.add(WallChanged(tick, 0, ABOVE if tick % 2 else None))
+    walls.begin(20_000)
+    assert walls.until(21_000) == [build_stored_wall(0.0, ABOVE)]
+    walls.discard_until(21_000)
+    assert walls.until(22_000) == []
+
+
+# The real loop on the simulator, recorded: every tick of the run is in the database as it was in the ring.
+
+
+def test_a_session_on_the_simulator_is_recorded_whole(database: Database) -> None:
+    async def session() -> None:
+        parameters = load_parameters("lab")
+        recorders: list[Recorder] = []
+
+        def record(_ring: Ring) -> None:
+            for recorder in recorders:
+                recorder.drain()
+
+        headless = SimulatedLoop(
+            Simulator(parameters, seed=3), parameters, make_tuning_command(parameters, TuningParameters()), record
+        )
+        recorders.append(Recorder(database, headless.ring))
+        headless.listen(recorders[0].on_event)
+        reached: list[object] = []
+        headless.listen(lambda event: reached.append(event) if isinstance(event, PretensionReached) else None)
+        await headless.send(SetMode(Mode.PRETENSION))
+        await headless.advance_until(lambda: bool(reached), timeout_s=60.0)
+        run = new_run(database)
+        assert isinstance(await headless.send(SetMode(Mode.RUN, run=run.id)), Accepted)
+        start = headless.ring.count
+        await headless.send(SetReferences(0.2, 10.0))
+        await headless.advance(3.21)
+        end = headless.ring.count
+        await headless.send(Stop(hard=False))
+        await headless.advance(1.0)
+        headless.close()
+        recorders[0].close()
+
+        ended = stored_run(database, run.id)
+        assert (ended.end_state, ended.end_detail) == (EndState.STOPPED, Fault.STOP_PRESSED)
+        _, rows, _ = headless.ring.read(start, end - start)
+        with database.reading() as reading:
+            samples = read_samples(reading, run.id)
+            envelope = read_envelope(reading, run.id, points=50, names=["q"])
+            recording = recordings.get(reading, run.id)
+            packed = sum(len(chunk.samples) for chunk in recordings.chunks(reading, run.id, 0, 2**40))
+        assert recording.missed == 0
+        assert samples.first_tick == start
+        assert len(samples.t) == 3210
+        assert np.all(samples.columns["mode"] == MODE_CODE[Mode.RUN])
+        for name in STORED_NAMES:
+            np.testing.assert_array_equal(samples.columns[name], rows[:, INDEX[name]].astype(np.float32), err_msg=name)
+        assert np.nanmax(envelope.maximum["q"]) == samples.columns["q"].max() > 0.15
+        assert packed < 0.4 * len(rows) * len(STORED_NAMES) * 4
+
+    asyncio.run(session())

@@ -1,20 +1,108 @@
-"""Reports of compliance runs, sessions and own sequences, from records made by formula."""
+"""Reports of batteries, impacts, compliance and sessions."""
 
+import asyncio
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from backend.analysis.disturbance_metrics import compute_compliance_metrics
+from backend.analysis.disturbance_metrics import compute_compliance_metrics, find_hits
 from backend.analysis.evaluation import build_metric_documents
+from backend.execution.runner import RunRequest, run_experiment
+from backend.execution.simulation import open_headless_rig
 from backend.experiments.library import build_ready_plan, find_experiment, list_stored_values
-from backend.models.run import Metrics
+from backend.experiments.plans import LoopSettings
+from backend.models.run import ENTRY, LAMBDA, MOTIONS, TIME_OPTIMAL, EntryModel, Metrics
 from backend.reports.build import build_report
-from backend.reports.model import Figure, Report, Table, to_html
+from backend.reports.experiment_report import find_frequency_responses
+from backend.reports.model import NO_FIGURE, Figure, Report, Table, to_html
 from backend.reports.pdf import to_pdf
-from backend.reports.run_data import RunData
+from backend.reports.run_data import RunData, load_source
+from backend.reports.sections import hits_table, reaction_tables
+from backend.reports.series import series_report
+from backend.reports.verification import Verified, verify_report
+from backend.storage import banks
+from backend.storage.banks import BankEntry
+from backend.storage.database import Database, open_database
+from backend.units import AngleUnit
+from plant.parameters import load_parameters
 from tests.experiments.judging import LEAD_IN_S, compliance_criteria
 from tests.reports.tracking_run import PLAN, samples, source_of
+
+# The report of an impact experiment: every hit in a table, drawn over time and speed, and verified by its own text.
+
+PLAN_IMPACT = build_ready_plan("impact", speeds=2, v_slow=0.3)
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> RunData:
+    folder: Path = tmp_path_factory.mktemp("impact")
+    database = open_database(folder)
+    with open_headless_rig(database, load_parameters("lab"), LoopSettings()) as station:
+        run = asyncio.run(run_experiment(station, RunRequest(PLAN_IMPACT, LoopSettings(), "A. Operator"))).run
+    source = load_source(database, run.id)
+    database.close()
+    return source
+
+
+def test_it_passes_shows_every_hit_and_holds(source: RunData) -> None:
+    report = build_report(source)
+    assert (report.title, report.outcome) == ("Impact", "passed")
+    blocks = {section.heading: section.blocks for section in report.sections}
+    assert [block.name for block in blocks["Figures"] if isinstance(block, Figure)][1:] == ["hits", "tension"]
+    table, beside = blocks["Hits"]
+    assert isinstance(table, Table)
+    assert isinstance(beside, Table)
+    assert [row[1] for row in table.rows] == ["8.00"] * 2 + ["15.0"] * 4 + ["8.00"] * 2
+    assert [row[0] for row in beside.rows] == ["8.00", "8.00", "15.0", "15.0"]
+    assert verify_report(to_html(report), source.columns) == Verified((), ())
+
+
+def test_the_table_is_what_was_recorded_in_the_unit_of_who_reads(source: RunData) -> None:
+    hits = find_hits(source.columns, PLAN_IMPACT.program())
+    limits, estimate = source.columns["limits"].astype(int), np.abs(source.columns["F_ext_hat"])
+    for angles, factor in ((AngleUnit.RADIANS, 1.0), (AngleUnit.DEGREES, 180.0 / np.pi)):
+        table = hits_table(hits, angles)
+        for row, hit in zip(table.rows, hits, strict=True):
+            seen = [float(cell) for cell in row if cell != NO_FIGURE]
+            window = np.abs(source.columns["F_wall"][hit.window])
+            expected = [hit.speed * factor, window.max(), window.sum() * 1e-3, 1e3 * np.count_nonzero(window) * 1e-3]
+            assert seen[2:6] == pytest.approx(expected, rel=6e-3)
+            if not hit.reacts:
+                assert row[6:] == (NO_FIGURE,) * 4
+                continue
+            touch = hit.window.start
+            felt, gave = (int(np.argmax(from_touch)) for from_touch in (estimate[touch:] > 1.2, limits[touch:] & 64))
+            assert seen[6:] == [1.2, felt, gave - felt, int(np.argmax(window)) - felt]
+    assert [hit.speed for hit in hits] == pytest.approx([0.3, 0.6] * 4, rel=0.05)
+
+
+def test_hits_with_reaction_stand_beside_those_without(source: RunData) -> None:
+    hits = find_hits(source.columns, PLAN_IMPACT.program())
+    (table,) = reaction_tables(hits, AngleUnit.RADIANS)
+    for row, plain, reacted in zip(table.rows, (*hits[:2], *hits[2:4]), (*hits[6:], *hits[4:6]), strict=True):
+        expected = [plain.peak_N, reacted.peak_N, reacted.peak_N / plain.peak_N]
+        expected += [plain.impulse_Ns, reacted.impulse_Ns, reacted.impulse_Ns / plain.impulse_Ns]
+        assert [float(cell) for cell in row[2:]] == pytest.approx(expected, rel=6e-3)
+    assert reaction_tables(hits[:4], AngleUnit.RADIANS) == ()
+
+
+def test_a_hit_that_was_not_felt_says_so(source: RunData) -> None:
+    hit = find_hits(source.columns, PLAN_IMPACT.program())[-1]._replace(
+        detection_s=float("nan"), reaction_s=float("nan")
+    )
+    assert hits_table([hit], AngleUnit.RADIANS).rows[0][7:9] == ("not felt", "not felt")
+
+
+def test_a_hit_without_a_speed_says_that_it_was_not_measured(source: RunData) -> None:
+    table = hits_table([find_hits(source.columns)[0]._replace(speed=float("nan"))], AngleUnit.RADIANS)
+    assert table.rows[0][2] == "not measured"
+
+
+# Reports of compliance runs, sessions and own sequences, from records made by formula.
 
 
 def names_of_figures(report: Report) -> list[str]:
@@ -106,3 +194,124 @@ def test_an_own_sequence_has_figures_but_no_criteria() -> None:
     assert [block.caption.split(".")[0] for block in report.sections[0].blocks if isinstance(block, Table)] == [
         "Metrics on measured signals"
     ]
+
+
+# Reports of frequency responses, disturbances and rest: all of it in figure and table, and held by its samples.
+
+LAB = load_parameters("lab")
+QUICK: dict[str, dict[str, float]] = {
+    "frequency_response": {"period_s": 4.0, "lines": 8, "q_amplitude": 0.1, "S_amplitude": 0.5},
+    "disturbance_battery": {"levels": 2, "hold_s": 3.0},
+    "hold_at_rest": {"levels": 2, "settle_s": 5.0, "hold_s": 3.0},
+}
+SHOWN = {"frequency_response": "bode", "disturbance_battery": "pushes", "hold_at_rest": "holds"}
+ROWS = {"frequency_response": 8, "disturbance_battery": 8, "hold_at_rest": 6}
+
+
+@pytest.fixture(scope="module")
+def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Database]:
+    opened = open_database(tmp_path_factory.mktemp("batteries"))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture(scope="module")
+def bank(database: Database) -> int:
+    """A bank whose gains differ much from those of geometry."""
+    entries = [
+        BankEntry(S, ENTRY.write(EntryModel(K_q=0.05, T_q=T, K_S=0.72, T_S=T, tension_N=F)))
+        for S, T, F in ((8.24, 0.5, 10.0), (12.43, 0.6, 30.0))
+    ]
+    with database.session() as session:
+        return banks.add(session, "slow ones", entries, "A. Operator").id
+
+
+def played(database: Database, name: str, plan: dict[str, Any] | None = None, **loop: Any) -> RunData:
+    settings = LoopSettings(**loop)
+    with open_headless_rig(database, LAB, settings) as station:
+        outcome = asyncio.run(
+            run_experiment(
+                station, RunRequest(build_ready_plan(name, **QUICK[name] | (plan or {})), settings, "A. Operator")
+            )
+        )
+    assert outcome.run.end_state == "completed"
+    return load_source(database, outcome.run.id)
+
+
+def tables_of(report: Report, drawn: str) -> list[Table]:
+    section = next(
+        one for one in report.sections if any(isinstance(part, Figure) and part.name == drawn for part in one.blocks)
+    )
+    return [part for part in section.blocks if isinstance(part, Table)]
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_what_is_measured_stands_in_figure_and_table_and_is_held_by_the_samples(
+    database: Database, bank: int, name: str
+) -> None:
+    source = played(
+        database, name, bank=bank, lam_q=0.7, lam_S=0.7, motion=TIME_OPTIMAL if name == "hold_at_rest" else LAMBDA
+    )
+    report = build_report(source)
+    table = tables_of(report, SHOWN[name])[0]
+    assert len(table.rows) == ROWS[name]
+    page = to_html(report)
+    assert verify_report(page, source.columns) == Verified((), ())
+    assert to_pdf(report).startswith(b"%PDF")
+    cell = next(cell for cell in table.rows[1] if cell not in ("", NO_FIGURE) and "." in cell)
+    assert page.count(cell) >= 1
+    place = page.index(cell, page.index(f'id="{SHOWN[name]}-'))
+    forged = page[:place] + cell.replace(".", ".9") + page[place + len(cell) :]
+    assert verify_report(forged, source.columns).differences
+
+
+def test_the_prediction_is_of_the_bank_that_was_in_use(database: Database, bank: int) -> None:
+    """Gains of geometry would expect another response: it is the bank's that the lab's friction spares."""
+    source = played(database, "frequency_response", {"period_s": 8.0}, bank=bank, lam_q=0.7, lam_S=0.7)
+    assert source.result is not None
+    with_bank = source.result.metrics.find_value("bandwidth_q_predicted_Hz")
+    plain = played(database, "frequency_response", {"period_s": 8.0}, lam_q=0.7, lam_S=0.7)
+    assert plain.result is not None
+    without = plain.result.metrics.find_value("bandwidth_q_predicted_Hz")
+    assert with_bank is not None
+    assert without is not None
+    assert abs(with_bank / without - 1.0) > 0.05
+    measured = source.result.metrics.find_value("bandwidth_q_Hz")
+    assert measured == pytest.approx(with_bank, rel=0.15)
+
+
+def test_a_series_shows_both_laws_on_the_same_axes(database: Database) -> None:
+    """In lambda motion the response falls off at the last line; in time-optimal motion it follows."""
+    sources = [played(database, "frequency_response", motion=motion) for motion in MOTIONS]
+    paper, planned = (find_frequency_responses(source) for source in sources)
+    assert [one.signal for one in paper] == [one.signal for one in planned] == ["q", "S"]
+    assert np.abs(paper[0].H[-1]) < 0.2
+    assert np.abs(planned[0].H[-1]) > 0.7
+    report = series_report(sources)
+    shown = {part.name: part for section in report.sections for part in section.blocks if isinstance(part, Figure)}
+    assert shown["bode"].svg.startswith("<svg")
+    still = played(database, "hold_at_rest")
+    assert find_frequency_responses(still) == ()
+    names = {
+        part.name
+        for section in series_report([still, still]).sections
+        for part in section.blocks
+        if isinstance(part, Figure)
+    }
+    assert "bode" not in names
+
+
+def test_lines_that_a_limit_spoilt_say_so_and_have_no_figures(database: Database) -> None:
+    name = "frequency_response"
+    wild = {**QUICK[name], "q_amplitude": 1.0}
+    settings = LoopSettings()
+    with open_headless_rig(database, LAB, settings) as station:
+        outcome = asyncio.run(
+            run_experiment(station, RunRequest(build_ready_plan(name, **wild), settings, "A. Operator"))
+        )
+    source = load_source(database, outcome.run.id)
+    report = build_report(source)
+    table = tables_of(report, "bode")[0]
+    assert all("not measured: " in row[-1] and row[1] == row[3] == NO_FIGURE for row in table.rows)
+    assert all(row[2] != NO_FIGURE for row in table.rows)
+    assert verify_report(to_html(report), source.columns) == Verified((), ())

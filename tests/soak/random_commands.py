@@ -19,7 +19,7 @@ from backend.realtime.modes import MODE_CODE, Mode
 from backend.sample import INDEX
 from tests.api.conftest import client_with
 from tests.api.pages import Page
-from tests.realtime.test_changes_while_moving import stated_V
+from tests.realtime.test_mode_manager import stated_V
 from tests.soak.live_service import Loop, bench_on, wait_until
 
 COMMANDS = 1500

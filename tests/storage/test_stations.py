@@ -1,18 +1,22 @@
-"""Several stations on one database: what one of them writes, no other takes for its own."""
+"""Several stations and transactions on one database."""
 
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from threading import Barrier
+from threading import Barrier, Event
 
 import pytest
+from sqlalchemy import Connection, NullPool, create_engine, text
 
 from backend.errors import STATION_NAME_LENGTH, RequestRejectedError, check_station_name
+from backend.exports.importer import import_bundle
 from backend.recording import retention
 from backend.recording.retention import NotRemovableError, RetentionRule
+from backend.services.downloads import stream_bundle
 from backend.storage import (
     banks,
     commissioning,
@@ -21,8 +25,10 @@ from backend.storage import (
     flights,
     identifications,
     recordings,
+    results,
     runs,
     search,
+    search_index,
     settings,
     tags,
 )
@@ -30,13 +36,18 @@ from backend.storage.banks import BankEntry
 from backend.storage.commissioning import NewStepResult
 from backend.storage.database import Database, Session, open_database
 from backend.storage.flights import NewFlight
-from backend.storage.orm import UnknownRecordError
+from backend.storage.orm import RunIndexRow, UnknownRecordError
 from backend.storage.recordings import Chunk
+from backend.storage.results import NewResult
 from backend.storage.runs import EndState
 from backend.storage.search import QueryError, parse_query
-from backend.storage.stations import assign_unowned_rows
+from backend.storage.search_index import ValueSource
+from backend.storage.stations import HeldStation, StationTakenError, assign_unowned_rows
+from tests.exports.stored import tracked
 from tests.postgres import new_database
-from tests.storage.test_lineage import NEW_IDENTIFICATION, NEW_RUN
+from tests.storage.test_lineage import METRICS, NEW_IDENTIFICATION, NEW_RUN
+
+# Several stations on one database: what one of them writes, no other takes for its own.
 
 
 @pytest.fixture
@@ -269,3 +280,130 @@ def test_what_is_no_name_of_a_station_is_refused(name: str) -> None:
 @pytest.mark.parametrize("name", ["", "a", "rig-2", "Lab.1_x", "a" * STATION_NAME_LENGTH])
 def test_names_of_stations_stay_as_they_are(name: str) -> None:
     assert check_station_name(name) == name
+
+
+# One service works for a station, and another may as soon as it does not, however it ended.
+
+
+def test_one_service_for_each_station_of_a_server(postgres: str) -> None:
+    engines = [create_engine(postgres, poolclass=NullPool) for _ in range(3)]
+    first, other = HeldStation(engines[0], "rig-a"), HeldStation(engines[1], "rig-b")
+    with pytest.raises(StationTakenError, match="another service works on this database as station rig-a"):
+        HeldStation(engines[2], "rig-a")
+    first.release()
+    HeldStation(engines[2], "rig-a").release()
+    other.release()
+
+
+def test_a_station_is_free_before_its_connection_has_ended(postgres: str) -> None:
+    engine, other = (create_engine(postgres) for _ in range(2))
+    held = HeldStation(engine, "rig-a")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Connection, "invalidate", lambda self: None)
+        patch.setattr(Connection, "close", lambda self: None)
+        held.release()
+    HeldStation(other, "rig-a").release()
+    engine.dispose()
+    other.dispose()
+
+
+def test_a_lock_of_a_service_that_was_killed_is_let_go(postgres: str) -> None:
+    engine, other = (create_engine(postgres) for _ in range(2))
+    held = HeldStation(engine, "rig-a")
+    with other.connect() as connection:
+        connection.execute(text("SELECT pg_terminate_backend(pid, 5000) FROM pg_locks WHERE locktype = 'advisory'"))
+    HeldStation(other, "rig-a").release()
+    held.release()
+    engine.dispose()
+    other.dispose()
+
+
+# Several transactions of one PostgreSQL at the same time: none loses what it writes, and none waits for ever.
+
+MEANWHILE_S = 0.5
+"""What waits for a lock does so by then."""
+
+
+@pytest.fixture
+def server(postgres: str, tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path, new_database(postgres, "at_once"))
+    yield opened
+    opened.close()
+
+
+CHANGES: tuple[Callable[[Session, int], object], ...] = (
+    lambda session, run: runs.end(session, run, EndState.COMPLETED),
+    lambda session, run: results.add(session, NewResult(run, METRICS, (), "1")),
+    lambda session, run: tags.add(session, run, "worn"),
+    lambda session, run: runs.set_note(session, run, "slack"),
+)
+
+
+@pytest.mark.parametrize("first", CHANGES)
+def test_two_changes_of_a_run_at_once_are_both_kept(server: Database, first: Callable[[Session, int], object]) -> None:
+    with server.session() as session:
+        run = runs.create(session, NEW_RUN).id
+    others = [change for change in CHANGES if change is not first]
+    at_work, go_on = Event(), Event()
+
+    def change(one: Callable[[Session, int], object]) -> None:
+        with server.session() as session:
+            one(session, run)
+
+    def begun() -> None:
+        with server.session() as session:
+            first(session, run)
+            search_index.update(session, [run])
+            at_work.set()
+            assert go_on.wait(30)
+
+    with ThreadPoolExecutor(4) as threads:
+        held = threads.submit(begun)
+        assert at_work.wait(30)
+        waiting = [threads.submit(change, one) for one in others]
+        time.sleep(MEANWHILE_S)
+        go_on.set()
+        for one in (held, *waiting):
+            one.result(30)
+    with server.reading() as session:
+        found = runs.get(session, run)
+        assert (found.end_state, found.note) == (EndState.COMPLETED, "slack")
+        assert results.newest(session, run) is not None
+        row = session.get_one(RunIndexRow, run)
+        assert (row.end_state, row.note, row.outcome) == ("completed", "slack", "neutral")
+        assert "worn" in row.words
+
+
+def test_new_names_in_another_order_do_not_block_each_other(server: Database) -> None:
+    one_has_one = Event()
+
+    def give(names: tuple[str, str], wait: Callable[[], object]) -> None:
+        with server.session() as session:
+            search_index._get_name_number(session, ValueSource.METRIC, names[0])
+            wait()
+            search_index._get_name_number(session, ValueSource.METRIC, names[1])
+
+    def first_waits() -> None:
+        one_has_one.set()
+        time.sleep(MEANWHILE_S)  # in which the other one gets its first, or waits for it
+
+    with ThreadPoolExecutor(2) as threads:
+        first = threads.submit(give, ("p", "q"), first_waits)
+        assert one_has_one.wait(30)
+        second = threads.submit(give, ("q", "p"), lambda: time.sleep(MEANWHILE_S))
+        first.result(30)
+        second.result(30)
+
+
+def test_a_bundle_that_is_taken_in_twice_at_once_is_stored_once(server: Database, tmp_path: Path) -> None:
+    here = open_database(tmp_path / "here")
+    run = tracked(here)
+    file = tmp_path / "run.zip"
+    file.write_bytes(b"".join(stream_bundle(here, run, tmp_path)))
+    here.close()
+    with ThreadPoolExecutor(2) as threads:
+        taken = list(threads.map(lambda who: import_bundle(server, file, who, tmp_path), ("Ana", "Ben")))
+    assert sorted(one.new for one in taken) == [False, True]
+    with server.reading() as session:
+        assert runs.count(session) == 2
+        assert [bank.version for bank in banks.find(session)] == [1]

@@ -17,7 +17,7 @@ from backend.storage.recordings import Chunk
 from backend.storage.tags import TagError
 from backend.storage.timeline import LogEntry, LogQuery
 from backend.units import AngleUnit
-from tests.storage.test_run_search import NEW
+from tests.storage.test_search import NEW
 
 NOON = datetime(2026, 3, 31, 12, tzinfo=UTC)
 

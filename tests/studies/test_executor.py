@@ -1,14 +1,28 @@
-"""Which points run at the same time after processes have died, with pools that break on request."""
+"""Studies under way: their turns, their processes and places."""
 
+import asyncio
+from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
 from typing import Any, cast
 
 import pytest
 
+from backend.banks.tuning_settings import TuningSettings
+from backend.errors import RequestRejectedError
+from backend.services.background_work import TextWork
+from backend.services.studies import MAX_WAITING, Studies, StudyScheduler
+from backend.storage import studies
+from backend.storage.database import Database, open_database
 from backend.storage.studies import StudyPoint
 from backend.studies.executor import LocalExecutor
 from backend.studies.point import LOST, Point, StudyBase
+from backend.workers import WorkerProcess
+from plant.parameters import load_parameters
+from tests.studies.studying import SHORT
+
+# Which points run at the same time after processes have died, with pools that break on request.
 
 GUILTY, INNOCENT, NEXT = (Point(number, {}, {}) for number in range(3))
 BASE = StudyBase("", "", "", {}, {})
@@ -76,3 +90,100 @@ def test_late_reports_of_a_broken_pool_do_not_discard_its_replacement(executor: 
     executor.collect_results(1.0)
     assert len(executor.pools) == 2
     assert sorted(executor.list_submitted_numbers()) == [0, 1]
+
+
+# Studies of the page: their turns, stops and places, with a process that does what the test says.
+
+
+class Process:
+    """Stands for a WorkerProcess: runs works in a thread once ``gate`` is open, and counts them."""
+
+    def __init__(self) -> None:
+        self.gate = asyncio.Event()
+        self.asked = 0
+
+    async def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
+        self.asked += 1
+        await self.gate.wait()
+        return await asyncio.to_thread(work, *arguments)
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Database:
+    return open_database(tmp_path / "data")
+
+
+def under_way(database: Database) -> tuple[StudyScheduler, Process, Process]:
+    computing, reading = Process(), Process()
+    processes = (cast(WorkerProcess, computing), cast(WorkerProcess, reading))
+    texts = TextWork(processes[1], processes[1])
+    return StudyScheduler(database, load_parameters("lab"), TuningSettings, *processes, texts), computing, reading
+
+
+def test_a_stop_asked_while_the_process_comes_up_is_not_forgotten(database: Database) -> None:
+    async def go() -> None:
+        page, computing, reading = under_way(database)
+        reading.gate.set()
+        study = await page.start(SHORT, "Ana")
+        await asyncio.sleep(0)
+        assert (study.state, computing.asked) == ("waiting", 1)
+        assert (await page.stop(study.id)).state == "stopped"
+        computing.gate.set()
+        assert [found.state for found in (await page.list_newest()).studies] == ["stopped"]
+        assert (await page.resume(study.id)).state == "waiting"
+        await page.close()
+
+    asyncio.run(go())
+
+
+def test_a_study_whose_last_attempt_only_ends_is_resumed_behind_it(database: Database) -> None:
+    async def go() -> None:
+        page, computing, reading = under_way(database)
+        reading.gate.set()
+        study = await page.start(SHORT, "Ana")
+        await asyncio.sleep(0)
+        await asyncio.to_thread(
+            Studies(database).request_stop, study.id
+        )  # from elsewhere: this one does not hear of it
+        await page.resume(study.id)
+        with database.reading() as session:
+            assert not studies.get(session, study.id).stop_asked
+        assert (computing.asked, list(page._waiting)) == (1, [study.id])
+        await page.close()
+
+    asyncio.run(go())
+
+
+def test_no_more_wait_than_there_are_places_however_they_come(database: Database) -> None:
+    async def go() -> None:
+        page, _, reading = under_way(database)
+        begins = [asyncio.ensure_future(page.start(SHORT, "Ana")) for _ in range(MAX_WAITING + 3)]
+        await asyncio.sleep(0)
+        reading.gate.set()
+        ends = await asyncio.gather(*begins, return_exceptions=True)
+        assert [isinstance(end, RequestRejectedError) for end in ends] == [False] * MAX_WAITING + [True] * 3
+        await page.close()
+
+    asyncio.run(go())
+
+
+def test_the_table_of_a_study_that_is_computed_is_not_read_at_each_look(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def go() -> None:
+        page, _, reading = under_way(database)
+        reading.gate.set()
+        study = (await page.start(SHORT, "Ana")).id
+        with database.session() as session:
+            studies.claim(session, study, "elsewhere:1")
+        before = reading.asked
+        monkeypatch.setattr("backend.services.studies.REFRESH_FACTOR", 1e6)
+        shown = [(await page.build_detail(study, "worst")).study.state for _ in range(3)]
+        assert (shown, reading.asked - before) == (["running"] * 3, 1)
+        with database.session() as session:
+            studies.release(session, study, "elsewhere:1")
+        await page.build_detail(study, "worst")
+        assert reading.asked - before == 2
+        await page.close()
+
+    asyncio.run(go())

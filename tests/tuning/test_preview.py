@@ -1,5 +1,7 @@
-"""The preview against the non-linear simulation it stands for, and its refusals."""
+"""Previews of a tuning, and the bound of the motors on a step."""
 
+import math
+import pickle
 from dataclasses import replace
 
 import control
@@ -7,6 +9,9 @@ import numpy as np
 import pytest
 
 from backend.errors import OutOfRangeError
+from backend.services import background_work
+from backend.services.background_work import TuningSnapshot
+from backend.services.tuning_state import default_tuning
 from backend.tuning.gains import (
     LAM_MOTOR,
     TuningError,
@@ -19,10 +24,12 @@ from backend.tuning.gains import (
     position_gains,
     stiffness_gains,
 )
-from backend.tuning.preview import Steps, TuningPreviewer
+from backend.tuning.preview import Steps, TuningPreviewer, least_reach_time
 from backend.tuning.robustness import M_S_MAX, common_lambda_range, decoupled_model, motor_range, motor_robustness
 from backend.tuning.simulation import simulate_cascade
 from plant.parameters import load_parameters
+
+# The preview against the non-linear simulation it stands for, and its refusals.
 
 
 @pytest.fixture(scope="module")
@@ -188,3 +195,56 @@ def test_a_slow_winding_narrows_the_range_of_the_motor_loop() -> None:
     with pytest.raises(OutOfRangeError, match=r"λ_motor: 0\.0854 s is outside 0\.121 to 0\.2 s"):
         TuningPreviewer(slow)
     assert motor_robustness(motor, motor_gains(motor.K_m, motor.T_m, low)).M_s == pytest.approx(M_S_MAX, abs=1e-3)
+
+
+# What a tuning would do is the same computed from what goes to another process as from the tuning in use.
+
+
+def test_previews_of_a_snapshot_are_the_same() -> None:
+    tuning, _ = default_tuning(load_parameters("lab"))
+    asked = pickle.loads(pickle.dumps(TuningSnapshot.from_active(tuning)))
+    wanted = 0.6, 0.5, 10.0, -1.0, None, None, None, True
+    assert background_work.preview_tuning(asked, *wanted) == tuning.preview(0.6, 0.5, 10.0, -1.0, printed=True)
+    assert background_work.preview_motor(asked, 0.2) == tuning.preview_motor(0.2)
+    assert background_work.compute_robust_tuning(asked, 1.5) == tuning.compute_robust_tuning(1.5)
+
+
+def test_models_are_cached_for_equal_tunings_only() -> None:
+    tuning, _ = default_tuning(load_parameters("lab"))
+    asked = TuningSnapshot.from_active(tuning)
+    first = asked.resolve().previewer
+    assert asked.resolve().previewer is first
+    assert replace(asked, choice=replace(asked.choice, lam_q=0.9)).resolve().previewer is first
+    assert replace(asked, choice=replace(asked.choice, lam_motor=0.1)).resolve().previewer is not first
+    assert replace(asked, parameters=load_parameters("ideal")).resolve().previewer is not first
+
+
+# The bound of the motors on a position step, against the figures of the method and an integrated motor.
+
+PARAMETERS = load_parameters("ideal")
+
+
+def test_largest_step_of_the_paper() -> None:
+    assert least_reach_time(PARAMETERS, 2.0 * math.pi / 3.0) == pytest.approx(0.875, abs=0.002)
+
+
+def test_without_lag_speed_alone_counts() -> None:
+    quick = replace(PARAMETERS, identified=replace(PARAMETERS.identified, T_m=1e-6))
+    assert least_reach_time(quick, 2.0 * math.pi / 3.0) == pytest.approx(0.66, abs=0.002)
+
+
+@pytest.mark.parametrize("step", [-1.0, 0.3])
+def test_a_motor_at_full_voltage_gets_there_just_then(step: float) -> None:
+    t = least_reach_time(PARAMETERS, step)
+    omega = 28.6 * (1.0 - np.exp(-np.linspace(0.0, t, 100_001) / 0.22))
+    turned = float(np.trapezoid(omega, dx=t / 100_000))
+    assert turned == pytest.approx(0.9 * abs(step) * 10.0, rel=1e-6)
+
+
+def test_the_slower_motor_counts() -> None:
+    slow = replace(PARAMETERS, sided={"identified_B": {"K_m": 1.43}})
+    assert least_reach_time(slow, 1.0) > 1.5 * least_reach_time(PARAMETERS, 1.0)
+
+
+def test_no_step_takes_no_time() -> None:
+    assert least_reach_time(PARAMETERS, 0.0) == 0.0

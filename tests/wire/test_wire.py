@@ -1,6 +1,8 @@
-"""The frame, read here the way the page reads it: from the bytes alone."""
+"""The binary frame, and requests that are stamped."""
 
+import re
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from backend import wire
+from backend.api.export import build_openapi_schema
 from backend.sample import FIELDS, NAMES, STORED_NAMES
+
+# The frame, read here the way the page reads it: from the bytes alone.
 
 
 def rows_of(count: int) -> np.ndarray:
@@ -60,3 +65,25 @@ def test_curves_are_a_header_and_the_columns_of_each_signal() -> None:
     assert struct.unpack_from("<dQII", message) == (0.5, 7_200, 2, 2)
     np.testing.assert_array_equal(struct.unpack_from("<8f", message, 24), [1.0, 2.0, 5.0, np.nan, -1.0, -2.0, 0.0, 0.5])
     assert len(message) == 24 + 4 * 8
+
+
+# The page stamps exactly those requests that the service asks control for: its list is made by hand.
+
+WIRE = Path(__file__).parents[2] / "frontend" / "src" / "wire"
+CONTROL_ITSELF = "/api/control"
+"""Given up and handed over with a stamp that is put on by hand."""
+
+
+def test_every_request_that_needs_control_is_stamped_and_no_other() -> None:
+    written = re.search(r"const COMMANDS =\s*/(.*)/;", (WIRE / "control.ts").read_text(encoding="utf-8"))
+    assert written is not None
+    commands = re.compile(written[1])
+    paths = build_openapi_schema()["paths"]
+    asked = {
+        (method, path.replace("{id}", "7")): any(one["name"] == "Sinew-Control" for one in told.get("parameters", ()))
+        for path, methods in paths.items()
+        for method, told in methods.items()
+        if method != "get" and not path.startswith(CONTROL_ITSELF)
+    }
+    assert sum(asked.values()) > 10
+    assert [order for order, stamped in asked.items() if stamped != bool(commands.match(order[1]))] == []

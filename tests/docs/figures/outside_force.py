@@ -16,9 +16,8 @@ from plant.interface import T_s
 from plant.parameters import PlantParameters, load_parameters
 from plant.simulator import Simulator
 from tests.api.stepped_service import Parts, stepped
-from tests.api.test_swept_bias import Truth, zeros_off
-from tests.api.test_touch import at_rest
-from tests.api.test_touch_sweep import BEGIN, WHO, sweep_of
+from tests.api.test_contact import at_rest
+from tests.api.test_contact_sweep import BEGIN, WHO, Truth, sweep_of, zeros_off
 from tests.docs.figures.places import Computation, Found, Table
 
 PAGE = "docs/explanation/fidelity.md"

@@ -15,7 +15,7 @@ from plant.interface import T_s
 from plant.parameters import load_parameters
 from tests.docs.figures.places import Computation, Found, Prose, Table
 from tests.docs.figures.runs import TIME_OPTIMAL, U_PLAN_V, Bench
-from tests.tuning.test_push_forecast import M_s, opened
+from tests.tuning.test_simulation import M_s, opened
 
 PAGE = "docs/explanation/tuning.md"
 S_REF = 10.0

@@ -1,0 +1,281 @@
+"""Evaluation of runs: own criteria, and stored samples evaluated again."""
+
+import asyncio
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from backend.analysis.context import EvaluationContext
+from backend.analysis.evaluation import (
+    METRICS_BY_MEASURE,
+    Evaluation,
+    NotEvaluableError,
+    collect_bound_values,
+    evaluate_criteria,
+    evaluate_experiment,
+    list_metric_names,
+    reevaluate_run,
+    require_measurable,
+)
+from backend.analysis.step_metrics import NoSamplesError
+from backend.banks.tuning_settings import TuningSettings
+from backend.execution.runner import RunRequest, create_run, run_experiment
+from backend.execution.simulation import open_headless_rig
+from backend.experiments.library import build_ready_plan
+from backend.experiments.parser import ExperimentError
+from backend.experiments.plans import ActuatorIdentificationPlan, ExperimentPlan, LoopSettings, Plan
+from backend.experiments.schema import Bound, Experiment, Measure
+from backend.models.run import MeasuredFigure, Metrics
+from backend.storage import results, runs
+from backend.storage.database import open_database
+from backend.storage.runs import EndState
+from backend.tuning.gains import TuningParameters
+from plant.parameters import SHIPPED, load_parameters, parse_parameters
+from tests.experiments.composing.written import plan_of, with_parts
+
+# Results of experiments: merged measures and criteria.
+
+LAB = load_parameters("lab")
+STEPS = "{do: step, q_ref: 0.0, S_ref: 10.0, duration_s: 1.0}", "{do: step, q_ref: 0.2, duration_s: 1.0}"
+PUSHES = "{do: push, F_push: 4.0, duration_s: 0.5}", "{do: hold, duration_s: 1.5}"
+
+
+def plan(*parts: str, measures: tuple[Measure, ...], criteria: tuple[Bound, ...] = ()) -> ExperimentPlan:
+    made = plan_of(with_parts(*parts))
+    return replace(made, experiment=replace(made.experiment, measures=measures, criteria=criteria))
+
+
+def columns(played: ExperimentPlan) -> dict[str, Any]:
+    """A joint and motors that are where they should be, but for a push, which moves the joint by 0.05 rad."""
+    segments = played.program().segments
+    ticks = [round(one.duration_s * 1000) for one in segments]
+    q_ref, S_ref, push = (
+        np.repeat([getattr(one, name) for one in segments], ticks) for name in ("q_ref", "S_ref", "F_push")
+    )
+    ones = np.ones_like(q_ref)
+    return {
+        "t": np.arange(q_ref.size) / 1000.0, "q": q_ref + 0.05 * (push != 0.0), "q_ref": q_ref, "S": S_ref,
+        "S_ref": S_ref, "F_A": 20.0 * ones, "F_B": 15.0 * ones, "u_A": -2.0 * ones, "u_B": ones,
+        "theta_A": ones, "theta_A_ref": ones, "theta_B": ones, "theta_B_ref": ones,
+        "limits": 0.0 * ones, "F_push": push,
+        "F_wall": np.where(np.repeat([one.wall for one in segments], ticks) > 0, -3.0, 0.0),
+    }  # fmt: skip
+
+
+def outline(made: ExperimentPlan, played_s: float | None = None) -> Metrics:
+    planned_s = made.program().duration_s
+    played_s = planned_s if played_s is None else played_s
+    return Metrics(
+        complete=played_s >= planned_s, played_s=played_s, planned_s=planned_s, figures=(), phases=made.phases()
+    )
+
+
+def result(
+    made: ExperimentPlan, missed: int = 0, played_s: float | None = None
+) -> tuple[dict[str, MeasuredFigure], Any]:
+    told = outline(made, played_s)
+    seen = {name: column[: round(told.played_s * 1000)] for name, column in columns(made).items()}
+    metrics, criteria = evaluate_experiment(seen, EvaluationContext(LAB, made, TuningSettings()), told, missed)
+    return {item.name: item for item in metrics.figures}, {item.name: item for item in criteria}
+
+
+@pytest.mark.parametrize("measure", Measure)
+def test_each_measure_gives_the_figures_that_criteria_may_name(measure: Measure) -> None:
+    parts = {
+        Measure.LOADS: ("{do: load, load_A: 0.2, duration_s: 0.5}",),
+        Measure.RESPONSE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
+        Measure.BODE: ("{do: multisine, q_amplitude: 0.1, period_s: 1, lines: 3}",),
+        Measure.HOLDS: ("{do: hold, duration_s: 1.5}",),
+        Measure.STEPS: (),
+        Measure.IMPACT: ("{do: wall, q_wall: 0.3}", "{do: hold, duration_s: 0.5}"),
+    }
+    figures, _ = result(plan(*STEPS, *parts.get(measure, PUSHES), measures=(measure,)))
+    assert tuple(figures) == list_metric_names((measure,))
+
+
+def test_several_measures_are_merged_and_a_metric_of_both_appears_once() -> None:
+    both = (Measure.STEPS, Measure.DISTURBANCE)
+    figures, _ = result(plan(*STEPS, *PUSHES, measures=both))
+    assert tuple(figures) == list_metric_names(both)
+    assert figures["push_deviation_q"].value == pytest.approx(0.05)
+    assert figures["min_tension_N"].value == 15.0
+    assert len(list_metric_names(both)) < len(list_metric_names(both[:1])) + len(list_metric_names(both[1:]))
+
+
+def test_a_failed_measure_has_a_reason_and_does_not_affect_others() -> None:
+    figures, criteria = result(
+        plan(
+            *STEPS,
+            measures=(Measure.DISTURBANCE, Measure.STEPS),
+            criteria=(Bound(figure="push_back_s", below=1.0), Bound(figure="min_tension_N", above=4.0)),
+        )
+    )
+    assert (figures["push_back_s"].value, figures["push_back_s"].reason) == (None, "nothing pushes the joint")
+    assert figures["min_tension_N"].value == 15.0
+    assert (criteria["push_back_s"].passed, criteria["push_back_s"].reason) == (None, "nothing pushes the joint")
+    assert criteria["min_tension_N"].passed is True
+
+
+@pytest.mark.parametrize("measure", [measure for measure in Measure if measure is not Measure.STEPS])
+def test_a_run_of_which_nothing_could_be_measured_has_no_result(measure: Measure) -> None:
+    with pytest.raises(NoSamplesError):
+        result(plan(*STEPS, measures=(measure,)))
+
+
+def test_nothing_passes_that_was_not_seen_whole_and_what_fails_still_does() -> None:
+    bounds = (Bound(figure="min_tension_N", above=4.0), Bound(figure="peak_voltage_V", below=1.5))
+    made = plan(*STEPS, measures=(Measure.STEPS,), criteria=bounds)
+    for missed, played_s, reason in (
+        (12, 2.0, "the recording lacks 12 samples"),
+        (0, 1.5, "the run ended after 1.5 s of 2.0 s"),
+    ):
+        _, criteria = result(made, missed, played_s)
+        assert (criteria["min_tension_N"].passed, criteria["min_tension_N"].reason) == (None, reason)
+        assert criteria["peak_voltage_V"].passed is False
+    _, whole = result(made)
+    assert [item.passed for item in whole.values()] == [True, False]
+
+
+FIGURE = MeasuredFigure("min_tension_N", "N", "Smallest tension", "of both", 5.0)
+
+
+def judged(
+    bound: Bound, figure: MeasuredFigure = FIGURE, parameters: str = "lab", lambdas: TuningParameters | None = None
+) -> Any:
+    made = plan(*STEPS, measures=(Measure.STEPS,), criteria=(bound,))
+    known = collect_bound_values({"depth": 0.5}, load_parameters(parameters), lambdas or TuningParameters())
+    (criterion,) = evaluate_criteria(made.experiment, [figure], known)
+    return criterion
+
+
+@pytest.mark.parametrize(
+    ("bound", "relation", "limit", "passed"),
+    [
+        ({"above": 4.0}, ">", 4.0, True),
+        ({"above": 5.0}, ">", 5.0, False),
+        ({"below": 5.0}, "<", 5.0, False),
+        ({"below": "5 + depth"}, "<", 5.5, True),
+        ({"below": "u_max"}, "<", LAB.motor.u_max, True),
+        ({"above": "F_max"}, ">", LAB.safety.F_max, False),
+        ({"below": "100 * r_j + 1e4 * r_m"}, "<", 100.0 * LAB.geometry.r_j + 1e4 * LAB.geometry.r_m, True),
+        ({"below": "10 * (lam_q + lam_S + lam_motor)"}, "<", 10.0 * (0.7 + 0.9 + 0.05), True),
+        ({"below": 0.0}, "<", 0.0, False),
+    ],
+)
+def test_a_bound_speaks_of_settings_plant_and_tuning(
+    bound: dict[str, Any], relation: str, limit: float, passed: bool
+) -> None:
+    lambdas = TuningParameters(lam_q=0.7, lam_S=0.9, lam_motor=0.05)
+    criterion = judged(Bound(figure="min_tension_N", **bound), lambdas=lambdas)
+    assert (criterion.relation, criterion.bound, criterion.passed) == (relation, pytest.approx(limit), passed)
+
+
+def test_a_bound_may_be_another_on_the_ideal_plant() -> None:
+    bound = Bound(figure="min_tension_N", above="5.5 if ideal else 4.5")
+    assert (judged(bound, parameters="ideal").passed, judged(bound, parameters="lab").passed) == (False, True)
+
+
+def test_a_criterion_has_its_own_name_or_that_of_its_metric() -> None:
+    plain, named = (
+        judged(Bound(figure="min_tension_N", above=4.0, **words)) for words in ({}, {"name": "taut", "title": "Taut"})
+    )
+    assert (plain.name, plain.title, plain.unit) == ("min_tension_N", "Smallest tension", "N")
+    assert (named.name, named.title, named.unit) == ("taut", "Taut", "N")
+
+
+def test_a_bound_without_a_value_passes_nothing() -> None:
+    criterion = judged(Bound(figure="min_tension_N", above="1 / (depth - 0.5)"))
+    assert criterion.passed is None
+    assert criterion.reason.startswith("its bound could not be had: ")
+
+
+def test_a_figure_that_was_not_measured_is_judged_with_its_reason() -> None:
+    lacking = replace(FIGURE, value=None, reason="it never settled")
+    criterion = judged(Bound(figure="min_tension_N", above=4.0), lacking)
+    assert (criterion.passed, criterion.figure, criterion.reason) == (None, None, "it never settled")
+
+
+@pytest.mark.parametrize(
+    ("bound", "told", "line"),
+    [
+        ({"figure": "back_s", "below": 1.0}, "'back_s' is no figure of what is measured (steps)", 31),
+        ({"figure": "rmse_q"}, "it needs a bound, either below or above", 30),
+        ({"figure": "rmse_q", "below": 1.0, "above": 0.0}, "it needs a bound, either below or above", 30),
+        ({"figure": "rmse_q", "below": "u_least"}, "'u_least' is not known here; known are depth, u_max", 30),
+        ({"figure": "rmse_q", "below": "__import__('os')"}, "is not taken", 30),
+    ],
+)
+def test_a_criterion_that_no_run_could_be_judged_by_is_refused(bound: dict[str, Any], told: str, line: int) -> None:
+    made: Experiment = plan(*STEPS, measures=(Measure.STEPS,), criteria=(Bound(**bound),)).experiment
+    with pytest.raises(ExperimentError) as refused:
+        require_measurable(made, {"depth": 0.5}, {(): 1, ("criteria", 0): 30, ("criteria", 0, "figure"): 31})
+    assert told in str(refused.value)
+    assert refused.value.line == line
+
+
+def test_every_measure_has_figures() -> None:
+    assert set(METRICS_BY_MEASURE) == set(Measure)
+    assert all(list_metric_names((measure,)) for measure in Measure)
+
+
+# Stored runs evaluated again from their stored data.
+
+SETTINGS = LoopSettings(seed=3)
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        build_ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5),
+        ActuatorIdentificationPlan(tension_N=20.0, bits=6),
+    ],
+)
+def test_a_second_evaluation_is_equal_and_stored_in_addition(tmp_path: Path, plan: Plan) -> None:
+    database = open_database(tmp_path)
+    with open_headless_rig(database, load_parameters("ideal"), SETTINGS) as station:
+        outcome = asyncio.run(run_experiment(station, RunRequest(plan, SETTINGS, "Ana")))
+    first = outcome.evaluation
+    again = reevaluate_run(database, outcome.run.id)
+    assert first.result is not None
+    assert again.result is not None
+    assert again.result.id == first.result.id + 1
+    assert again.result.metrics == first.result.metrics
+    assert again.result.criteria == first.result.criteria
+    assert (again.identification is None) == (first.identification is None)
+    if first.identification is not None and again.identification is not None:
+        assert again.identification.model == first.identification.model
+    database.close()
+
+
+def test_a_failed_evaluation_is_stored_with_the_run_until_one_succeeds(tmp_path: Path) -> None:
+    database = open_database(tmp_path)
+
+    async def compute(*_: object) -> Evaluation:
+        raise MemoryError("no more of it")
+
+    with open_headless_rig(database, load_parameters("ideal"), SETTINGS) as station:
+        object.__setattr__(station, "compute", compute)
+        plan = build_ready_plan("tracking", q_duration_s=0.6, S_duration_s=0.5)
+        outcome = asyncio.run(run_experiment(station, RunRequest(plan, SETTINGS, "Ana")))
+        running = create_run(station, RunRequest(plan, SETTINGS, "Ana"))
+    assert (outcome.run.end_state, outcome.evaluation.result) == (EndState.COMPLETED, None)
+    with database.reading() as session:
+        assert runs.get(session, outcome.run.id).evaluation_problem == "MemoryError: no more of it"
+        assert results.present(session, [outcome.run.id]) == set()
+    reevaluate_run(database, outcome.run.id)
+    with database.reading() as session:
+        assert runs.get(session, outcome.run.id).evaluation_problem == ""
+        assert results.present(session, [outcome.run.id, running.id]) == {outcome.run.id}
+    with pytest.raises(NotEvaluableError, match="not over yet"):
+        reevaluate_run(database, running.id)
+    database.close()
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_parameters_come_back_from_their_stored_document(name: str) -> None:
+    parameters = load_parameters(name)
+    assert parse_parameters(name, json.loads(json.dumps(parameters.to_document()))) == parameters

@@ -1,0 +1,412 @@
+"""Measured frequency responses, against closed forms and predictions."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from backend.analysis.context import EvaluationContext, load_bank_points, load_initial_tuning
+from backend.analysis.frequency_metrics import (
+    LOW_GAIN_MIN,
+    BodeMetrics,
+    Response,
+    build_bode_lines,
+    compute_bandwidth,
+    compute_bode_metrics,
+    compute_lag,
+    compute_resonance,
+    compute_response_metrics,
+    compute_responses,
+)
+from backend.analysis.step_metrics import NoSamplesError, list_excitations
+from backend.banks.tuning_settings import TuningSettings
+from backend.control.motion_types import Setpoint
+from backend.control.setpoint_player import step_setpoint_player
+from backend.execution.simulation import SimulatedRun, simulate_in_memory
+from backend.experiments.library import build_ready_plan
+from backend.experiments.plans import LoopSettings
+from backend.faults import Limit
+from backend.models.run import LAMBDA, TIME_OPTIMAL, StoredLoopSettings
+from backend.realtime.motions import make_segment_player
+from backend.realtime.program import Program
+from backend.storage.banks import Bank, BankEntry
+from plant.interface import T_s
+from plant.parameters import load_parameters
+from tests.experiments.composing.written import plan_of, with_parts
+
+# Frequency responses of signals filtered by known systems.
+
+Array = NDArray[np.float64]
+LEAD_IN = "{do: step, q_ref: 0.0, S_ref: 11.0, duration_s: 4.0}"
+MULTISINE = "{do: multisine, q_amplitude: 0.1, period_s: 10, lines: 30, periods: 3}"
+LAG_S = 0.4
+
+
+def references(program: Program) -> tuple[Array, Array]:
+    """What the loop's own player gives, tick by tick."""
+    player, target = make_segment_player(program.segments, Setpoint(0.0, 10.0, 0.0)), Setpoint(0.0, 10.0, 0.0)
+    rows = []
+    done = False
+    while not done:
+        done, target, player = step_setpoint_player(player, target)
+        if not done:
+            rows.append((target.q_ref, target.S_ref))
+    both = np.array(rows)
+    return both[:, 0], both[:, 1]
+
+
+def behind(u: Array, lag_s: float) -> Array:
+    """A first-order lag, exact for an input that is held between samples."""
+    pole = np.exp(-T_s / lag_s)
+    return np.asarray(lfilter([0.0, 1.0 - pole], [1.0, -pole], u - u[0]) + u[0])
+
+
+def columns_of(program: Program, lag_q: float = LAG_S, lag_S: float = LAG_S) -> dict[str, Array]:
+    q_ref, S_ref = references(program)
+    ones = np.ones_like(q_ref)
+    return {
+        "q_ref": q_ref,
+        "S_ref": S_ref,
+        "q": behind(q_ref, lag_q),
+        "S": behind(S_ref, lag_S),
+        "F_A": 20.0 * ones,
+        "F_B": 18.0 * ones,
+        "u_A": ones,
+        "u_B": -3.0 * ones,
+    }
+
+
+def lag(f: Array, lag_s: float) -> NDArray[np.complex128]:
+    """Response of the sampled lag: what a held input gives at the samples."""
+    pole, z = np.exp(-T_s / lag_s), np.exp(2j * np.pi * f * T_s)
+    return np.asarray((1.0 - pole) / (z - pole))
+
+
+def test_a_first_order_lag_is_found_line_by_line() -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    (found,) = compute_responses(columns_of(program), program)
+    np.testing.assert_allclose(found.f, np.arange(1, 31) / 10.0, rtol=1e-12)
+    np.testing.assert_allclose(found.H, lag(found.f, LAG_S), rtol=1e-6)
+
+
+@pytest.mark.parametrize("lag_s", [0.15, 0.4, 1.0])
+def test_the_bandwidth_of_a_lag_is_one_over_its_time(lag_s: float) -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    figures = compute_response_metrics(columns_of(program, lag_q=lag_s), program)
+    assert figures.bandwidth_q_Hz == pytest.approx(1.0 / (2.0 * np.pi * lag_s), rel=0.003)
+    assert figures.lag_q_deg == pytest.approx(45.0, abs=0.3)
+    assert figures.resonance_q_dB == 0.0
+    assert (figures.min_tension_N, figures.peak_voltage_V) == (18.0, 3.0)
+    assert figures.bandwidth_S_Hz is None
+    assert figures.reasons["bandwidth_S_Hz"] == "the reference of S alone was not excited to the end"
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        "{do: sweep, S_amplitude: 0.5, from_Hz: 0.05, to_Hz: 5, duration_s: 200}",
+        "{do: prbs, S_amplitude: 0.5, chip_s: 0.1, bits: 10, periods: 2}",
+    ],
+)
+def test_a_sweep_and_a_sequence_estimate_the_same(part: str) -> None:
+    program = plan_of(with_parts(LEAD_IN, part, "{do: hold, duration_s: 4}")).program()
+    (found,) = compute_responses(columns_of(program), program)
+    inner = (found.f > 0.1) & (found.f < 3.0)
+    assert inner.sum() > 10
+    np.testing.assert_allclose(np.abs(found.H[inner]), np.abs(lag(found.f[inner], LAG_S)), rtol=0.06)
+
+
+def test_a_bandwidth_above_the_highest_line_has_a_reason() -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    figures = compute_response_metrics(columns_of(program, lag_q=0.01), program)
+    assert figures.bandwidth_q_Hz is None
+    assert "still above −3 dB at 3 Hz, the highest line" in figures.reasons["bandwidth_q_Hz"]
+
+
+def test_a_response_that_was_not_played_to_its_end_is_not_measured() -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    early = {name: column[:-10] for name, column in columns_of(program).items()}
+    with pytest.raises(NoSamplesError, match="no excitation of one reference alone was played to its end"):
+        compute_response_metrics(early, program)
+
+
+def test_both_references_at_once_are_no_response_of_one() -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE.replace("q_amplitude: 0.1", "q_amplitude: 0.1, S_amplitude: 0.5")))
+    assert list_excitations(program.program()) == ()
+
+
+@pytest.mark.parametrize(
+    ("q", "reason"),
+    [(np.nan, "a sample of it holds no number"), (0.02, "q did not follow its reference at the lowest")],
+)
+def test_a_joint_without_motion_or_samples_has_no_response(q: float, reason: str) -> None:
+    program = plan_of(with_parts(LEAD_IN, MULTISINE)).program()
+    columns = columns_of(program)
+    columns["q"] = np.full_like(columns["q"], q)
+    figures = compute_response_metrics(columns, program)
+    assert (figures.bandwidth_q_Hz, figures.resonance_q_dB, figures.lag_q_deg) == (None, None, None)
+    assert all(reason in figures.reasons[name] for name in ("bandwidth_q_Hz", "resonance_q_dB", "lag_q_deg"))
+
+
+def test_an_excitation_right_after_a_sine_is_one_of_its_own_reference() -> None:
+    sine = "{do: sine, q_amplitude: 0.2, period_s: 2, duration_s: 4}"
+    program = plan_of(with_parts(LEAD_IN, sine, MULTISINE.replace("q_amplitude: 0.1", "S_amplitude: 0.5"))).program()
+    assert [one.signal for one in list_excitations(program)] == ["S"]
+
+
+def lags(f: Array, lag_s: float, count: int) -> NDArray[np.complex128]:
+    return np.asarray(1.0 / (1.0 + 2j * np.pi * f * lag_s) ** count)
+
+
+@pytest.mark.parametrize(("count", "within"), [(1, 0.001), (2, 0.011), (4, 0.02)])
+def test_the_bandwidth_does_not_hang_on_where_the_lines_are(count: int, within: float) -> None:
+    """From lines far below the bandwidth to a lowest one at which the gain is 0.6: equal lags, in closed form."""
+    lag_s = 0.5
+    exact = np.sqrt(2.0 ** (1.0 / count) - 1.0) / (2.0 * np.pi * lag_s)
+    highest = np.sqrt(LOW_GAIN_MIN ** (-2.0 / count) - 1.0) / (2.0 * np.pi * lag_s)
+    for lowest in np.geomspace(0.02 * exact, 0.999 * highest, 40):
+        f = lowest * np.arange(1, 81)
+        found, reason = compute_bandwidth(Response("q", f, lags(f, lag_s, count)))
+        assert reason == ""
+        assert found == pytest.approx(exact, rel=within)
+        two_thirds = 0.6 * exact
+        phase = -np.degrees(count * np.arctan(2.0 * np.pi * two_thirds * lag_s))
+        assert -compute_lag(Response("q", f, lags(f, lag_s, count)), two_thirds) == pytest.approx(phase, rel=0.05)
+
+
+def test_a_bandwidth_far_below_the_lowest_line_is_not_measured() -> None:
+    f = np.array([0.5, 1.0, 1.5])
+    found, reason = compute_bandwidth(Response("q", f, lags(f, 0.5, 2)))
+    assert found is None
+    assert reason.startswith("its gain is 0.29 already at 0.5 Hz, the lowest line")
+
+
+def test_the_resonance_is_that_over_the_gain_at_rest() -> None:
+    f = np.linspace(0.05, 3.0, 400)
+    s = 2j * np.pi * f
+    peaked = Response("q", f, np.asarray(1.0 / ((s / 6.0) ** 2 + 0.4 * s / 6.0 + 1.0)))
+    assert compute_resonance(peaked) == pytest.approx(-20.0 * np.log10(0.4 * np.sqrt(1.0 - 0.2**2)), abs=0.001)
+    assert compute_resonance(Response("q", f, lags(f, 0.5, 2))) == 0.0
+    # The lowest line lies above the resonance already: it is the largest of all lines, not 0 dB by definition.
+    assert compute_resonance(Response("q", f[150:], peaked.H[150:])) == pytest.approx(
+        20.0 * np.log10(abs(peaked.H[150]))
+    )
+
+
+# Measured and predicted frequency responses, and lines that are not measured.
+
+IDEAL = load_parameters("ideal")
+MULTISINE_BODE = "{do: multisine, q_amplitude: 0.1, period_s: 4, lines: 8, periods: 3}"
+SMALL = {"period_s": 8.0, "lines": 10, "q_amplitude": 0.05, "S_amplitude": 0.3}
+
+
+def made(*parts: str, tuning: TuningSettings | None = None) -> EvaluationContext:
+    return EvaluationContext(IDEAL, plan_of(with_parts(*parts)), tuning or TuningSettings())
+
+
+def seen(in_force: EvaluationContext, **lags: float) -> dict[str, Any]:
+    columns = columns_of(in_force.plan.program(), **lags)
+    return columns | {"limits": np.zeros_like(columns["q"])}
+
+
+def figures(in_force: EvaluationContext, columns: dict[str, Any]) -> BodeMetrics:
+    return compute_bode_metrics(columns, in_force.plan.program(), in_force)
+
+
+def played(parameters: str, **tuning: Any) -> SimulatedRun:
+    plan = build_ready_plan("frequency_response", **SMALL)
+    return simulate_in_memory(
+        load_parameters(parameters), plan, LoopSettings(**tuning), lambda _: pytest.fail("no bank")
+    )
+
+
+@pytest.mark.parametrize("motion", [LAMBDA, TIME_OPTIMAL])
+def test_on_the_ideal_plant_what_is_measured_is_what_was_predicted(motion: str) -> None:
+    metrics = played("ideal", motion=motion, lam_q=0.42).metrics
+    for signal in ("q", "S"):
+        gain, phase = metrics.find_value(f"gain_off_{signal}_dB"), metrics.find_value(f"phase_off_{signal}_deg")
+        assert gain is not None
+        assert phase is not None
+        assert gain < 0.02
+        assert phase < 0.1
+    width, expected = metrics.find_value("bandwidth_q_Hz"), metrics.find_value("bandwidth_q_predicted_Hz")
+    assert expected is not None
+    if motion == TIME_OPTIMAL:
+        assert width is None
+        assert expected > 20.0
+    else:
+        assert width == pytest.approx(expected, rel=0.005)
+
+
+def bandwidth_by_hand() -> float:
+    """−3 dB [Hz] of the q loop of `ideal` at S = 11, λ_q = 0.5: motor equations, springs and the laws of table 2."""
+    K_m, T_m, K_t, tau_e, r_m, r_j, J_j, B_j = 2.86, 0.22, 0.3, 2e-3, 7.5e-3, 75e-3, 5.2e-4, 0.046
+    lam, lam_q = 0.0854, 0.5
+    D, T, slope = 4.0 * T_m - lam, 4.0 * lam, 11.0 / (2.0 * r_j**2)
+    k_p, k_i = 4.0 * T_m**2 / (K_m * lam**2 * D), T_m**2 / (K_m * lam**3 * D)
+    k_d, t_f = (6.0 * T_m**2 - lam * D) / (K_m * lam * D), T_m * lam / D
+    f = np.geomspace(0.05, 1.0, 20_000)
+    s = 2j * np.pi * f
+    drive = K_t / (tau_e * s + 1.0) / (t_f * s + 1.0)
+    shaft = K_t / K_m * (T_m * s**2 + s) + drive * (k_i / s + k_p + k_d * s)
+    joint = 2.0 * r_j * r_m * slope / (J_j * s**2 + B_j * s + 2.0 * r_j**2 * slope)
+    process = r_j / r_m * joint * drive * k_i / s / (shaft + r_m * slope * (r_m - r_j * joint))
+    integral, proportional = T / lam_q**2 / s, (2.0 * T - lam_q) / lam_q
+    closed = integral * process / (1.0 + (proportional + integral) * process)
+    return float(f[np.flatnonzero(np.abs(closed) < 2.0**-0.5)[0]])
+
+
+@pytest.mark.parametrize("period_s", [4, 8, 16, 32])
+def test_the_bandwidth_does_not_hang_on_the_period_of_the_excitation(period_s: float) -> None:
+    truth = bandwidth_by_hand()
+    assert truth == pytest.approx(0.2249, rel=0.003)
+    lead_in = "{do: step, q_ref: 0.0, S_ref: 11.0, duration_s: 4}"
+    multisine = f"{{do: multisine, q_amplitude: 0.1, period_s: {period_s}, lines: 12, periods: 2}}"
+    plan = plan_of(with_parts(lead_in, multisine, more="measures: [bode]\n"))
+    metrics = simulate_in_memory(IDEAL, plan, LoopSettings(), lambda _: pytest.fail("no bank")).metrics
+    assert metrics.find_value("bandwidth_q_Hz") == pytest.approx(truth, rel=0.01)
+    assert metrics.find_value("bandwidth_q_predicted_Hz") == pytest.approx(truth, rel=0.005)
+    assert metrics.find_value("resonance_q_dB") == 0.0
+
+
+def test_lines_above_the_predicted_bandwidth_do_not_tell_how_far_off_it_is() -> None:
+    in_force = made(LEAD_IN, MULTISINE_BODE.replace("period_s: 4", "period_s: 2"))
+    told = figures(in_force, seen(in_force, lag_q=0.7))
+    assert (told.bandwidth_q_Hz, told.gain_off_q_dB, told.phase_off_q_deg) == (None, None, None)
+    assert "0.5 Hz, the lowest line" in told.reasons["bandwidth_q_Hz"]
+    assert "no line lies below the predicted bandwidth" in told.reasons["phase_off_q_deg"]
+    assert told.bandwidth_q_predicted_Hz == pytest.approx(0.225, abs=0.002)
+
+
+def test_on_the_lab_plant_the_prediction_is_off_by_friction_and_the_lines_repeat() -> None:
+    metrics = played("lab").metrics
+    assert 0.1 < (metrics.find_value("gain_off_q_dB") or 0.0) < 1.0
+    assert 0.0 < (metrics.find_value("unlike_q_percent") or 0.0) < 3.0
+
+
+def test_a_lag_is_measured_line_by_line_and_compared_with_its_prediction() -> None:
+    in_force = made(LEAD_IN, MULTISINE_BODE.replace("period_s: 4", "period_s: 8"))
+    columns = seen(in_force)
+    (lines,) = build_bode_lines(columns, in_force.plan.program(), in_force)
+    np.testing.assert_allclose(lines.f, np.arange(1, 9) / 8.0)
+    np.testing.assert_allclose(np.abs(lines.H), 1.0 / np.hypot(1.0, 2.0 * np.pi * lines.f * 0.4), rtol=1e-3)
+    assert lines.measured.all()
+    told = figures(in_force, columns)
+    assert lines.expected is not None
+    off = np.abs(20.0 * np.log10(np.abs(lines.H / lines.expected)))
+    assert told.bandwidth_q_predicted_Hz is not None
+    within = lines.f <= told.bandwidth_q_predicted_Hz
+    assert 0 < within.sum() < within.size
+    assert told.gain_off_q_dB == pytest.approx(off[within].max())
+    assert told.unlike_q_percent == pytest.approx(0.0, abs=0.1)
+    assert told.residual_q_percent == pytest.approx(0.0, abs=0.2)
+    assert told.reasons["gain_off_S_dB"] == "the reference of S alone was not excited to the end"
+
+
+def test_a_line_that_does_not_repeat_is_not_measured_and_the_others_are() -> None:
+    in_force = made(LEAD_IN, MULTISINE_BODE)
+    columns = seen(in_force)
+    t = np.arange(columns["q"].size) * T_s
+    columns["q"] = columns["q"] + np.where(t >= 12.0, 0.004 * np.sin(2.0 * np.pi * 1.5 * t), 0.0)
+    (lines,) = build_bode_lines(columns, in_force.plan.program(), in_force)
+    assert lines.f[~lines.measured].tolist() == [1.5]
+    assert "from one period to the next" in lines.reasons[5]
+    assert figures(in_force, columns).unlike_q_percent == pytest.approx(0.0, abs=1.0)
+
+
+def test_what_no_line_explains_is_the_residual() -> None:
+    in_force = made(LEAD_IN, MULTISINE_BODE)
+    columns = seen(in_force)
+    size = float(np.std(columns["q"][-4000:]))
+    t = np.arange(columns["q"].size) * T_s
+    columns["q"] = columns["q"] + 0.1 * size * np.sqrt(2.0) * np.sin(2.0 * np.pi * 5.0 * t)
+    assert figures(in_force, columns).residual_q_percent == pytest.approx(10.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        (Limit.VOLTAGE_B, "the voltage of motor B was clipped for 0.02 s"),
+        (Limit.GOVERNOR, "the governor held the reference back for 0.02 s"),
+        (Limit.TENSION_FLOOR, "a tendon was kept from going slack for 0.02 s"),
+    ],
+)
+def test_where_a_limit_acted_nothing_is_measured(limit: Limit, words: str) -> None:
+    in_force = made(LEAD_IN, MULTISINE_BODE)
+    columns = seen(in_force)
+    columns["limits"][13_000:13_020] = float(limit)
+    told = figures(in_force, columns)
+    assert (told.bandwidth_q_Hz, told.gain_off_q_dB, told.unlike_q_percent) == (None, None, None)
+    assert told.bandwidth_q_predicted_Hz is not None
+    assert told.reasons["bandwidth_q_Hz"] == f"{words}: take a smaller amplitude"
+    columns["limits"][13_000:13_020] = 0.0
+    columns["limits"][5_000:5_020] = float(limit)  # in the first period, of which nothing is measured
+    assert figures(in_force, columns).bandwidth_q_Hz is not None
+
+
+def test_a_trajectory_is_no_limit_and_beyond_its_voltage_there_is_no_prediction() -> None:
+    for amplitude, words in ((0.02, ""), (1.0, "the excitation asks the plan for")):
+        in_force = made(
+            LEAD_IN, MULTISINE_BODE.replace("0.1", str(amplitude)), tuning=TuningSettings(motion=TIME_OPTIMAL)
+        )
+        columns = seen(in_force)
+        columns["limits"][:] = float(Limit.GOVERNOR)
+        told = figures(in_force, columns)
+        assert told.bandwidth_q_Hz is not None
+        assert words in told.reasons.get("bandwidth_q_predicted_Hz", "")
+        assert (told.gain_off_q_dB is None) is bool(words)
+
+
+def test_two_periods_do_not_tell_how_a_line_repeats() -> None:
+    in_force = made(LEAD_IN, MULTISINE_BODE.replace("periods: 3", "periods: 2"))
+    told = figures(in_force, seen(in_force))
+    assert told.unlike_q_percent is None
+    assert "three periods" in told.reasons["unlike_q_percent"]
+    assert told.bandwidth_q_Hz is not None
+
+
+def test_the_coherence_of_a_sweep_measures_its_quality() -> None:
+    in_force = made(LEAD_IN, "{do: sweep, q_amplitude: 0.2, from_Hz: 0.1, to_Hz: 4, duration_s: 120}")
+    columns = seen(in_force)
+    (clean,) = build_bode_lines(columns, in_force.plan.program(), in_force)
+    columns["q"] = columns["q"] + lfilter(
+        [0.03], [1.0, -0.97], np.random.default_rng(1).normal(0.0, 2.0, columns["q"].size)
+    )
+    (noisy,) = build_bode_lines(columns, in_force.plan.program(), in_force)
+    assert np.nanmedian(clean.variation) < 0.05 < np.nanmedian(noisy.variation)
+    assert noisy.measured.sum() < clean.measured.sum()
+
+
+def test_a_change_of_lambda_changes_the_prediction_and_another_bank_has_none() -> None:
+    tuned = made(LEAD_IN, "{do: tuning, lam_q: 1.0}", MULTISINE_BODE)
+    plain = made(LEAD_IN, MULTISINE_BODE, tuning=TuningSettings(lam_q=1.0))
+    slow, same = (build_bode_lines(seen(one), one.plan.program(), one)[0] for one in (tuned, plain))
+    assert slow.expected is not None
+    assert same.expected is not None
+    np.testing.assert_allclose(slow.expected, same.expected)
+    other = made(LEAD_IN, "{do: tuning, bank: 3}", MULTISINE_BODE)
+    assert build_bode_lines(seen(other), other.plan.program(), other)[0].unpredicted == (
+        "a bank was in use that the run did not begin with"
+    )
+    lost = made(LEAD_IN, MULTISINE_BODE, tuning=TuningSettings(bank=3))
+    told = figures(lost, seen(lost))
+    assert told.reasons["gain_off_q_dB"] == "the bank that was in use is not stored with the run, or cannot be read"
+    assert told.bandwidth_q_Hz is not None
+
+
+def test_a_bank_that_cannot_be_read_and_a_tuning_of_other_bounds_spoil_no_result() -> None:
+    broken = Bank(3, "old", 1, "", "A. Operator", datetime.now(UTC), (BankEntry(10.0, {"version": 99}),))
+    assert load_bank_points(broken) == ()
+    assert load_initial_tuning(StoredLoopSettings(lam_q=0.6, lam_motor=0.0258, seed=4)) == TuningSettings(
+        lam_q=0.6, lam_motor=0.0258
+    )
+
+
+def test_what_was_not_played_to_its_end_is_not_measured() -> None:
+    in_force = made(LEAD_IN, MULTISINE_BODE)
+    early = {name: column[:-10] for name, column in seen(in_force).items()}
+    with pytest.raises(NoSamplesError, match="no excitation of one reference alone was played to its end"):
+        figures(in_force, early)

@@ -1,0 +1,158 @@
+"""A metric that is not measured has a reason and passes no criterion."""
+
+import math
+
+import numpy as np
+import pytest
+
+from backend.analysis.disturbance_metrics import compute_compliance_metrics
+from backend.analysis.step_metrics import (
+    ReferenceStep,
+    TrackingMetrics,
+    compute_step_metrics,
+    compute_tracking_metrics,
+    evaluate_criterion,
+)
+from backend.experiments.library import build_ready_plan
+from backend.experiments.plans import ExperimentPlan
+from backend.models.run import RunCriterion
+from plant.quantity import Angle
+from tests.analysis.test_disturbance_metrics import R_J, pushed
+from tests.analysis.test_step_metrics import T_s, double_lag, step, tracked
+from tests.experiments.judging import LEAD_IN_S, compliance_criteria, tracking_criteria
+
+SHORT_HOLDS = build_ready_plan("tracking", q_duration_s=1.5, S_duration_s=2.0)
+
+
+def measured(plan: ExperimentPlan, lam_q: float = 0.5, lam_S: float = 0.42) -> TrackingMetrics:
+    return compute_tracking_metrics(tracked(plan, lam_q=lam_q, lam_S=lam_S), plan.program(), plan.phases())
+
+
+def by_name(criteria: tuple[RunCriterion, ...]) -> dict[str, RunCriterion]:
+    return {item.name: item for item in criteria}
+
+
+def test_holds_too_short_for_any_step_pass_nothing_but_the_tension() -> None:
+    criteria = by_name(tracking_criteria(measured(SHORT_HOLDS), "ideal"))
+    assert {name: item.passed for name, item in criteria.items()} == {
+        "overshoot_q": None,
+        "overshoot_S": None,
+        "deviation_S": None,
+        "min_tension": True,
+    }
+    assert "±2 %" in criteria["overshoot_q"].reason
+    assert criteria["min_tension"].reason == ""
+
+
+def test_a_step_that_begins_in_motion_has_no_metrics() -> None:
+    """S from 8 to 10 beginning at 8.36: 18 % of the way. It crosses 10 % before it begins."""
+    t = np.arange(0, 8, T_s)
+    begins_at = 0.18
+    y = 8.0 + 2.0 * (begins_at + (1 - begins_at) * double_lag(t, 0.42))
+    result = compute_step_metrics(t, y, ReferenceStep("S", "stiffness", 0.0, 8.0, 8.0, 10.0, alone=True))
+    assert (result.rise_s, result.reach_s, result.settling_s, result.overshoot_percent) == (None, None, None, None)
+    for name in ("rise_s", "reach_s", "settling_s", "overshoot_percent"):
+        assert result.reasons[name] == "it began at 18 % of its way: the motion before was not over"
+
+
+def test_a_signal_that_only_passes_by_is_not_at_rest() -> None:
+    """It is where the step begins at that very moment, at 2 of its lengths a second."""
+    t = np.arange(0, 8, T_s)
+    before = -2.0 * T_s * np.arange(100, 0, -1, dtype=float)
+    result = compute_step_metrics(t, double_lag(t, 0.5), step(), before)
+    assert result.rise_s is None
+    assert "the motion before was not over" in result.reasons["rise_s"]
+    assert compute_step_metrics(t, double_lag(t, 0.5), step(), np.zeros(100)).rise_s is not None
+
+
+def test_overshoot_needs_a_step_that_came_to_rest_or_that_overshot() -> None:
+    t = np.arange(0, 1.5, T_s)
+    short = compute_step_metrics(t, double_lag(t, 0.5), step(end_s=1.5))
+    came_to = 100 * (1 - 4 * math.exp(-3))  # 1 − (1 + x) exp(−x) at x = 3
+    assert short.overshoot_percent is None
+    assert short.reasons["reach_s"] == f"it came to {came_to:.0f} % of its way in its time"
+    assert short.reasons["overshoot_percent"] == "it was not within ±2 % of its reference when its time was over"
+    assert short.steady_error is None
+    rings = 1 + 0.3 * np.cos(6 * t)
+    rings[0] = 0.0
+    assert compute_step_metrics(t, rings, step(end_s=1.5)).overshoot_percent == pytest.approx(30, abs=0.1)
+
+
+def test_what_is_left_of_the_motion_before_is_no_coupling() -> None:
+    """λ_q = 1 s and 3 s: after three λ a fifth of the last q step is still to go when S begins to step."""
+    plan = build_ready_plan("tracking", q_duration_s=3.0, S_duration_s=8.0)
+    columns = tracked(plan, lam_q=1.0)
+    metrics = compute_tracking_metrics(columns, plan.program(), plan.phases())
+    first, *rest = [item for item in metrics.steps if item.step.phase == "stiffness"]
+    assert first.cross_coupling is None
+    just_before = np.searchsorted(columns["t"], first.step.start_s - 0.1 - 1e-9)
+    left = abs(columns["q"][just_before] - columns["q_ref"][just_before])
+    assert f"q was {Angle(left):.2f} from its reference" in first.reasons["cross_coupling"]
+    assert all(item.cross_coupling is not None and item.cross_coupling < 0.01 for item in rest)
+    assert metrics.overall.deviation_q == max(item.cross_coupling or 0.0 for item in rest)
+    assert metrics.reasons["deviation_q"].startswith("1 of 5 steps was not measured")
+
+
+def test_every_figure_that_is_missing_has_a_reason() -> None:
+    for plan in (SHORT_HOLDS, build_ready_plan("tracking", q_duration_s=0.5, S_duration_s=0.5)):
+        metrics = measured(plan)
+        for name, value in vars(metrics.overall).items():
+            assert value is not None or metrics.reasons[name], name
+        for item in metrics.steps:
+            for name in ("rise_s", "reach_s", "settling_s", "overshoot_percent", "steady_error", "cross_coupling"):
+                assert getattr(item, name) is not None or item.reasons[name], name
+
+
+def test_a_step_that_breaks_a_bound_fails_it_whatever_others_could_not_show() -> None:
+    columns = tracked(SHORT_HOLDS)
+    swings = (columns["t"] > 2.0) & (columns["t"] < 3.5)
+    columns["q"] = np.where(swings, math.pi / 3 * 1.1, columns["q"])
+    metrics = compute_tracking_metrics(columns, SHORT_HOLDS.program(), SHORT_HOLDS.phases())
+    failed = by_name(tracking_criteria(metrics, "ideal"))["overshoot_q"]
+    assert failed.passed is False
+    assert failed.figure == pytest.approx(10.0)
+
+
+def test_a_recording_with_holes_and_a_signal_that_is_no_number_pass_nothing() -> None:
+    metrics = measured(build_ready_plan("tracking"))
+    whole = tracking_criteria(metrics, "ideal")
+    assert all(item.passed for item in whole)
+    holes = tracking_criteria(metrics, "ideal", missed=12)
+    assert {item.passed for item in holes} == {None}
+    assert {item.reason for item in holes} == {"the recording lacks 12 samples"}
+    for relation in "<>":
+        nothing = evaluate_criterion("F", "Tension", relation, 5.0, math.nan, "N")
+        assert (nothing.passed, nothing.figure) == (None, None)
+        assert nothing.reason
+
+
+@pytest.mark.parametrize(
+    ("signal", "criteria"), [("q", {"overshoot_q", "deviation_S"}), ("S", {"overshoot_S", "deviation_S"})]
+)
+def test_a_single_invalid_sample_prevents_passing(signal: str, criteria: set[str]) -> None:
+    plan = build_ready_plan("tracking")
+    columns = tracked(plan)
+    columns[signal] = columns[signal].copy()
+    columns[signal][[17_000, 45_000]] = np.nan  # in a step of q alone, and in one of S alone
+    metrics = compute_tracking_metrics(columns, plan.program(), plan.phases())
+    judged = by_name(tracking_criteria(metrics, "ideal"))
+    assert {name for name, item in judged.items() if item.passed is None} == criteria
+    assert all("no number" in judged[name].reason for name in criteria)
+
+
+def test_without_pushes_the_stiffness_is_not_measured() -> None:
+    columns = pushed()
+    for name, rest in (("q", 0.0), ("F_A", 17.0), ("F_B", 17.0)):
+        columns[name] = np.full_like(columns["t"], rest)
+    figures = compute_compliance_metrics(columns, R_J, LEAD_IN_S)
+    assert (figures.stiffness_felt, figures.delay_s, figures.rmse_aligned_N) == (None, None, None)
+    criteria = by_name(compliance_criteria(figures))
+    assert criteria["rmse_aligned"].passed is None
+    assert "strongest push was 0.0 N" in criteria["rmse_aligned"].reason
+    assert criteria["min_tension"].passed
+
+
+def test_a_delay_at_the_end_of_what_was_looked_at_is_no_delay() -> None:
+    figures = compute_compliance_metrics(pushed(delay_ms=60), R_J, LEAD_IN_S)
+    assert figures.delay_s is None
+    assert "40 ms" in figures.reasons["delay_s"]

@@ -1,0 +1,374 @@
+"""Learning the bias of the outside force over S."""
+
+import asyncio
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+
+from backend.control import disturbance_observer
+from backend.errors import RequestRejectedError
+from backend.execution.progress import RunPhase
+from backend.faults import Fault
+from backend.realtime import commands
+from backend.realtime.modes import Mode
+from backend.realtime.supervisor import LoopExited
+from backend.sample import INDEX
+from backend.schemas.state import PushRequest, SweepView, TaskView, TouchOrder
+from backend.services import contact
+from backend.services.contact import SWEEP_POINTS
+from backend.storage import events
+from backend.storage.database import Database, open_database
+from plant.dynamics import Obstacle, spring_elongation, spring_slope, tendon_tension
+from plant.parameters import PlantParameters, load_parameters
+from plant.simulator import Simulator
+from tests.api.conftest import problem
+from tests.api.stepped_service import OPERATOR, Parts, stepped
+from tests.api.test_contact import at_rest
+from tests.cli.test_report import sinew
+from tests.closed_loop.test_promises import unlike_sides
+from tests.e2e.service import Service
+
+# The sweep that calibrates the bias: its ends, refusals and failures.
+
+WHO = OPERATOR.name
+BEGIN, STOP = TouchOrder(sweep="begin"), TouchOrder(sweep="stop")
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+def sweep_of(parts: Parts) -> SweepView:
+    sweep = parts.state().touch.sweep
+    assert sweep is not None
+    return sweep
+
+
+async def until(parts: Parts, reached: Callable[[], bool] = lambda: False) -> SweepView:
+    """Let it go on until it has ended, or ``reached()``; return how it stands."""
+    while sweep_of(parts).under_way and not reached():
+        await asyncio.sleep(0)
+    return sweep_of(parts)
+
+
+async def learned_two(parts: Parts) -> None:
+    await at_rest(parts)
+    await parts.actuator.contact.apply(BEGIN, WHO)
+    await until(parts, lambda: sweep_of(parts).point == 3)
+    assert sweep_of(parts).S_ref == pytest.approx(11.5)
+
+
+def reference(parts: Parts) -> tuple[float, float | None]:
+    references = parts.state().references
+    return references.q_ref, references.S_ref
+
+
+def test_stop_restores_S_ref(database: Database) -> None:
+    async def stop(parts: Parts) -> None:
+        with pytest.raises(RequestRejectedError, match="nothing to stop"):
+            await parts.actuator.contact.apply(STOP, WHO)
+        await learned_two(parts)
+        told = await parts.actuator.contact.apply(STOP, WHO)
+        assert told.sweep == SweepView(under_way=False, point=3, points=5, S_ref=11.5, why="it was stopped")
+        await parts.supervisor.advance(0.01)
+        assert reference(parts) == pytest.approx((0.2, 10.0))
+        assert len(parts.state().touch.learned) == 2
+        assert (await parts.actuator.contact.apply(TouchOrder(forget=True), WHO)).sweep is None
+
+    stepped(database, load_parameters("lab"), stop)
+    with database.reading() as session:
+        told = [(event.text, event.who) for event in events.find(session)]
+    assert ("learning over S ended at point 3 of 5, 11.5 N·m/rad: it was stopped", WHO) in told
+
+
+def test_other_motion_aborts_the_sweep_and_keeps_its_points(database: Database) -> None:
+    async def ended(parts: Parts) -> None:
+        async def by_reference() -> None:
+            await parts.actuator.set_references(-0.1, 9.0, WHO)
+
+        async def by_mode() -> None:
+            await parts.actuator.set_mode(Mode.COMPLIANCE, WHO)
+
+        async def by_control() -> None:
+            parts.actuator.release_push()
+
+        async def by_push() -> None:
+            await parts.actuator.push(PushRequest(F_push=1.0, duration_s=0.3), WHO)
+
+        async def by_stop() -> None:
+            await parts.supervisor.send(commands.Stop())
+
+        for end, why, then in (
+            (by_reference, "other references were set", (-0.1, 9.0)),
+            (by_control, "does not hold control any more", (0.2, 11.5)),
+            (by_push, "the joint is pushed", (0.2, 10.0)),
+            (by_mode, "the mode is compliance now", None),
+            (by_stop, "the mode is tripped now", None),
+        ):
+            await learned_two(parts)
+            known = parts.state().touch.learned
+            assert len(known) == 2
+            await end()
+            sweep = await until(parts)
+            assert why in sweep.why
+            assert (sweep.under_way, sweep.point) == (False, 3)
+            assert parts.state().touch.learned == known
+            await parts.supervisor.advance(0.5)
+            if then is not None:
+                assert reference(parts) == pytest.approx(then)
+            if parts.live_state.mode is not Mode.TRIPPED:
+                await parts.actuator.contact.apply(TouchOrder(forget=True), WHO)
+                await parts.actuator.set_mode(Mode.PRETENSION, WHO)
+                await parts.supervisor.advance_until(lambda: parts.state().pretension_done, 20.0)
+        assert parts.live_state.fault is Fault.STOP_PRESSED
+        assert parts.actuator.contact.sweep.problem == ""
+
+    stepped(database, load_parameters("lab"), ended)
+
+
+def test_sweep_is_refused_with_a_reason_and_excludes_other_calibration(database: Database) -> None:
+    async def refused(parts: Parts) -> None:
+        async def why(order: TouchOrder = BEGIN) -> str:
+            with pytest.raises(RequestRejectedError) as told:
+                await parts.actuator.contact.apply(order, WHO)
+            return str(told.value)
+
+        assert "held in run, and the mode is off" in await why()
+        await at_rest(parts)
+        assert "ordered alone" in await why(TouchOrder(sweep="begin", learn=True))
+        parts.live_state.task = TaskView(
+            kind="tracking", run=4, elapsed_s=1.0, duration_s=9.0, phase=RunPhase.STARTING, part=None, number=1
+        )
+        assert "run 4, tracking, is under way" in await why()
+        parts.live_state.task = None
+        await parts.actuator.contact.apply(TouchOrder(learn=True, contact_N=2.0), WHO)
+        assert "gives way to contacts" in await why()
+        await parts.actuator.contact.apply(TouchOrder(contact_N=0.0), WHO)
+        await parts.supervisor.send(commands.ApplyPush(1.0, 0.5))
+        await parts.supervisor.advance(0.1)
+        assert "pushed" in await why()
+        await parts.supervisor.advance(2.0)
+        await parts.supervisor.send(commands.Obstruct(Obstacle(1.0, 0.25, 5e3, 1.0)))
+        await parts.actuator.set_references(0.27, 10.0, WHO)
+        await parts.supervisor.advance(3.0)
+        assert "presses on a wall" in await why()
+        await parts.supervisor.send(commands.Obstruct(None))
+        await parts.supervisor.advance(2.0)
+        assert parts.state().touch.sweep is None
+        await parts.actuator.contact.apply(BEGIN, WHO)
+        assert "under way already" in await why()
+        assert (await parts.actuator.contact.apply(TouchOrder(), WHO)).sweep == sweep_of(parts)
+        for order in (TouchOrder(learn=True), TouchOrder(forget=True), TouchOrder(contact_N=2.0)):
+            assert "wait for its end or stop it" in await why(order)
+        assert (await until(parts)).why == ""
+
+    stepped(database, load_parameters("lab"), refused)
+
+
+@pytest.mark.parametrize(
+    ("S", "F", "why"),
+    [
+        (8.0, 0.0, ""),
+        (8.6, 0.0, "the stiffness stands at 8.60"),
+        (8.0, 0.5, "the estimate moves by 0.50 N"),
+        (8.0, float("nan"), "the estimate moves by "),
+    ],
+)
+def test_explain_drift_names_the_cause_and_rejects_nan(S: float, F: float, why: str) -> None:
+    rows = np.zeros((1000, len(INDEX)))
+    rows[:, INDEX["S"]] = S
+    rows[500:, INDEX["F_ext_hat"]] = F
+    said = contact._explain_drift(rows, 8.0)
+    assert said.startswith(why)
+    assert bool(said) == bool(why)
+
+
+def test_point_without_rest_ends_the_sweep(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def restless(parts: Parts) -> None:
+        await at_rest(parts)
+        monkeypatch.setattr(contact, "compute_drift", lambda rows: 0.5)
+        await parts.actuator.contact.apply(BEGIN, WHO)
+        begun = parts.supervisor.ring.count
+        sweep = await until(parts)
+        assert "at 8 N·m/rad nothing could be learned within 20 s: the estimate moves by 0.50 N" in sweep.why
+        assert parts.supervisor.ring.count - begun == pytest.approx(20_000, abs=200)
+        await parts.supervisor.advance(0.01)
+        assert reference(parts) == pytest.approx((0.2, 10.0))
+
+    stepped(database, load_parameters("lab"), restless)
+
+
+@pytest.mark.parametrize("cancelled", [False, True])
+def test_failure_of_the_sweep_is_reported(
+    database: Database, monkeypatch: pytest.MonkeyPatch, *, cancelled: bool
+) -> None:
+    def broken(rows: object, S_ref: float) -> str:
+        raise ZeroDivisionError("of a test")
+
+    async def dies(parts: Parts) -> None:
+        await learned_two(parts)
+        contact = parts.actuator.contact
+        if cancelled:
+            assert contact.sweep._task is not None
+            contact.sweep._task.cancel()
+        else:
+            monkeypatch.setattr("backend.services.contact._explain_drift", broken)
+        sweep = await until(parts)
+        cause = "its task was cancelled" if cancelled else "ZeroDivisionError: of a test"
+        assert sweep.why == f"it died ({cause})"
+        assert cause in contact.sweep.problem
+        await parts.supervisor.advance(0.01)
+        assert reference(parts) == pytest.approx((0.2, 10.0))
+        assert len(parts.state().touch.learned) == 2
+        monkeypatch.undo()
+        await parts.supervisor.advance(2.0)
+        await contact.apply(BEGIN, WHO)
+        assert contact.sweep.problem == ""
+        assert (await until(parts)).why == ""
+
+    stepped(database, load_parameters("lab"), dies)
+    with database.reading() as session:
+        told = [event for event in events.find(session) if "it died" in event.text]
+    assert [event.kind for event in told] == ["fault"]
+
+
+def test_loop_exit_ends_the_sweep_without_restoring_S_ref(database: Database) -> None:
+    async def dies(parts: Parts) -> None:
+        await learned_two(parts)
+        parts.supervisor.dead = True
+        parts.actuator.contact._handle_event(LoopExited("killed"))
+        sweep = sweep_of(parts)
+        assert (sweep.under_way, sweep.point, sweep.why) == (False, 3, "the control loop died")
+        assert parts.state().touch.learned == []  # as in a new loop
+        await asyncio.sleep(0.1)
+        await parts.supervisor.advance(0.01)
+        assert reference(parts) == pytest.approx((0.2, 11.5))
+        assert parts.actuator.contact.sweep.problem == ""
+
+    stepped(database, load_parameters("lab"), dies)
+
+
+@pytest.mark.live
+def test_from_the_command_line(service: Service, running: httpx.Client) -> None:
+    nothing = json.loads(sinew("touch", "show", "--json", folder=service.data).stdout)
+    assert (nothing["learned"], nothing["sweep"]) == ([], None)
+    refused = running.put("/api/touch", json={"sweep": "again"})
+    assert (refused.status_code, problem(refused)["path"]) == (422, ["sweep"])
+    swept = sinew("touch", "sweep", folder=service.data)
+    assert (swept.returncode, swept.stderr) == (0, "")
+    for said in ("1 of 5: 8 N·m/rad", "5 of 5: 15 N·m/rad", "N with nothing outside", "gives way to no contact"):
+        assert said in swept.stdout
+    learned = json.loads(sinew("touch", "show", "--json", folder=service.data).stdout)["learned"]
+    assert [point["S"] for point in learned] == pytest.approx([8.0, 9.75, 11.5, 13.25, 15.0], abs=0.2)
+    begun = running.put("/api/touch", json={"sweep": "begin"}).json()["sweep"]
+    assert begun["under_way"]
+    assert "wait for its end or stop it" in sinew("touch", "forget", folder=service.data).stderr
+    assert running.post("/api/mode", json={"mode": "pretension"}).status_code == 200
+    ended = running.get("/api/state").json()["touch"]["sweep"]
+    assert (ended["under_way"], ended["why"]) == (False, "the mode is pretension now")
+    assert "held in run" in sinew("touch", "sweep", folder=service.data).stderr
+    assert "nothing is learned" in sinew("touch", "forget", folder=service.data).stdout
+
+
+# The bias after a sweep, between its points, compared with springs and true angles.
+
+
+def zeros_off() -> PlantParameters:
+    """Unlike springs, and load cells so noisy that the motors' zeros are found elsewhere."""
+    unlike = unlike_sides()
+    return replace(unlike, sensors=replace(unlike.sensors, force_noise=10.0 * unlike.sensors.force_noise))
+
+
+def bias_of_springs(parameters: PlantParameters, S: np.ndarray) -> np.ndarray:
+    """What the identified springs say where the true ones balance each other, by identified stiffness [N], no zeros."""
+    true_A, true_B = parameters.make_dynamics().spring_A, parameters.make_dynamics().spring_B
+    told_A, told_B = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
+    held = np.linspace(5.0, 47.0, 800)
+    x_A, x_B = (np.array([spring_elongation(spring, F) for F in held]) for spring in (true_A, true_B))
+    stiff = parameters.geometry.r_j**2 * np.array(
+        [spring_slope(told_A, a) + spring_slope(told_B, b) for a, b in zip(x_A, x_B, strict=True)]
+    )
+    said = np.array([tendon_tension(told_B, b) - tendon_tension(told_A, a) for a, b in zip(x_A, x_B, strict=True)])
+    between: np.ndarray = np.interp(S, stiff, said)
+    return between
+
+
+class Truth:
+    """The bias at true angles, without the encoders' steps [N]; the zeros of the motors are those of the loop."""
+
+    def __init__(self, parameters: PlantParameters, plant: Simulator) -> None:
+        self._springs = parameters.make_identified_spring("A"), parameters.make_identified_spring("B")
+        self._geometry, self._plant = parameters.geometry, plant
+
+    async def at_rest(self, parts: Parts) -> float:
+        said = []
+        for _ in range(50):
+            await parts.supervisor.advance(0.02)
+            row, x = parts.supervisor.ring.newest(), self._plant.x
+            assert row is not None
+            # measured less true: the zero, and an encoder's step that the mean over a move has not
+            said.append((row[INDEX["theta_A"]] - x.theta_A, row[INDEX["theta_B"]] - x.theta_B))
+        off_A, off_B = np.mean(said, axis=0)
+        spring_A, spring_B = self._springs
+        r_m, r_j, x = self._geometry.r_m, self._geometry.r_j, self._plant.x
+        F_A = tendon_tension(spring_A, r_m * (x.theta_A + off_A) - r_j * x.q)
+        F_B = tendon_tension(spring_B, r_m * (x.theta_B + off_B) + r_j * x.q)
+        return float(F_B - F_A)
+
+
+@pytest.mark.parametrize("name", ["lab", "unlike"])
+def test_bias_is_linear_between_the_points(name: str) -> None:
+    parameters = load_parameters("lab") if name == "lab" else unlike_sides()
+    S = np.linspace(8.0, 15.0, 300)
+    points = np.linspace(8.0, 15.0, SWEEP_POINTS)
+    true = bias_of_springs(parameters, S)
+    assert np.ptp(true) > 0.3  # there is something to learn
+    by_lines = np.interp(S, points, bias_of_springs(parameters, points))
+    assert np.max(np.abs(by_lines - true)) < 0.01  # asked: 0.05
+
+
+@pytest.mark.parametrize("name", ["lab", "unlike"])
+def test_sweep_calibrates_between_the_points_and_restores_S(database: Database, name: str) -> None:
+    parameters = load_parameters("lab") if name == "lab" else zeros_off()
+    plant = Simulator(parameters, 3)
+    off: list[float] = []
+
+    async def learn(parts: Parts) -> None:
+        await at_rest(parts, 10.4)
+        begun = (await parts.actuator.contact.apply(BEGIN, WHO)).sweep
+        assert begun == SweepView(under_way=True, point=1, points=SWEEP_POINTS, S_ref=8.0, why="")
+        seen: list[SweepView] = []
+        while sweep_of(parts).under_way:
+            seen.append(sweep_of(parts))
+            await asyncio.sleep(0)
+        ended = sweep_of(parts)
+        assert [sweep.point for n, sweep in enumerate(seen) if seen[n - 1] != sweep] == [1, 2, 3, 4, 5]
+        assert (ended.under_way, ended.why) == (False, "")
+        await parts.supervisor.advance(0.01)
+        assert reference(parts) == pytest.approx((0.2, 10.4))
+        assert parts.live_state.mode is Mode.RUN
+        points = parts.state().touch.learned
+        assert [point.S for point in points] == pytest.approx(np.linspace(8.0, 15.0, SWEEP_POINTS), abs=0.1)
+        assert all(0.0 < point.std_N < 0.2 for point in points)
+        bias = np.array([(point.S, point.F) for point in points])
+        truth = Truth(parameters, plant)
+        for S in np.linspace(8.1, 14.9, 20):
+            await parts.actuator.set_references(0.2, float(S), WHO)
+            await parts.supervisor.advance(4.0)
+            row = parts.supervisor.ring.newest()
+            assert row is not None
+            off.append(disturbance_observer.interpolate_bias(bias, float(row[INDEX["S"]])) - await truth.at_rest(parts))
+
+    stepped(database, parameters, learn, plant)
+    error = np.array(off)
+    # half a count of the joint's encoder is 0.16 N at the stiffest, and each point was learned within one
+    assert np.max(np.abs(error)) < 0.2
+    assert np.sqrt(np.mean(error**2)) < 0.12

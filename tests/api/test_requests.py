@@ -1,0 +1,350 @@
+"""Bodies, methods and values of requests to the running service."""
+
+import json
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+from fastapi import APIRouter, WebSocket
+from websockets.exceptions import ConnectionClosedError
+from websockets.sync.connection import Connection
+
+from backend.api.app import create_app
+from backend.server.security import MOST_LISTED, MOST_NAMES
+from backend.services.background_work import MAX_SHEETS_PER_USER
+from tests.api.conftest import PATIENCE_S, live, problem, until
+from tests.api.serving import served
+from tests.e2e.service import Service
+
+# What of a body is taken, and from whom: raw requests to the running service.
+
+MB = 1 << 20
+CLOSED = ["/api/references", "/api/experiments/dry-run", "/api/banks/file", "/api/push"]
+
+
+def exchange(service: Service, head: str, body: bytes = b"") -> tuple[int, int]:
+    """Send a request; returns the status of the answer and how many bytes of ``body`` could be sent before it."""
+    parts = urlsplit(service.url)
+    sent = 0
+    with socket.create_connection((str(parts.hostname), int(parts.port or 0)), 20) as connection:
+        connection.sendall(f"{head}Host: {parts.netloc}\r\nContent-Type: application/json\r\n\r\n".encode())
+        try:
+            while sent < len(body):
+                sent += connection.send(body[sent : sent + 65536])
+        except OSError:
+            pass  # the service takes no more
+        try:
+            answer = connection.recv(4096)
+        except ConnectionResetError:
+            return 0, sent
+    return int(answer.split()[1]) if answer else 0, sent
+
+
+def memory_MB(pid: int) -> float:
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * 4096 / MB
+
+
+def until_all_is_loaded(service: Service, operator: httpx.Client) -> None:
+    """Wait for the libraries that a start loads behind the first curve: they take memory too."""
+    until(lambda: "/scipy/stats/" in Path(f"/proc/{service.pid}/maps").read_text(encoding="utf-8"))
+    operator.get("/api/tuning/preview", params={"lam_q": 0.5, "lam_S": 0.42}).raise_for_status()  # needs the last
+
+
+@pytest.mark.parametrize(("path", "token"), [("/api/session", ""), ("/api/push", "right"), ("/api/push", "")])
+def test_a_body_of_two_lengths_is_refused_and_not_taken(
+    service: Service, operator: httpx.Client, path: str, token: str
+) -> None:
+    sign = f"Authorization: {operator.headers['Authorization']}\r\n" if token else ""
+    head = f"POST {path} HTTP/1.1\r\nTransfer-Encoding: chunked\r\nContent-Length: 5\r\n{sign}"
+    chunk = b"10000\r\n" + b"x" * 65536 + b"\r\n"
+    until_all_is_loaded(service, operator)
+    before = memory_MB(service.pid)
+    status, _ = exchange(service, head, chunk * 1600)
+    assert status in (400, 0)  # 0: the connection was closed while the body still came
+    assert memory_MB(service.pid) - before < 50.0
+    status, _ = exchange(service, head, b"5\r\n12345\r\n0\r\n\r\n")
+    assert status == 400
+
+
+@pytest.mark.parametrize("path", CLOSED)
+def test_who_is_not_signed_in_is_answered_before_the_body_comes(service: Service, path: str) -> None:
+    status, _ = exchange(service, f"POST {path} HTTP/1.1\r\nContent-Length: 200000\r\n")
+    assert status == 401
+
+
+def test_nor_does_the_service_ask_for_such_a_body(service: Service) -> None:
+    status, _ = exchange(service, "POST /api/push HTTP/1.1\r\nContent-Length: 9\r\nExpect: 100-continue\r\n")
+    assert status == 401
+
+
+@pytest.mark.parametrize("body", ["", "{", "[]", "1", '{"token": 1}', "\ufeff"])
+def test_who_is_not_signed_in_learns_nothing_of_what_a_body_needs(service: Service, body: str) -> None:
+    answer = httpx.put(
+        f"{service.url}/api/references", content=body.encode(), headers={"Content-Type": "application/json"}
+    )
+    assert answer.status_code in (401, 422)
+    assert answer.status_code == 401 or not body
+
+
+@pytest.mark.parametrize("length", ["²", "-1", "1 2", "9" * 30, "0x10"])
+def test_a_length_that_is_none_is_refused(service: Service, length: str) -> None:
+    status, _ = exchange(service, f"POST /api/session HTTP/1.1\r\nContent-Length: {length}\r\n")
+    assert status in (400, 413)
+
+
+def begun(service: Service, token: str, length: int) -> socket.socket:
+    """Send the head of a sheet of charts, and nothing of its body."""
+    parts = urlsplit(service.url)
+    connection = socket.create_connection((str(parts.hostname), int(parts.port or 0)), 20)
+    head = f"POST /api/chart-sheet.pdf HTTP/1.1\r\nHost: {parts.netloc}\r\nContent-Type: application/json\r\n"
+    connection.sendall(f"{head}Authorization: {token}\r\nContent-Length: {length}\r\n\r\n".encode())
+    return connection
+
+
+def test_where_no_place_is_free_a_body_is_not_waited_for(service: Service, viewer: httpx.Client) -> None:
+    token = viewer.headers["Authorization"]
+    waiting = [begun(service, token, 1_000_000) for _ in range(MAX_SHEETS_PER_USER)]
+    until(lambda: viewer.post("/api/chart-sheet.pdf", json={"svg": "x"}).status_code == 429)
+    with begun(service, token, 1_000_000) as one_more:
+        answer = one_more.recv(4096).lower()
+    assert answer.split()[1] == b"429"
+    assert b"retry-after: 1" in answer
+    for connection in waiting:
+        connection.close()
+    until(lambda: viewer.post("/api/chart-sheet.pdf", json={"svg": "x"}).status_code == 422)
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/api/preferences", {f"a{number}": 1 for number in range(MOST_NAMES + 1)}),
+        ("/api/preferences", {"layouts": [{f"a{number}": 1 for number in range(40)}] * 40}),
+        ("/api/preferences", {"hidden": [0] * (MOST_LISTED + 1)}),
+    ],
+    ids=["names", "names in lists", "lists"],
+)
+def test_a_body_of_more_parts_than_any_request_has_is_refused(
+    operator: httpx.Client, path: str, body: dict[str, object]
+) -> None:
+    refused = operator.put(path, json=body)
+    assert (refused.status_code, refused.json()["error"]["code"]) == (422, "too_many_parts")
+
+
+def test_a_body_of_the_most_parts_is_told_what_is_wrong_with_it(operator: httpx.Client) -> None:
+    refused = operator.put("/api/preferences", json={f"a{number}": 1 for number in range(MOST_NAMES)})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (422, "missing")
+
+
+# HEAD where GET is, refusals that name the methods of an address, and ends of connections with malformed requests.
+
+PATIENCE_S_METHODS = 20.0
+
+
+@pytest.mark.parametrize("path", ["/", "/api/state", "/api/health", "/api/runs"])
+def test_head_has_the_head_of_get_and_nothing_more(operator: httpx.Client, path: str) -> None:
+    read, head = operator.get(path), operator.head(path)
+    assert (read.status_code, head.status_code) == (200, 200)
+    assert head.headers["content-type"] == read.headers["content-type"]
+    assert head.content == b""
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "allowed"),
+    [
+        ("GET", "/api/stop", {"POST"}),
+        ("PATCH", "/api/state", {"GET", "HEAD"}),
+        ("POST", "/api/runs/1", {"GET", "HEAD", "PATCH"}),
+        ("DELETE", "/index.html", {"GET", "HEAD"}),
+    ],
+)
+def test_a_method_that_an_address_does_not_take_is_refused_with_those_that_it_takes(
+    operator: httpx.Client, method: str, path: str, allowed: set[str]
+) -> None:
+    answer = operator.request(method, path)
+    assert answer.status_code == 405
+    assert set(answer.headers["allow"].split(", ")) == allowed
+
+
+@pytest.mark.parametrize(
+    "lengths",
+    [
+        b"Content-Length: 4\r\nTransfer-Encoding: chunked\r\n",
+        b"Transfer-Encoding: chunked\r\n",
+        b"Content-Length: 4, 5\r\n",
+        b"Content-Length: +4\r\n",
+    ],
+)
+def test_nothing_that_follows_a_malformed_request_is_obeyed(
+    service: Service, operator: httpx.Client, lengths: bytes
+) -> None:
+    """A STOP hidden behind it reaches nobody, and its connection ends."""
+    operator.post("/api/stop").raise_for_status()
+    operator.post("/api/reset").raise_for_status()
+    address = urlsplit(service.url)
+    host = f"Host: {address.netloc}\r\n".encode()
+    bearer = f"Authorization: {operator.headers['Authorization']}\r\n".encode()
+    hidden = b"POST /api/stop HTTP/1.1\r\n" + host + bearer + b"Content-Length: 0\r\n\r\n"
+    head = b"POST /api/session HTTP/1.1\r\n" + host + lengths + b"\r\n0\r\n\r\n"
+    said = b""
+    with socket.create_connection((str(address.hostname), address.port or 0), timeout=PATIENCE_S_METHODS) as line:
+        line.sendall(head + hidden)
+        while part := line.recv(65536):  # until the service has closed it
+            said += part
+    assert said.count(b"HTTP/1.1 4") == said.count(b"HTTP/1.1 ") == 1
+    assert operator.get("/api/state").json()["mode"] == "off"
+
+
+# Values that nobody sends by accident: each is refused in a sentence, none is a failure of the service.
+
+WRITTEN_FOR = {"HALF": "\\ud800", "DIGITS": "9" * 400, "BEYOND": str(2**63), "DEEP": "[" * 100_000, "LONG": "9" * 5000}
+"""What the words in the cases below stand for."""
+
+NEW = '"scheme": "auto", "window_s": 20, "statistics": false, "solid": null, "toured": true, "angles": "deg"'
+NEW += ', "solid_unaided": null, "camera": "Side"'
+ENTRY = '"S_nominal": 10, "K_q": 1, "T_q": 1, "K_S": 1, "T_S": 1'
+SEGMENT = r"\"duration_s\": 1, \"S_ref\": 10"
+
+BODIES = [
+    ("POST", "/api/session", '{"token": "HALF"}'),
+    ("POST", "/api/session", '{"token": "x", "name": "HALF"}'),
+    ("POST", "/api/session", '{"HALF": "x"}'),
+    ("PATCH", "/api/runs/1", '{"note": "HALF"}'),
+    ("PATCH", "/api/runs/1", r'{"note": "\u0000"}'),
+    ("PUT", "/api/preferences", f'{{"colours": {{}}, "hidden": ["HALF"], {NEW}}}'),
+    ("PUT", "/api/preferences", f'{{"colours": {{"HALF": "#000000"}}, "hidden": [], {NEW}}}'),
+    ("POST", "/api/experiments/dry-run", '{"name": "HALF"}'),
+    ("POST", "/api/experiments/dry-run", '{"name": "sequence", "settings": {"HALF": 1}}'),
+    ("POST", "/api/experiments/dry-run", '{"name": "sequence", "settings": {"segments": "HALF"}}'),
+    ("POST", "/api/experiments/dry-run", '{"name": "tracking", "settings": {"step_rad": DIGITS}}'),
+    ("POST", "/api/experiments/dry-run", '{"name": "tracking", "settings": {"step_rad": Infinity}}'),
+    ("POST", "/api/experiments/queue", '{"name": "tracking", "settings": {"step_rad": "DIGITS"}}'),
+    ("POST", "/api/banks", '{"name": "b", "identifications": [BEYOND]}'),
+    ("POST", "/api/banks", '{"name": "b", "identifications": [DIGITS]}'),
+    ("POST", "/api/banks/file", f'{{"name": "b", "version": BEYOND, "entries": [{{{ENTRY}}}]}}'),
+    ("POST", "/api/banks/file", f'{{"name": "b", "entries": [{{{ENTRY}, "tension_N": DIGITS}}]}}'),
+    ("POST", "/api/identifications", '{"tension_N": DIGITS}'),
+    ("POST", "/api/identifications", '{"periods": DIGITS}'),
+    ("PUT", "/api/references", '{"q_ref": DIGITS, "S_ref": 10}'),
+    ("PUT", "/api/references", '{"q_ref": NaN, "S_ref": 10}'),
+    ("PUT", "/api/tuning", '{"lam_q": DIGITS}'),
+    ("PUT", "/api/tuning", '{"lam_q": 1e308}'),
+    ("POST", "/api/push", '{"F_push": DIGITS}'),
+    ("POST", "/api/push", '{"F_push": LONG}'),
+    ("POST", "/api/push", "DEEP"),
+    ("POST", "/api/push", '\ufeff{"F_push": 0}'),
+    ("POST", "/api/runs/1/replay", '{"t": DIGITS}'),
+]
+for segment in (
+    f'{SEGMENT}, \\"q_ref\\": DIGITS',
+    f'{SEGMENT}, \\"q_ref\\": 1eDIGITS',
+    f'{SEGMENT}, \\"q_ref\\": -Infinity',
+    f'{SEGMENT}, \\"q_ref\\": 0, \\"shape\\": \\"\\HALF\\"',
+):
+    BODIES.append(
+        ("POST", "/api/experiments/dry-run", f'{{"name": "sequence", "settings": {{"segments": "[{{{segment}}}]"}}}}')
+    )
+ADDRESSES = [
+    "/api/banks/1/difference?run=99999999999999999999999",
+    "/api/banks/1/difference?other=DIGITS",
+    "/api/runs/DIGITS",
+    "/api/runs/BEYOND",
+    "/api/runs/1/samples?from=1e308&to=1e309",
+    "/api/runs/1/samples?to=DIGITS",
+    "/api/runs/1/samples?signals=%ED%A0%80",
+    "/api/runs?search=%00",
+    "/api/runs?search=%ED%A0%80",
+    "/api/runs?offset=DIGITS",
+    "/api/tuning/preview?lam_q=DIGITS&lam_S=1",
+    "/%00",
+    "/api/%ED%A0%80",
+]
+
+
+def written(text: str) -> str:
+    """Put in what the words stand for."""
+    for word, meant in WRITTEN_FOR.items():
+        text = text.replace(word, meant)
+    return text
+
+
+def ask(client: httpx.Client, method: str, path: str, body: str) -> httpx.Response:
+    return client.request(method, path, content=written(body).encode(), headers={"Content-Type": "application/json"})
+
+
+@pytest.mark.parametrize(("method", "path", "body"), BODIES)
+def test_a_body_is_refused_in_a_sentence(operator: httpx.Client, method: str, path: str, body: str) -> None:
+    answer = ask(operator, method, path, body)
+    assert 400 <= answer.status_code < 500, answer.text
+    assert problem(answer)["message"]
+
+
+@pytest.mark.parametrize("path", ADDRESSES)
+def test_an_address_is_no_failure(operator: httpx.Client, path: str) -> None:
+    answer = operator.get(written(path))
+    assert answer.status_code < 500, answer.text
+    if answer.status_code >= 400:
+        assert answer.headers["content-security-policy"]
+
+
+@pytest.mark.parametrize("origin", ["http://[", "http://]", "[", "http://[::1", "\u00b2", "http://a:b:c"])
+def test_an_origin_that_is_none_is_foreign(operator: httpx.Client, origin: str) -> None:
+    refused = operator.post("/api/reset", headers={b"Origin": origin.encode("latin-1")})
+    assert refused.status_code == 403
+    assert problem(refused)["code"] == "foreign_origin"
+
+
+@pytest.mark.parametrize("said", ['{"id": DIGITS}', '{"id": 1, "control": "short"}', '{"id": "HALF"}', "DEEP", "\x00"])
+def test_what_is_no_ping_ends_the_stream(operator: httpx.Client, said: str) -> None:
+    with live(operator) as watching:
+        watching.send(written(said))
+        with pytest.raises(ConnectionClosedError) as closed:
+            read_on(watching)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 1008
+
+
+def read_on(watching: Connection) -> None:
+    for _ in range(500):
+        watching.recv(timeout=PATIENCE_S)
+
+
+def test_nothing_of_all_this_left_a_traceback(service: Service, operator: httpx.Client) -> None:
+    for method, path, body in BODIES:
+        ask(operator, method, path, body)
+    for path in ADDRESSES:
+        operator.get(written(path))
+    assert "Traceback" not in service.log.read_text()
+
+
+@pytest.fixture(scope="module")
+def failing() -> Iterator[str]:
+    """The application with two routes that fail."""
+    routes = APIRouter()
+
+    @routes.get("/fails")
+    async def fails() -> None:
+        raise RuntimeError("\ud800")
+
+    @routes.websocket("/fails")
+    async def socket_fails(websocket: WebSocket) -> None:
+        raise RuntimeError("before it was accepted")
+
+    with served(create_app(further_routes=[routes])) as address:
+        yield f"http://localhost:{address[1]}"
+
+
+def test_a_failure_carries_the_policy_too(failing: str) -> None:
+    answer = httpx.get(f"{failing}/fails", timeout=PATIENCE_S)  # a first answer loads what it is made with
+    assert answer.status_code == 500
+    assert problem(answer)["code"] == "internal_error"
+    assert answer.headers["content-security-policy"].startswith("default-src 'self'")
+    assert answer.headers["x-content-type-options"] == "nosniff"
+
+
+def test_a_refusal_is_readable_though_the_value_is_not(operator: httpx.Client) -> None:
+    answer = ask(operator, *BODIES[-1])
+    assert json.loads(answer.text)["error"]["path"] == ["segments"]

@@ -1,0 +1,332 @@
+"""``sinew rig``: wiring files, bring-up, tare and calibration."""
+
+import asyncio
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from backend.banks.builder import build_tuning_command
+from backend.cli import main
+from backend.cli.experiments import current_user
+from backend.cli.rig import AbandonedError, Terminal
+from backend.commissioning import status as standing
+from backend.commissioning.procedure import StepFinding
+from backend.commissioning.session import OperatorDialog, open_session
+from backend.commissioning.steps import STEPS, StepId
+from backend.experiments.plans import LoopSettings
+from backend.realtime.ipc import Setup
+from backend.realtime.supervisor import Supervisor
+from backend.sample import INDEX
+from backend.storage.commissioning import StoredStepResult
+from backend.storage.database import open_database
+from plant.calibration import CellCalibration
+from plant.interface import PlantChoice, PlantKind
+from plant.parameters import load_parameters
+from plant.wiring import Wiring, load_wiring
+from tests.api.conftest import client_with
+from tests.e2e.service import running_service
+
+# ``sinew rig check``: a wiring file is refused with line and remedy, a right one said to be so.
+
+SHIPPED = Path(__file__).parents[2] / "plant/wirings/pcie-6323.toml"
+
+
+def test_the_shipped_wiring_is_in_order(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "argv", ["sinew", "rig", "check"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    assert "pcie-6323: channels, units and calibrations are in order" in capsys.readouterr().out
+
+
+def test_each_mistake_is_told_with_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = tmp_path / "mine.toml"
+    wrong.write_text(SHIPPED.read_text().replace('channel = "ai1"', 'channel = "ai99"').replace('"ctr2"', '"ctr1"'))
+    monkeypatch.setattr(sys, "argv", ["sinew", "rig", "check", "--wiring", str(wrong)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    told = capsys.readouterr().err
+    lines = wrong.read_text().splitlines()
+    unknown = next(number for number, line in enumerate(lines, 1) if "ai99" in line)
+    twice = [number for number, line in enumerate(lines, 1) if '"ctr1"' in line][1]
+    assert ended.value.code == 1
+    assert f"mine.toml:{unknown}: load_cell_B.channel: 'ai99' is not known" in told
+    assert f"mine.toml:{twice}: encoder_B.counter: " in told
+    assert [line.split(":")[:3] for line in told.splitlines()] == [
+        ["sinew", " mine.toml", str(number)] for number in sorted([unknown, twice])
+    ]
+    monkeypatch.setattr(sys, "argv", ["sinew", "serve", "--plant", "rig", "--virtual-card", "--wiring", str(wrong)])
+    with pytest.raises(SystemExit):
+        main()
+    assert capsys.readouterr().err == told
+
+
+def test_programs_read_the_mistakes_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = tmp_path / "mine.toml"
+    wrong.write_text(SHIPPED.read_text().replace('channel = "ai1"', 'channel = "ai99"'))
+    monkeypatch.setattr(sys, "argv", ["sinew", "rig", "check", "--wiring", str(wrong), "--json"])
+    with pytest.raises(SystemExit):
+        main()
+    (problem,) = json.loads(capsys.readouterr().out)["problems"]
+    assert problem["entry"] == "load_cell_B.channel"
+    assert "ai99" in wrong.read_text().splitlines()[problem["line"] - 1]
+
+
+@pytest.mark.parametrize("words", [["--open"], ["--open", "--json"]])
+def test_a_card_that_cannot_be_opened_is_told_in_either_form(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["sinew", "rig", "check", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    printed = capsys.readouterr()
+    assert ended.value.code == 1
+    assert "install NI-DAQmx" in printed.err
+    assert printed.out == ""
+
+
+# ``sinew rig bring-up``, ``tare`` and ``calibrate`` on the virtual card, at a terminal of their own or not.
+
+CARD = ["--plant", "rig", "--virtual-card"]
+ROOT = Path(__file__).parents[2]
+BEFORE_HOMING = (StepId.WIRING_TEST, StepId.TARE, StepId.CALIBRATE, StepId.DIRECTION)
+START = "Take your hands off the rig"
+WIRING = load_wiring("pcie-6323")
+
+
+def done(data: Path, *steps: StepId, wiring: Wiring = WIRING) -> None:
+    """Let steps have passed with a wiring, load cells being what it says."""
+    cells = (wiring.load_cell_A.slope, wiring.load_cell_A.offset), (wiring.load_cell_B.slope, wiring.load_cell_B.offset)
+    as_said = tuple(CellCalibration(tendon, *cell, "well") for tendon, cell in zip("AB", cells, strict=True))
+    with closing(open_database(data)) as database:
+        for step in steps:
+            found = as_said if step in (StepId.TARE, StepId.CALIBRATE) else ()
+            standing.store_result(database, step, wiring, StepFinding(True, "well", (), found), "Ada")
+
+
+def kept(data: Path) -> dict[str, StoredStepResult]:
+    with closing(open_database(data)) as database:
+        return standing.load_newest_results(database)
+
+
+def sinew(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str, data: Path
+) -> tuple[int, str, str]:
+    """Exit status, output and complaint, in one line each."""
+    monkeypatch.setattr(sys, "argv", ["sinew", "rig", *words, "--data", str(data)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    printed = capsys.readouterr()
+    return int(ended.value.code or 0), printed.out, " ".join(printed.err.split())
+
+
+def _hear_ctrl_c() -> None:
+    """Take SIGINT as from a terminal: what a shell starts in the background, these tests maybe, ignores it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+@contextmanager
+def at_a_terminal(*words: str, data: Path) -> Iterator[tuple[subprocess.Popen[str], int]]:
+    """A command whose standard input is a terminal: the process, and the end to type at."""
+    typing, theirs = pty.openpty()
+    command = [sys.executable, "-m", "backend", "rig", *words, "--data", str(data)]
+    running = subprocess.Popen(
+        command,
+        stdin=theirs,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=_hear_ctrl_c,
+    )
+    os.close(theirs)
+    too_long = threading.Timer(120.0, running.kill)
+    too_long.start()
+    try:
+        yield running, typing
+    finally:
+        too_long.cancel()
+        os.close(typing)
+        running.kill()
+        running.wait()
+
+
+def told(running: subprocess.Popen[str], words: str) -> None:
+    """Wait until the command says so on standard error."""
+    assert running.stderr is not None
+    said = []
+    for line in running.stderr:
+        said.append(line)
+        if words in line:
+            return
+    pytest.fail(f"it ended without saying {words!r}: {''.join(said)}")
+
+
+@pytest.mark.live
+def test_a_tare_at_the_terminal_is_what_the_service_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done(tmp_path, StepId.WIRING_TEST)
+    with at_a_terminal("tare", *CARD, "--json", data=tmp_path) as (running, typing):
+        for question in (START, "Slacken both tendons", "the loop starts anew"):
+            told(running, question)
+            # After the first, while the loop starts and nothing is asked: no answer.
+            os.write(typing, b"\nq\n" if question == START else b"\n")
+        printed, said = running.communicate()
+    assert running.returncode == 0, said
+    told_of = {step["id"]: step for step in json.loads(printed)["steps"]}
+    assert told_of["tare"]["state"] == "current"
+    with running_service(tmp_path, plant=("rig", "--virtual-card")) as service, client_with(service, "token") as client:
+        shown = {step["id"]: step for step in client.get("/api/bring-up").json()["steps"]}
+        status, _, complaint = sinew(monkeypatch, capsys, "tare", *CARD, data=tmp_path)
+    assert shown["tare"]["state"] == "current"
+    assert shown["tare"]["result"]["who"] == current_user()
+    assert shown["tare"]["result"]["figures"] == told_of["tare"]["result"]["figures"]
+    assert status == 1
+    assert f"bring the rig up on its page Bring-up at {service.url}" in complaint
+
+
+@pytest.mark.live
+def test_ctrl_c_in_a_step_keeps_nothing_of_it(tmp_path: Path) -> None:
+    done(tmp_path, StepId.WIRING_TEST)
+    with at_a_terminal("bring-up", "--step", "zero", "--step", "direction", *CARD, data=tmp_path) as (running, typing):
+        for question in (START, "Turn the joint by hand to its zero mark", "Turn both motors by hand"):
+            told(running, question)
+            os.write(typing, b"\n")
+        told(running, "motor A")
+        running.send_signal(signal.SIGINT)
+        running.communicate()
+    assert running.returncode == 130
+    assert set(kept(tmp_path)) == {StepId.WIRING_TEST, StepId.ZERO}
+
+
+@pytest.mark.live
+def test_the_joint_is_homed_from_the_terminal(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    shipped = (ROOT / "plant/wirings/pcie-6323.toml").read_text(encoding="utf-8")
+    at = 'line = "port0/line1"\nposition = { value = 0.3, unit = "rad", source = "a protractor" }'
+    mine.write_text(shipped.replace('line = "port0/line1"', at), encoding="utf-8")
+    done(tmp_path, *BEFORE_HOMING, wiring=load_wiring(str(mine)))
+    command = ("bring-up", "--step", "home", "--wiring", str(mine), "--json", *CARD)
+    with at_a_terminal(*command, data=tmp_path) as (running, typing):
+        for question in (START, "Turn the joint by hand near to its middle"):
+            told(running, question)
+            os.write(typing, b"\n")
+        printed, said = running.communicate()
+    assert running.returncode == 0, said
+    steps = {step["id"]: step for step in json.loads(printed)["steps"]}
+    assert (steps["home"]["state"], steps["zero"]["state"]) == ("current", "current")
+    assert "17.19°" in said  # 0.3 rad
+
+
+@pytest.mark.live
+def test_a_step_given_up_while_a_motor_is_driven_ends_at_zero_volts_and_proves_nothing(tmp_path: Path) -> None:
+    """What Ctrl-C does inside the process: the task of the step is cancelled."""
+    done(tmp_path, StepId.WIRING_TEST)
+    parameters = load_parameters("lab")
+    choice = PlantChoice(PlantKind.VIRTUAL_CARD)
+    setup = Setup(choice, "lab", 0, build_tuning_command(parameters, LoopSettings(), None))
+
+    async def confirmed(_words: str) -> None:
+        """Do what is asked for at once."""
+
+    async def given_up() -> tuple[Supervisor, float, float]:
+        with closing(open_database(tmp_path)) as database:
+            person = OperatorDialog("Ada", confirmed, lambda _phase: None)
+            async with open_session(database, setup, parameters, person) as at_rig:
+                supervisor = at_rig.supervisor
+                await at_rig.run(StepId.ZERO, {})
+                playing = asyncio.create_task(at_rig.run(StepId.DIRECTION, {}))
+                await supervisor.advance_until(lambda: playing.done() or volts(supervisor) > 0.1, 30.0)
+                assert not playing.done(), playing.result()
+                driven = volts(supervisor)
+                playing.cancel()
+                result = await playing
+                assert (result.passed, result.text) == (
+                    False,
+                    "it was given up after a motor had been tried: do it again",
+                )
+                await supervisor.advance(0.05)
+                return supervisor, driven, volts(supervisor)
+
+    supervisor, driven, after = asyncio.run(given_up())
+    assert driven > 0.1
+    assert after == 0.0
+    card = supervisor.card.state()
+    assert (card.u_A, card.u_B, card.drive_enabled) == (0.0, 0.0, False)
+    assert {step: result.passed for step, result in kept(tmp_path).items()} == {
+        StepId.WIRING_TEST: True,
+        StepId.ZERO: True,
+        StepId.DIRECTION: False,
+    }
+
+
+def volts(supervisor: Supervisor) -> float:
+    newest = supervisor.ring.newest()
+    return 0.0 if newest is None else float(max(abs(newest[INDEX["u_A"]]), abs(newest[INDEX["u_B"]])))
+
+
+def test_answers_of_a_pipe_end_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, b"\n 12.5 \nq\n")
+    os.close(writing)
+
+    async def asked() -> str:
+        terminal = Terminal()
+        await terminal.confirm("Turn the joint")
+        typed = await terminal.ask("weight", "number")
+        for why in ("given up", "come to its end"):
+            with pytest.raises(AbandonedError, match=why):
+                await terminal.confirm("Go on")
+        return typed
+
+    with os.fdopen(reading) as piped:
+        monkeypatch.setattr(sys, "stdin", piped)
+        assert asyncio.run(asked()) == "12.5"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["bring-up"], "what is driven here is the simulator: say --plant rig"),
+        (["bring-up", "--plant", "rig"], "standard input is no terminal"),
+        (["bring-up", *CARD, "--step", "direction"], "Motor directions: first: Wiring test, Zero"),
+        (["tare", *CARD], "Tare: first: Wiring test"),
+        (["bring-up", *CARD, "--step", "home"], "Homing: the wiring file says no end_switch.position"),
+        (["calibrate", *CARD, "--weight", "5"], "two known weights at least"),
+        (["calibrate", *CARD, "--weight", "7", "--weight", "5"], "at least 5 N apart"),
+        (["calibrate", *CARD, "--weight", "5", "--weight", "60"], "45 N"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_before_a_card_is_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    status, printed, complaint = sinew(monkeypatch, capsys, *words, data=tmp_path)
+    assert status in (1, 2)
+    assert said in complaint
+    assert printed == ""
+
+
+def test_the_steps_are_listed_with_who_and_when(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done(tmp_path, StepId.WIRING_TEST, StepId.ZERO)
+    _, printed, _ = sinew(monkeypatch, capsys, "bring-up", "--list", *CARD, "--json", data=tmp_path)
+    steps = {step["id"]: step for step in json.loads(printed)["steps"]}
+    assert list(steps) == [step.id for step in STEPS if step.id is not StepId.HOME]  # it has no position
+    stand = [steps[step]["state"] for step in ("wiring_test", "zero", "tare")]
+    assert stand == ["current", "out_of_date", "never"]
+    assert steps["wiring_test"]["result"]["who"] == "Ada"
+    assert "lost their zero" in steps["zero"]["why"]

@@ -1,0 +1,444 @@
+"""Steps of the bring-up on a virtual card: what passes, what is refused, what is found."""
+
+import asyncio
+import math
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from backend.commissioning.procedure import Rows, StepFinding
+from backend.commissioning.procedures import (
+    DRIVEN_MIN_V,
+    TURNED_BACK_MIN_RAD,
+    compute_peaks,
+    find_uncut_drive,
+    has_tension_fallen,
+    is_near_pretension,
+)
+from backend.commissioning.session import collect_values
+from backend.commissioning.steps import STEPS, WEIGHT_MAX_N, StepId
+from backend.errors import OutOfRangeError
+from backend.faults import FAULT_CODE, Fault
+from backend.realtime.commands import (
+    Accepted,
+    Inject,
+    Refused,
+    SetMode,
+    SimulateManualInput,
+    Stop,
+    SwitchDrives,
+    TryModule,
+)
+from backend.realtime.modes import MODE_CODE, Mode
+from backend.sample import INDEX
+from plant.interface import InjectedFault, InjectedFaultKind, MotorCommand, Sensor
+from plant.manual_input import ManualInput
+from tests.commissioning.rigs import WIRING, CommissionedRig, played, with_entries
+
+# Every step on a virtual card: correct wiring passes, and the responsible step finds each error.
+
+
+def test_a_rig_with_correct_wiring_passes_every_step() -> None:
+    wiring = with_entries(end_switch={"position": 0.4})
+    findings = dict(zip(StepId, played(CommissionedRig(wiring, wiring), *(step.id for step in STEPS)), strict=True))
+    assert [finding.text for finding in findings.values() if not finding.passed] == []
+    # The pretension of 10 N, as the load cells' own figures say it.
+    tensions = {figure.words: figure.value for figure in findings[StepId.PRETENSION].figures}
+    assert tensions["tension of tendon A"] == pytest.approx(10.0, abs=0.3)
+    assert tensions["tension of tendon B"] == pytest.approx(10.0, abs=0.3)
+
+
+WRONG_BY_HAND: dict[str, tuple[dict[str, dict[str, Any]], tuple[str, ...]]] = {
+    "signs": (
+        {"encoder_q": {"direction": -1.0}, "encoder_B": {"direction": -1.0}, "load_cell_A": {"slope": -10.0}},
+        ("encoder_q.direction", "encoder_B.direction", "load_cell_A.slope"),
+    ),
+    "swapped": (
+        {
+            "load_cell_A": {"channel": "ai1"},
+            "load_cell_B": {"channel": "ai0"},
+            "encoder_A": {"counter": "ctr2"},
+            "encoder_B": {"counter": "ctr1"},
+        },
+        ("load_cell_A.channel and load_cell_B.channel", "encoder_A.counter and encoder_B.counter"),
+    ),
+}
+"""Independent errors, so that one test of 20 s finds all of them."""
+
+
+@pytest.mark.parametrize("case", WRONG_BY_HAND)
+def test_the_wiring_test_names_what_is_wired_wrongly_and_nothing_else(case: str) -> None:
+    entries, named = WRONG_BY_HAND[case]
+    (finding,) = played(CommissionedRig(with_entries(WIRING, **entries)), StepId.WIRING_TEST)
+    assert not finding.passed
+    assert all(entry in finding.text for entry in named), finding.text
+    assert {section for section in SENSORS if section in finding.text} == {*entries}
+
+
+SENSORS = {"encoder_q": "counter", "encoder_A": "counter", "encoder_B": "counter"} | dict.fromkeys(
+    ("load_cell_A", "load_cell_B"), "channel"
+)
+
+
+@pytest.mark.parametrize("dead", [("encoder_q", "load_cell_A"), ("encoder_A", "load_cell_B"), ("encoder_B",)])
+def test_the_wiring_test_finds_dead_sensors(dead: tuple[str, ...]) -> None:
+    """Sensors are not connected although the wiring file has them."""
+    nowhere = {section: {SENSORS[section]: "ctr3" if SENSORS[section] == "counter" else "ai7"} for section in dead}
+    (finding,) = played(CommissionedRig(WIRING, with_entries(WIRING, **nowhere)), StepId.WIRING_TEST)
+    assert not finding.passed
+    for section in SENSORS:
+        found = f"did not move: look at its cable and at {section}" in finding.text
+        assert found is (section in dead), finding.text
+
+
+WRONG_WITH_VOLTAGE = [
+    ("motor sign A", {"motor_A": {"gain": -1.0}}, ["motor_A.gain"]),
+    ("motor sign B", {"motor_B": {"gain": -1.0}}, ["motor_B.gain"]),
+    ("swapped motors", {"motor_A": {"channel": "ao1"}, "motor_B": {"channel": "ao0"}}, ["motor_A.channel and motor_B"]),
+    ("encoder sign", {"encoder_A": {"direction": -1.0}}, ["encoder_A.direction"]),
+    (
+        "both signs of one motor",
+        {"motor_A": {"gain": -1.0}, "encoder_A": {"direction": -1.0}},
+        ["motor_A.gain", "encoder_A.direction"],
+    ),
+    ("dead motor", {"motor_B": {"channel": "ao3"}}, ["motor_B.channel"]),
+]
+
+
+@pytest.mark.parametrize(
+    ("entries", "named"), [case[1:] for case in WRONG_WITH_VOLTAGE], ids=[case[0] for case in WRONG_WITH_VOLTAGE]
+)
+def test_the_direction_step_names_it_before_any_loop_is_closed(
+    entries: dict[str, dict[str, Any]], named: list[str]
+) -> None:
+    rig = CommissionedRig(with_entries(WIRING, **entries))
+    played_steps = played_and_refused(rig)
+    zero, direction, before, after = played_steps
+    assert zero.passed
+    assert "zero" in before.reason
+    assert not direction.passed
+    assert all(entry in direction.text for entry in named), direction.text
+    assert "direction" in after.reason
+    # The joint's encoder is wired rightly in all of these.
+    assert rig.joint_moved > 0.0 or "motor_B.channel" in named
+    assert rig.joint_moved < 0.1
+    assert rig.most_volts <= 1.0
+
+
+def played_and_refused(rig: CommissionedRig) -> tuple[Any, Any, Refused, Refused]:
+    async def work() -> tuple[Any, Any, Refused, Refused]:
+        await rig.loop.advance(0.01)
+        before = await rig.loop.send(SetMode(Mode.PRETENSION))
+        zero = await rig.do(StepId.ZERO)
+        first = rig.loop.ring.count
+        direction = await rig.do(StepId.DIRECTION)
+        after = await rig.loop.send(SetMode(Mode.PRETENSION))
+        _, rows, _ = rig.loop.ring.read(first, rig.loop.ring.capacity)
+        moving = rows[np.argmax(rows[:, INDEX["mode"]] == MODE_CODE[Mode.IDENTIFY]) :, INDEX["q"]]
+        rig.joint_moved = float(np.abs(moving - moving[0]).max())
+        rig.most_volts = float(np.abs(rows[:, [INDEX["u_A"], INDEX["u_B"]]]).max())
+        assert isinstance(before, Refused)
+        assert isinstance(after, Refused)
+        return zero, direction, before, after
+
+    try:
+        return asyncio.run(work())
+    finally:
+        rig.loop.close()
+
+
+def test_two_weights_give_slope_and_offset_of_the_card() -> None:
+    """The real load cells differ from the wiring file by 7 % and 0.31 V."""
+    true = with_entries(load_cell_A={"slope": 10.7, "offset": 0.31}, load_cell_B={"slope": 9.4, "offset": -0.22})
+    (finding,) = played(CommissionedRig(WIRING, true), StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
+    assert finding.passed, finding.text
+    A, B = finding.calibrations
+    assert (A.slope, B.slope) == pytest.approx((10.7, 9.4), rel=2e-3)
+    assert (A.offset, B.offset) == pytest.approx((0.31, -0.22), rel=2e-3)
+
+
+BENT = {
+    "slope": float("nan"),
+    "offset": float("nan"),
+    "table": ((-10.0, -100.0), (1.0, 17.0), (2.0, 25.0), (10.0, 90.0)),
+}
+
+
+@pytest.mark.parametrize(("true", "passed"), [({"slope": 9.4, "offset": -0.22}, True), (BENT, False)])
+def test_more_weights_show_whether_one_load_cell_has_a_line(true: dict[str, Any], passed: bool) -> None:
+    rig = CommissionedRig(WIRING, with_entries(load_cell_B=true))
+    finding = asyncio.run(rig.do(StepId.CALIBRATE, "B", weight_1_N=5.0, weight_2_N=25.0, weight_3_N=15.0))
+    rig.loop.close()
+    assert finding.passed is passed, finding.text
+    hung = [words.partition(",")[0] for words in rig.asked if words.startswith("Hang")]
+    assert hung == [f"Hang {F} N on load cell B" for F in (5, 15, 25)]
+    if passed:
+        (cell,) = finding.calibrations
+        assert cell.tendon == "B"
+        assert (cell.slope, cell.offset) == pytest.approx((9.4, -0.22), rel=2e-3)
+    else:
+        assert "off its line by" in finding.text
+
+
+def test_a_tare_takes_the_volts_without_load() -> None:
+    true = with_entries(load_cell_A={"offset": 0.31}, load_cell_B={"offset": -0.22})
+    rig = CommissionedRig(WIRING, true)
+    (finding,) = played(rig, StepId.TARE)
+    assert finding.passed, finding.text
+    # 1 s of noise of 5 mV leaves 0.2 mV.
+    assert [found.offset for found in finding.calibrations] == pytest.approx([0.31, -0.22], abs=1e-3)
+    noise = {figure.words: figure.value for figure in finding.figures}["noise of load cell A"]
+    assert noise == pytest.approx(0.05, rel=0.2)
+
+
+def test_homing_reports_its_findings_and_withdraws_contradicted_directions() -> None:
+    wiring = with_entries(end_switch={"position": 0.4})
+    rig = CommissionedRig(wiring, with_entries(end_switch={"position": 0.4}, motor_A={"gain": -1.0}))
+    rig.rig.prove_directions(proven=True)
+    (finding,) = played(rig, StepId.HOME)
+    assert not finding.passed
+    assert "a motor did not go where it was sent: do the direction step again" in finding.text
+    assert "directions are not proven" in rig.rig.unproven
+
+
+def test_homing_takes_the_end_switch_for_where_it_is() -> None:
+    wiring = with_entries(end_switch={"position": 0.9})
+    rig = CommissionedRig(wiring, wiring)
+    (finding,) = played(rig, StepId.ZERO)
+    assert finding.passed, finding.text
+    assert finding.figures[0].value == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(
+    ("step", "broken"),
+    [
+        (StepId.WIRING_TEST, InjectedFault(InjectedFaultKind.SWAPPED_LOAD_CELLS)),
+        (StepId.DIRECTION, InjectedFault(InjectedFaultKind.DRIFT_DOWN, Sensor.F_B)),  # it fails before a motor is tried
+    ],
+)
+def test_a_step_that_contradicts_the_wiring_withdraws_at_once_what_was_proven(
+    step: StepId, broken: InjectedFault
+) -> None:
+    """After all steps have passed, a part fails: the next pretension is rejected at once, not only after a restart."""
+    rig = CommissionedRig()
+
+    async def work() -> tuple[str, Any, Any]:
+        await rig.loop.advance(0.01)
+        ready = rig.rig.unready
+        rig.rig.inject(broken)
+        finding = await rig.do(step)
+        await rig.loop.send(SwitchDrives(on=True))
+        return ready, finding, await rig.loop.send(SetMode(Mode.PRETENSION))
+
+    try:
+        ready, finding, after = asyncio.run(work())
+    finally:
+        rig.loop.close()
+    assert ready == ""
+    assert not finding.passed
+    assert isinstance(after, Refused)
+    assert "directions are not proven" in after.reason
+
+
+# Pretension and trip of the safety module: invalid readings and other stops do not pass.
+
+NAN = math.nan
+
+
+@pytest.mark.parametrize("F", [(NAN, 10.0), (10.0, NAN), (NAN, NAN)])
+def test_no_number_is_neither_the_pretension_nor_a_tendon_let_go_nor_within_bounds(F: tuple[float, float]) -> None:
+    held = np.array([10.0, 10.0])
+    assert is_near_pretension(held)
+    assert not is_near_pretension(np.array(F))
+    assert has_tension_fallen(held, np.array([2.0, 2.0]))
+    assert not has_tension_fallen(held, np.array(F) - 8.0)
+    assert (
+        find_uncut_drive(
+            2.0 * np.array([DRIVEN_MIN_V, DRIVEN_MIN_V]), -2.0 * np.array([TURNED_BACK_MIN_RAD, TURNED_BACK_MIN_RAD])
+        )
+        == ""
+    )
+    assert find_uncut_drive(np.array(F), held - 20.0) != ""
+    assert find_uncut_drive(held, np.array(F) - 20.0) != ""
+    highest, apart = compute_peaks(np.array([held, F]))
+    assert math.isnan(highest)
+    assert math.isnan(apart)
+
+
+def test_a_load_cell_that_is_lost_at_the_trip_has_not_seen_the_motors_let_go() -> None:
+    rig = CommissionedRig()
+
+    def lose(phase: str) -> None:
+        if phase == "waiting for the trip":
+            rig.rig.inject(InjectedFault(InjectedFaultKind.SATURATION, Sensor.F_B))
+
+    async def mend(words: str) -> None:
+        if "Set the module's limit back" in words:
+            rig.rig.inject(None)
+
+    rig.in_phase, rig.meanwhile = lose, mend
+    (finding,) = played(rig, StepId.SAFETY_MODULE)
+    assert not finding.passed, finding.text
+
+
+def test_a_loop_that_stopped_for_another_reason_is_not_reset() -> None:
+    """A person presses STOP while the step waits for the module."""
+    rig = CommissionedRig()
+
+    async def press(words: str) -> None:
+        if "Lower the tension limit" in words:
+            await rig.loop.send(Stop(Fault.STOP_PRESSED))
+
+    rig.meanwhile = press
+
+    async def work() -> tuple[StepFinding, Mode]:
+        finding = await rig.do(StepId.SAFETY_MODULE)
+        await rig.loop.advance(0.01)
+        return finding, rig.mode
+
+    try:
+        finding, mode = asyncio.run(work())
+    finally:
+        rig.loop.close()
+    assert not finding.passed
+    assert "not because of the safety module" in finding.text
+    assert mode is Mode.TRIPPED
+    assert not any("Set the module's limit back" in words for words in rig.asked)
+
+
+@pytest.mark.parametrize(("cuts", "named"), [((False, False), "motor A"), ((True, False), "motor B")])
+def test_a_module_that_signals_but_does_not_cut_is_found(cuts: tuple[bool, bool], named: str) -> None:
+    """Zero volts from the loop release the motors as well, so only the time before that counts."""
+    rig = CommissionedRig()
+    rig.simulator.module_cuts = cuts
+    tripped_at: list[float] = []
+    write = rig.rig.write
+
+    def watched(command: MotorCommand) -> None:
+        write(command)
+        newest = rig.loop.ring.newest()
+        if rig.rig.card_state().safety_tripped and not tripped_at and newest is not None:
+            tripped_at.append(newest[INDEX["tick"]] + 1)
+
+    rig.rig.write = watched  # type: ignore[method-assign]  # when it trips is in no sample
+
+    async def work() -> tuple[StepFinding, Rows]:
+        first = rig.loop.ring.count
+        finding = await rig.do(StepId.SAFETY_MODULE)
+        await rig.loop.advance(0.01)
+        return finding, rig.loop.ring.read(first, rig.loop.ring.capacity)[1]
+
+    try:
+        finding, rows = asyncio.run(work())
+        assert rig.mode is Mode.TRIPPED
+    finally:
+        rig.loop.close()
+    assert not finding.passed
+    assert f"{named} did not let go" in finding.text
+    # It was driven for 0.3 s after the trip and not longer, with little voltage.
+    stopped = int(np.argmax(rows[:, INDEX["mode"]] == MODE_CODE[Mode.TRIPPED]))
+    assert rows[stopped, INDEX["tick"]] - tripped_at[0] == pytest.approx(300, abs=2)
+    volts = rows[:, [INDEX["u_A"], INDEX["u_B"]]]
+    assert np.abs(volts[stopped - 300 : stopped]).max() <= 1.0
+    assert not volts[stopped:].any()
+    assert rows[:, [INDEX["F_A"], INDEX["F_B"]]].max() < 13.0
+
+
+def test_the_other_checks_are_armed_while_the_loop_goes_on_to_command() -> None:
+    rig = CommissionedRig()
+
+    async def work() -> tuple[Refused, float, float]:
+        await rig.loop.advance(0.01)
+        early = await rig.loop.send(TryModule())
+        assert isinstance(early, Refused)
+        await rig.loop.send(SetMode(Mode.PRETENSION))
+        await rig.loop.advance(12.0)
+        assert isinstance(await rig.loop.send(TryModule()), Accepted)
+        await rig.loop.send(SimulateManualInput(ManualInput(F_limit=5.0)))
+        await rig.loop.advance(0.1)
+        assert rig.mode is Mode.PRETENSION
+        assert rig.rig.card_state().safety_tripped
+        assert rig.rig.card_state().u_A > 0.0
+        rig.rig.inject(InjectedFault(InjectedFaultKind.JUMP, Sensor.Q))
+        await rig.loop.advance(0.002)
+        newest = rig.loop.ring.newest()
+        assert newest is not None
+        return early, newest[INDEX["fault"]], newest[INDEX["u_A"]]
+
+    try:
+        early, fault, u_A = asyncio.run(work())
+    finally:
+        rig.loop.close()
+    assert "both tendons hold the pretension" in early.reason
+    assert fault == FAULT_CODE[Fault.SENSOR_JUMP]
+    assert u_A == 0.0
+
+
+# Rejections of tare and calibration, with quantity, value, bound with unit, and remedy.
+
+REFUSED: dict[str, tuple[dict[str, dict[str, Any]], str]] = {
+    "wrong sign": (
+        {"load_cell_A": {"slope": -9.4}},
+        r"load cell A has -9\.[34]\d* N/V, and the wiring says 10 N/V, .*turn the sign of load_cell_A\.slope",
+    ),
+    "saturated": (
+        {"load_cell_B": {"slope": 1.5}},
+        r"load cell B reads up to 10\.00 V, 9\.99 V are the end of its input: less load, or less gain",
+    ),
+    "dead": (
+        {"load_cell_A": {"channel": "ai7"}},
+        r"load cell A reads 0\.00 mV more under 25 N than under 5 N, 1 mV at least .*look at its cable",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_load_cell_that_cannot_be_calibrated_is_refused_in_words(case: str) -> None:
+    true, said = REFUSED[case]
+    rig = CommissionedRig(WIRING, with_entries(WIRING, **true))
+    (finding,) = played(rig, StepId.CALIBRATE, weight_1_N=5.0, weight_2_N=25.0)
+    assert not finding.passed
+    assert not finding.calibrations
+    assert re.match(said, finding.text), finding.text
+
+
+@pytest.mark.parametrize("step", [StepId.TARE, StepId.CALIBRATE])
+def test_no_number_is_not_taken_for_a_load(step: StepId) -> None:
+    async def session() -> StepFinding:
+        rig = CommissionedRig()
+
+        async def broken(_words: str) -> None:
+            await rig.loop.send(Inject(InjectedFault(InjectedFaultKind.NO_NUMBER, Sensor.F_A)))
+
+        rig.meanwhile = broken
+        try:
+            return await rig.do(step)
+        finally:
+            rig.loop.close()
+
+    finding = asyncio.run(session())
+    assert (finding.passed, finding.calibrations) == (False, ())
+    assert finding.text == "load cell A gave no number of volts: look at its cable, amplifier and channel"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (
+            {"weight_1_N": 5.0, "weight_2_N": 9.0},
+            r"heavier weight: 9 N is less than 10 N; take weights at least 5 N apart, the lighter one first",
+        ),
+        ({"weight_1_N": 25.0, "weight_2_N": 5.0}, r"heavier weight: 5 N is less than 30 N; .* the lighter one first"),
+        (
+            {"weight_2_N": WEIGHT_MAX_N + 1.0},
+            rf"heavier weight: {WEIGHT_MAX_N + 1.0:g} N is outside 0 to {WEIGHT_MAX_N:g} N",
+        ),
+        ({"weight_1_N": -1.0}, rf"lighter weight: -1 N is outside 0 to {WEIGHT_MAX_N:g} N"),
+        ({"weight_2_N": float("nan")}, rf"heavier weight: nan N is outside 0 to {WEIGHT_MAX_N:g} N"),
+    ],
+)
+def test_weights_that_tell_nothing_are_refused_before_anything_is_hung(given: dict[str, Any], said: str) -> None:
+    with pytest.raises(OutOfRangeError, match=said):
+        collect_values(StepId.CALIBRATE, given)

@@ -1,0 +1,422 @@
+"""Experiments as texts: parts, expressions and choices."""
+
+import json
+import math
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from backend.experiments import parser
+from backend.experiments.library import READY_NAMES, load_ready_text
+from backend.experiments.parser import (
+    MAX_CHARACTERS,
+    ExperimentError,
+    ExpressionError,
+    Names,
+    build_experiment,
+    evaluate_condition,
+    evaluate_number,
+    find_line,
+    format_path,
+    parse_canonical,
+    parse_experiment,
+    require_known,
+    to_canonical_text,
+)
+from backend.experiments.schema import EXPERIMENT, Experiment, Hold, Section, Step
+from backend.plain_text import escape_line
+from tests.experiments.composing.written import plan_of, with_parts
+
+# Parsing and serialization of experiments, with the lines of their parts.
+
+SMALL = """\
+# a comment
+format: 1
+name: small
+title: Small
+phases:
+  - name: only
+    title: Only
+    parts:
+      - do: hold
+        duration_s: 2.0
+      - {do: step,
+         q_ref: 0.1, duration_s: 1e1}
+"""
+
+
+def of(*parts: Hold | Step, title: str = "Small") -> Experiment:
+    return Experiment(
+        format=1, name="small", title=title, phases=(Section(name="only", title="Only", parts=tuple(parts)),)
+    )
+
+
+EXPECTED = of(Hold(do="hold", duration_s=2.0), Step(do="step", q_ref=0.1, duration_s=10.0))
+
+
+def test_each_part_is_read_with_its_line() -> None:
+    experiment, lines = parse_experiment(SMALL)
+    assert experiment == EXPECTED
+    assert lines["format",] == 2
+    assert lines["phases", 0, "parts", 0] == 9
+    assert lines["phases", 0, "parts", 0, "duration_s"] == 10
+    assert lines["phases", 0, "parts", 1, "do"] == 11
+    assert lines["phases", 0, "parts", 1, "q_ref"] == 12
+
+
+def test_a_place_that_has_no_line_has_that_of_what_it_lies_in() -> None:
+    _, lines = parse_experiment(SMALL)
+    assert find_line(("phases", 0, "parts", 1, "S_ref"), lines) == 11
+    assert find_line(("phases", 0, "parts", 7), lines) == 8
+    assert find_line(("phases", 0), {}) is None
+    assert format_path(("phases", 0, "parts", 1, "q_ref")) == "phases 1, parts 2, q_ref"
+    assert format_path(()) == "experiment"
+
+
+def test_json_is_read_as_yaml_is() -> None:
+    document = EXPERIMENT.dump_python(EXPECTED, mode="json")
+    for text in (json.dumps(document), json.dumps(document, indent=2)):
+        assert parse_experiment(text)[0] == EXPECTED
+    assert build_experiment(document, {}) == EXPECTED
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
+def test_line_ends_of_other_machines_count_alike(line_end: str) -> None:
+    _, lines = parse_experiment(SMALL.replace("\n", line_end))
+    assert lines["phases", 0, "parts", 1, "q_ref"] == 12
+
+
+@pytest.mark.parametrize("word", ["no", "yes", "on", "off", "1:30", "0x1f", "1_000", "2001-01-01", "12", "true", "~"])
+def test_words_that_look_like_something_else_stay_words(word: str) -> None:
+    experiment = of(Hold(do="hold", duration_s=1.0), title=word)
+    assert parse_canonical(to_canonical_text(experiment)) == experiment
+    assert parse_experiment(json.dumps(json.loads(to_canonical_text(experiment))))[0] == experiment
+
+
+@pytest.mark.parametrize("word", ["no", "on", "1:30", "0x1f", "1_000", "2001-01-01"])
+def test_a_plain_word_is_no_number_and_no_truth(word: str) -> None:
+    assert parse_experiment(SMALL.replace("title: Small", f"title: {word}"))[0].title == word
+
+
+@given(
+    st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cf", "Cn", "Cs")), min_size=1, max_size=100).filter(
+        lambda title: escape_line(title) == title and title.strip() != ""
+    )
+)
+def test_a_title_is_the_same_in_the_text_stored_with_a_run(title: str) -> None:
+    experiment = of(Hold(do="hold", duration_s=1.0), title=title)
+    assert parse_canonical(to_canonical_text(experiment)) == experiment
+
+
+@pytest.mark.parametrize("line", ["", "[]", "{", "[" * 100_000, '{"format": 1}'])
+def test_what_is_no_such_text_is_refused_in_a_sentence(line: str) -> None:
+    with pytest.raises(ExperimentError):
+        parse_canonical(line)
+
+
+@pytest.mark.parametrize("value", ["!!int abc", "!!float abc", "!!int '5'", "!!str 5", "! 5"])
+def test_no_tag_is_taken(value: str) -> None:
+    with pytest.raises(ExperimentError, match=r"the tag .* is not taken") as refused:
+        parse_experiment(SMALL.replace("duration_s: 2.0", f"duration_s: {value}"))
+    assert refused.value.line == 10
+
+
+def test_equal_experiments_have_equal_texts() -> None:
+    other = parse_experiment(SMALL.replace("1e1", "10.0").replace("# a comment", "# another"))[0]
+    assert to_canonical_text(other) == to_canonical_text(EXPECTED)
+    assert to_canonical_text(of(Hold(do="hold", duration_s=3.0))) != to_canonical_text(EXPECTED)
+    assert "\n" not in to_canonical_text(EXPECTED)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "told"),
+    [
+        ("duration_s: 2.0", "duration_s: &a 2.0", 10, "anchors and aliases are not taken"),
+        ("duration_s: 2.0", "duration_s: *a", 10, "anchors and aliases are not taken"),
+        ("duration_s: 2.0", "duration_s: !!python/name:os.system x", 10, "is not taken"),
+        ("duration_s: 2.0", "duration_s: !mine 2", 10, "is not taken"),
+        ("duration_s: 2.0", "duration_s: !!timestamp 2001-01-01", 10, "is not taken"),
+        ("duration_s: 2.0", "duration_s: !!binary aGk=", 10, "is not taken"),
+        ("duration_s: 2.0", "duration_s: !!set {a}", 10, "is not taken"),
+        ("duration_s: 2.0", "duration_s: 1e400", 10, "is not taken"),
+        ("duration_s: 2.0", "duration_s: -1e400", 10, "is not taken"),
+        ("duration_s: 2.0", "duration_s: 1234567890123456789", 10, "is not a number that can be meant"),
+        ("duration_s: 2.0", "duration_s: 2.0\n        do: hold", 11, "phases 1, parts 1, do: it is said twice"),
+        ("duration_s: 2.0", "duration_s: true", 10, "duration_s"),
+        ("duration_s: 2.0", "duration_s: null", 10, "duration_s"),
+        ("duration_s: 2.0", "duration_s: [2.0]", 10, "duration_s"),
+        ("duration_s: 2.0", "duration_s: {a: 2.0}", 10, "duration_s"),
+        ("duration_s: 2.0", "duration_s: " + "1+" * 100 + "1", 10, "duration_s"),
+        ("duration_s: 2.0", "2: 2.0", 10, "the key 2 is not a text"),
+        ("do: hold", "do: [", 11, "it is neither YAML nor JSON"),
+        ("do: hold", "do: fly", 9, "'fly' is no motion; there are hold, step, ramp"),
+        ("name: small", "name: small\nname: other", 4, "name: it is said twice"),
+        ("format: 1", "format: 2", 2, "2 is not known: this Sinew reads format 1"),
+        ("format: 1", "format: one", 2, "'one' is not known"),
+        ("title: Small", f"title: {'x' * 101}", 4, "title"),
+        ("title: Small", "title: Small\n---\nname: other", 5, "it is neither YAML nor JSON"),
+    ],
+)
+def test_an_unsupported_construct_is_rejected_with_its_line(old: str, new: str, line: int, told: str) -> None:
+    assert SMALL.count(old) == 1
+    with pytest.raises(ExperimentError) as refused:
+        parse_experiment(SMALL.replace(old, new))
+    assert told in str(refused.value)
+    assert refused.value.line == line
+    assert str(refused.value).startswith(f"line {line}: ")
+
+
+@pytest.mark.parametrize("least", [MAX_CHARACTERS + 1, 1_000_000])
+def test_a_text_that_is_too_long_is_not_parsed(least: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(parser, "_Loader")
+    with pytest.raises(ExperimentError, match=f"it has {least} characters, at most {MAX_CHARACTERS} are taken"):
+        parse_experiment(SMALL + "#" * (least - len(SMALL)))
+
+
+def test_the_longest_text_that_is_taken_is_read() -> None:
+    assert parse_experiment(SMALL + "#" * (MAX_CHARACTERS - len(SMALL)))[0] == EXPECTED
+
+
+@pytest.mark.parametrize("nest", ["[", "{a: ", "- ", "? "])
+@pytest.mark.parametrize("deep", [42, 200, 20_000])
+def test_a_text_that_is_nested_too_deep_is_refused(nest: str, deep: int) -> None:
+    closing = {"[": "]", "{a: ": "}"}.get(nest, "")
+    with pytest.raises(ExperimentError):
+        parse_experiment(nest * deep + "1" + closing * deep)
+
+
+@given(st.text(max_size=300))
+def test_any_text_is_refused_in_a_sentence(text: str) -> None:
+    with pytest.raises(ExperimentError) as refused:
+        parse_experiment(text)
+    assert str(refused.value)
+
+
+@given(st.sampled_from(READY_NAMES), st.integers(0, 2000), st.text(max_size=4))
+def test_a_slip_of_the_hand_is_an_experiment_or_refused(name: str, at: int, typed: str) -> None:
+    text = load_ready_text(name)
+    with suppress(ExperimentError):
+        assert isinstance(parse_experiment(text[:at] + typed + text[at + len(typed) :])[0], Experiment)
+
+
+# Expressions have their arithmetic value; other texts are rejected.
+
+KNOWN: Names = {"hold_s": 3.0, "count": 4, "profile": "hand", "on": True}
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        (7, 7.0),
+        (0.25, 0.25),
+        ("2 * hold_s", 6.0),
+        ("  hold_s  ", 3.0),
+        ("-hold_s + +1", -2.0),
+        ("pi / 3", math.pi / 3.0),
+        ("hold_s ** 2 / count % 2", 0.25),
+        ("0.9 * (0.5 / 0.9) ** (1 / (count - 1))", 0.9 * (0.5 / 0.9) ** (1.0 / 3.0)),
+        ("max(hold_s, count, 1) - min(1, 2)", 3.0),
+        ("abs(-2.5) + sqrt(count) + round(2.6)", 7.5),
+        ("1.0 if on else 2.0", 1.0),
+        ("1.0 if profile == 'steps' else 2.0", 2.0),
+        ("1 if 1 < hold_s <= 3 and not count > 4 else 0", 1.0),
+        ("1 if hold_s != 3 or count >= 4 else 0", 1.0),
+        ("1e-3", 0.001),
+    ],
+)
+def test_an_expression_has_its_arithmetic_value(expression: float | str, expected: float) -> None:
+    assert evaluate_number(expression, KNOWN) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("expression", "held"),
+    [("hold_s < count", True), ("hold_s < count < 4", False), ("profile == 'hand'", True), ("not on", False)],
+)
+def test_a_comparison_holds_or_does_not(expression: str, held: bool) -> None:
+    assert evaluate_condition(expression, KNOWN) is held
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "__import__('os').system('true')",
+        "().__class__",
+        "pi.real",
+        "pi()",
+        "open('x')",
+        "[1][0]",
+        "{1: 2}",
+        "[x for x in (1,)]",
+        "lambda: 1",
+        "(x := 1)",
+        "x = 1",
+        "f'{hold_s}'",
+        "max(1, key=2)",
+        "max(*hold_s)",
+        "~count",
+        "7 // 2",
+        "7 @ 2",
+        "1 << 30",
+        "1 in 2",
+        "on is on",
+        "1, 2",
+        "await hold_s",
+        "None",
+        "...",
+        "1j",
+        "b'1'",
+        "",
+        " ",
+        "1 +",
+        "1; 2",
+        "\x00",
+        "\ud800",
+        "(" * 5_000,
+        "-" * 50_000 + "1",
+    ],
+)
+def test_what_is_no_small_expression_is_not_taken_whatever_asks(expression: str) -> None:
+    for ask in (evaluate_number, evaluate_condition, require_known):
+        with pytest.raises(ExpressionError):
+            ask(expression, KNOWN)
+
+
+@pytest.mark.parametrize(
+    ("expression", "told"),
+    [
+        ("1 / 0", "division"),
+        ("count % 0", "has no value"),
+        ("2 ** 1e9", "has no value"),
+        ("9 ** 9 ** 9 ** 9", "has no value"),
+        ("(-8) ** 0.5", "has no value"),
+        ("sqrt(-1)", "has no value"),
+        ("abs()", "has no value"),
+        ("'a' + 1", "has no value"),
+        ("'a' * 1000000", "has no value"),
+        ("profile < 3", "has no value"),
+        ("1e999", "not a finite number"),
+        ("1e308 * 10", "not a finite number"),
+        ("1e999 - 1e999", "not a finite number"),
+        ("profile", "not a finite number"),
+        ("on", "not a finite number"),
+        ("1 < 2", "not a finite number"),
+        ("hold", "'hold' is not known here; known are hold_s, count, profile, on, pi"),
+        ("nan", "'nan' is not known here"),
+        ("hold_s if 1 < 2 else hold", "'hold' is not known here"),
+    ],
+)
+def test_an_expression_without_a_value_has_a_reason(expression: str, told: str) -> None:
+    with pytest.raises(ExpressionError, match=r".") as refused:
+        evaluate_number(expression, KNOWN)
+    assert told in str(refused.value)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True])
+def test_what_is_no_finite_number_is_none_without_an_expression_too(value: float) -> None:
+    with pytest.raises(ExpressionError, match="not a finite number"):
+        evaluate_number(value, KNOWN)
+
+
+def test_a_number_is_no_comparison() -> None:
+    with pytest.raises(ExpressionError, match="which is not a comparison"):
+        evaluate_condition("hold_s + 1", KNOWN)
+
+
+def test_names_are_looked_for_without_values() -> None:
+    require_known("1 / (count - count)", KNOWN)
+    require_known(3.0, KNOWN)
+    with pytest.raises(ExpressionError, match="'depth' is not known here"):
+        require_known("max(1, 2 * depth)", KNOWN)
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_a_number_or_refused(text: str) -> None:
+    with suppress(ExpressionError):
+        assert math.isfinite(evaluate_number(text, KNOWN))
+
+
+@given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.sampled_from(["+", "-", "*", "<", "<=", ">", ">=", "==", "!="]))
+def test_settings_are_reckoned_with_as_python_does(a: float, b: float, sign: str) -> None:
+    names = {"a": a, "b": b}
+    expected = eval(f"a {sign} b", {}, names)
+    found = (
+        evaluate_condition(f"a {sign} b", names)
+        if isinstance(expected, bool)
+        else evaluate_number(f"a {sign} b", names)
+    )
+    assert found == expected
+
+
+@pytest.mark.parametrize(
+    "expression",
+    [
+        "round(1, -1000000000)",
+        "round(1, 1e300)",
+        "round(1, 0.5)",
+        "10 ** 400",
+        "9" * 400,
+        "1" + " + 1" * 101,
+        "-" * 31 + "1",
+        "(" * 40 + "-1" + ")" * 40 + " + 0" * 101,
+        "min(" * 31 + "1" + ")" * 31,
+        10**400,
+    ],
+)
+def test_an_expression_that_costs_much_is_refused_before_it_is_evaluated(expression: str | int) -> None:
+    with pytest.raises(ExpressionError):
+        evaluate_number(expression, {})
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"), [("round(7.5)", 8.0), ("round(2.345, 1)", 2.3), ("round(1234, -2)", 1200.0)]
+)
+def test_rounding_is_that_of_floats(expression: str, value: float) -> None:
+    assert evaluate_number(expression, {}) == value
+
+
+def test_whole_numbers_are_floats_in_every_operation() -> None:
+    """With Python's whole numbers 3 ** 2000 would be exact, and costly beyond any bound."""
+    assert evaluate_number("n * n", {"n": 2**60}) == float(2**60) ** 2
+    with pytest.raises(ExpressionError):
+        evaluate_number("3 ** 2000", {})
+
+
+# Parts selected by a setting: each value has its parts, and only those are executed.
+
+HOW = "settings:\n  - {name: how, kind: choice, symbol: how, meaning: way, default: up, choices: [up, down]}\n"
+UP, DOWN = "up: [{do: step, q_ref: 0.2, duration_s: 1}]", "down: [{do: step, q_ref: -0.2, duration_s: 2}]"
+
+
+def chosen(*of: str, by: str = "how") -> str:
+    return with_parts("{do: hold, duration_s: 1}", f"{{do: choose, by: {by}, of: {{{', '.join(of)}}}}}", settings=HOW)
+
+
+@pytest.mark.parametrize(("how", "q_ref", "duration_s"), [("up", 0.2, 1.0), ("down", -0.2, 2.0)])
+def test_the_parts_of_the_value_are_played(how: str, q_ref: float, duration_s: float) -> None:
+    segment = plan_of(chosen(UP, DOWN), how=how).program().segments[1]
+    assert (segment.q_ref, segment.duration_s) == (q_ref, duration_s)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (chosen(UP), "it needs parts for each of up, down"),
+        (chosen(DOWN), "it needs parts for each of up, down"),
+        (chosen(), "it needs parts for each of up, down"),
+        (chosen(UP, DOWN, "sideways: []"), "it needs parts for each of up, down"),
+        (chosen(UP, DOWN, by="where"), "'where' is no setting with choices"),
+        (chosen(UP, UP), "it is said twice"),
+    ],
+)
+def test_a_choice_without_parts_is_refused_in_its_line(text: str, told: str) -> None:
+    with pytest.raises(ExperimentError) as refused:
+        plan_of(text)
+    assert told in str(refused.value)
+    assert refused.value.line == 11
+
+
+def test_a_value_that_is_not_among_the_choices_is_refused() -> None:
+    with pytest.raises(ValueError, match="choose one of up, down"):
+        plan_of(chosen(UP, DOWN), how="sideways")

@@ -1,0 +1,184 @@
+"""Exports read by other libraries, with derived columns."""
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pyarrow.parquet
+import pytest
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+from scipy.io import loadmat
+
+from backend.experiments.parser import parse_derived_signal
+from backend.exports import formats, matlab
+from backend.exports.base import NOTATION, ORDER, Export, ExportError, ImportRefusedError, export_columns, export_run
+from backend.exports.formats import DataFormat, write_export
+from backend.exports.importer import import_export
+from backend.exports.mcap import foxglove_layout
+from backend.recording.reader import read_samples
+from backend.sample import FIELDS, STORED_NAMES
+from backend.storage import formulas, recordings
+from backend.storage.database import Database
+from tests.exports.stored import recorded
+from tests.exports.written import to_csv, to_mat, to_parquet, written
+from tests.reports.tracking_run import PLAN, samples
+
+# Exports read back by the libraries that their users read them with: equal, and with their notation.
+
+COLUMNS = {name: column[:2_000].copy() for name, column in samples(PLAN).items()}
+COLUMNS["u_A"][5:8] = np.inf, -np.inf, -0.0
+UNITS = {field.name: field.unit for field in FIELDS}
+
+
+def by_pandas(content: bytes) -> dict[str, NDArray[np.float64]]:
+    table = pandas.read_csv(io.BytesIO(content), comment="#")
+    return {name: table[name].to_numpy() for name in table.columns}
+
+
+def by_pyarrow(content: bytes) -> dict[str, NDArray[np.float64]]:
+    table = pyarrow.parquet.read_table(io.BytesIO(content))
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def by_scipy(content: bytes) -> dict[str, NDArray[np.float64]]:
+    found = loadmat(io.BytesIO(content))  # type: ignore[arg-type]  # the stubs know paths only
+    assert all(found[name].shape == (2_000, 1) for name in ORDER)
+    return {name: found[name][:, 0] for name in ORDER}
+
+
+def by_mcap(content: bytes) -> dict[str, NDArray[np.float64]]:
+    messages = [json.loads(message.data) for _, _, message in make_reader(io.BytesIO(content)).iter_messages()]
+    return {name: np.array([one[name] for one in messages], np.float64) for name in messages[0]}
+
+
+READERS = {"csv": by_pandas, "parquet": by_pyarrow, "mat": by_scipy, "mcap": by_mcap}
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_every_sample_reads_back_equal(kind: str) -> None:
+    read: Callable[[bytes], dict[str, NDArray[np.float64]]] = READERS[kind]
+    found = read(written(COLUMNS, kind))
+    assert tuple(found) == ORDER
+    np.testing.assert_array_equal(found["t"], COLUMNS["t"])
+    for name in STORED_NAMES:
+        np.testing.assert_array_equal(found[name].astype(np.float32), COLUMNS[name].astype(np.float32), name)
+
+
+def test_csv_has_facts_a_heading_and_a_line_for_each_sample() -> None:
+    lines = to_csv(COLUMNS).decode().splitlines()
+    facts = [line for line in lines if line.startswith("#")]
+    assert lines[: len(facts)] == facts
+    assert NOTATION in facts[0]
+    assert "# S [N·m/rad] S: joint stiffness, estimated from measured angles and the identified spring" in facts
+    rows = list(csv.reader(lines[len(facts) :]))
+    assert tuple(rows[0]) == ORDER
+    assert len(rows) == 1 + 2_000
+    assert rows[2][0] == "0.001"
+
+
+def test_parquet_carries_units_symbols_and_meanings() -> None:
+    table = pyarrow.parquet.read_table(io.BytesIO(to_parquet(COLUMNS)))
+    assert table.schema.field("S").metadata[b"unit"] == "N·m/rad".encode()
+    assert table.schema.field("theta_A").metadata[b"symbol"] == "θ_A".encode()
+    assert table.schema.metadata[b"notation"] == NOTATION.encode()
+
+
+def test_mat_has_units_symbols_and_meanings_beside_the_signals() -> None:
+    content = loadmat(io.BytesIO(to_mat(COLUMNS)), simplify_cells=True)  # type: ignore[arg-type]  # the stubs know paths only
+    assert content["units"] == {name: UNITS[name] for name in ORDER}
+    assert content["symbols"]["theta_A"] == "θ_A"
+    assert content["notation"] == NOTATION
+
+
+def test_mcap_has_a_schema_with_the_notation_and_brings_its_layout() -> None:
+    reader = make_reader(io.BytesIO(written(COLUMNS, "mcap")))
+    summary = reader.get_summary()
+    assert summary is not None
+    (schema,) = summary.schemas.values()
+    (channel,) = summary.channels.values()
+    assert (schema.encoding, channel.message_encoding, channel.topic) == ("jsonschema", "json", "/sample")
+    said = json.loads(schema.data)["properties"]
+    assert {name: part["unit"] for name, part in said.items()} == {name: UNITS[name] for name in ORDER}
+    (attached,) = reader.iter_attachments()
+    assert attached.data.decode() == foxglove_layout()
+    shown = [
+        path["value"]
+        for panel in json.loads(foxglove_layout())["configById"].values()
+        for path in panel.get("paths", ())
+    ]
+    assert {path.removeprefix("/sample.") for path in shown} <= set(ORDER)
+
+
+@pytest.mark.parametrize("kind", DataFormat)
+def test_own_reader_returns_facts_and_samples(kind: DataFormat, tmp_path: Path) -> None:
+    file = tmp_path / f"data.{kind}"
+    export = export_columns(COLUMNS, "samples")
+    formats.write_export(export, kind, file)
+    facts, batches = formats.read_export(file)
+    assert facts == export.facts
+    parts = list(batches)
+    for name in ORDER:
+        found = np.concatenate([part[name] for part in parts])
+        assert found.dtype == (np.float64 if name == "t" else np.float32)
+        np.testing.assert_array_equal(found, COLUMNS[name].astype(found.dtype))
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize("kind", DataFormat)
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.99])
+def test_a_file_that_was_cut_off_is_refused(kind: DataFormat, share: float, tmp_path: Path) -> None:
+    file = tmp_path / f"data.{kind}"
+    whole = written(COLUMNS, kind)
+    file.write_bytes(whole[: int(share * len(whole))])
+    if kind is DataFormat.CSV and share:
+        return  # it has no end that could be missing: what is missing is told by the digest
+    with pytest.raises(ImportRefusedError):
+        list(formats.read_export(file)[1])
+
+
+def test_what_is_too_long_for_matlab_is_refused_at_once(tmp_path: Path) -> None:
+    export = export_columns(COLUMNS, "run 7")
+    object.__setattr__(export.facts, "samples", 268_435_456)
+    with pytest.raises(ExportError, match=r"run 7 has 268435456 samples.*choose Parquet"):
+        matlab.write(Export(export.facts, export.batches), tmp_path)
+
+
+# An export with derived signals: behind the recorded columns, and taken in again without them.
+
+EXPRESSION = "(F_A + F_B) / 2"
+
+
+@pytest.mark.parametrize("kind", DataFormat)
+def test_it_is_taken_in_again_without_what_was_derived(
+    here: Database, there: Database, kind: DataFormat, tmp_path: Path
+) -> None:
+    with here.session() as session:
+        run = recorded(session)
+        steps = [asdict(step) for step in parse_derived_signal("F_mean", "N", EXPRESSION).steps]
+        formulas.save(session, "F_mean", EXPRESSION, steps, "N", "", "Ana")
+    export = export_run(here, run, ["F_mean"])
+    assert (export.facts.names[-1], export.facts.columns[-1].unit) == ("F_mean", "N")
+    assert EXPRESSION in export.facts.columns[-1].meaning
+    for batch in export.batches():
+        np.testing.assert_allclose(batch["F_mean"], (batch["F_A"] + batch["F_B"]) / 2, rtol=1e-6)
+    file = tmp_path / f"run.{kind}"
+    write_export(export, kind, file)
+    taken = import_export(there, file, "Ben")
+    with here.reading() as one, there.reading() as other:
+        assert recordings.get(other, taken.run).fields == recordings.get(one, run).fields
+        before, after = read_samples(one, run), read_samples(other, taken.run)
+    for name, column in before.columns.items():
+        np.testing.assert_array_equal(after.columns[name], column)
+
+
+def test_an_unknown_formula_is_refused(here: Database) -> None:
+    with here.session() as session:
+        run = recorded(session)
+    with pytest.raises(ExportError, match="there is no formula F_mean"):
+        export_run(here, run, ["F_mean"])

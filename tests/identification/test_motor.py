@@ -1,0 +1,205 @@
+"""The motor from records of voltage and angle."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lsim
+
+from backend.cli import main
+from backend.identification.models import Grade
+from backend.identification.motor import MotorRecord, VoltageStepRecord, identify_motor_record
+from backend.identification.records import Record, RecordError
+from tests.identification.own_motor import K_M, PERIOD_S, T_M, motor, noisy, voltages
+
+# Equation 17 from any record of voltage and angle: right within its errors, or it says what is wrong.
+
+COUNT_RAD = 2.0 * np.pi / 8000
+
+
+TRUTHS = ("K_m", "T_m", "u_c", "t_d", "u_0")
+
+
+def worst_error(found: MotorRecord, u_c: float, delay_s: float) -> float:
+    """Largest error in standard errors; friction and dead time that were left out have to be 0."""
+    values = zip(found.parameters.values(), (K_M, T_M, u_c, delay_s, 0.0), found.std_errors, strict=True)
+    return max(abs(value - truth) / std if std > 0.0 else np.inf * (value != truth) for value, truth, std in values)
+
+
+def angles(u: np.ndarray, u_c: float, delay_s: float = 0.0) -> np.ndarray:
+    noise = 0.5 * COUNT_RAD * np.random.default_rng(4).standard_normal(u.size)
+    return COUNT_RAD * np.round((motor(u, u_c, delay_s)[1] + noise) / COUNT_RAD)
+
+
+@pytest.mark.parametrize(
+    ("kind", "u_c", "delay_s"),
+    [
+        ("binary", 0.0, 0.0),
+        ("binary", 0.3, 0.0373),
+        ("binary", 2.0, 0.05),
+        ("levels", 0.0, 0.004),
+        ("levels", 0.3, 0.0),
+        ("levels", 2.0, 0.0006),
+        ("sines", 0.0, 0.2),
+        ("sines", 0.3, 0.012),
+        ("sines", 2.0, 0.0),
+    ],
+)
+def test_gain_lag_friction_and_dead_time_come_back_from_voltage_and_angle(
+    kind: str, u_c: float, delay_s: float
+) -> None:
+    u = voltages(kind, 12_000 if kind == "sines" else 6000)
+    found = identify_motor_record(Record(PERIOD_S, u, angles(u, u_c, delay_s)), COUNT_RAD)
+    assert worst_error(found, u_c, delay_s) < 4.0
+    assert (found.u_c > 0.0) is (u_c > 0.0)
+    assert (found.t_d > 0.0) is (delay_s > 0.0)
+    assert found.verdict.grade is Grade.USABLE
+    assert ("dry friction takes" in found.verdict.sentence) is (u_c > 0.0)
+    assert (f"dead time of {1e3 * found.t_d:.3g} ms" in found.verdict.sentence) is (delay_s > 0.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equation_17_of_scipy_comes_back_in_noise(seed: int) -> None:
+    """Free of friction, on a grid ten times finer, dead time of 13.7 samples, white noise, a record cut in motion."""
+    u, finer = voltages("levels", 5000, seed), 10
+    t = np.arange(finer * u.size) * PERIOD_S / finer
+    late = np.concatenate((np.zeros(137), np.repeat(u, finer)[:-137]))
+    theta = lsim(([K_M], [T_M, 1.0, 0.0]), late, t, interp=False)[1][::finer]
+    y = theta + 0.005 * np.std(theta) * np.random.default_rng(seed).standard_normal(u.size)
+    found = identify_motor_record(Record(PERIOD_S, u[700:], y[700:]))
+    assert worst_error(found, 0.0, 0.0137) < 4.0
+    assert found.whiteness.passed
+    assert found.input_correlation.passed
+    assert found.verdict.grade is Grade.USABLE
+
+
+@pytest.mark.parametrize("late", [0.4, 0.8])
+@pytest.mark.parametrize("seed", range(2))
+def test_what_came_before_a_record_does_not_show_in_a_dead_time_of_less_than_a_sample(seed: int, late: float) -> None:
+    """Twenty samples a second, cut in motion: in the first sample the voltage of before the record still drives."""
+    period_s, finer = 0.05, 50
+    random = np.random.default_rng(seed)
+    u = random.uniform(-5.0, 5.0, 620)
+    held = np.concatenate((np.zeros(round(late * finer)), np.repeat(u, finer)))[: finer * u.size]
+    t = np.arange(held.size) * period_s / finer
+    theta = lsim(([K_M], [T_M, 1.0, 0.0]), held, t, interp=False)[1][::finer]
+    noise = 1e-6 * random.standard_normal(u.size)
+    found = identify_motor_record(Record(period_s, u[20:], (theta + noise)[20:]))
+    assert found.rms < 1.2e-6
+    assert worst_error(found, 0.0, late * period_s) < 4.0
+    assert found.t_d == pytest.approx(late * period_s, abs=1e-6)
+
+
+@pytest.mark.parametrize(("noise", "grade"), [(0.49, Grade.CAUTION), (0.5, Grade.UNUSABLE)])
+def test_a_motor_that_explains_less_than_half_of_the_angle_is_not_usable(noise: float, grade: Grade) -> None:
+    """However white the rest, and though gain, lag, friction and dead time are known well enough."""
+    u = voltages("levels", 12_000)
+    u -= np.mean(u)
+    found = identify_motor_record(Record(PERIOD_S, u, noisy(motor(u)[1], noise)))
+    assert found.whiteness.passed
+    assert found.input_correlation.passed
+    assert found.spread_percent < 10.0
+    assert abs(found.fit_percent - 50.0) < 1.0
+    assert (found.fit_percent < 50.0) is (grade is Grade.UNUSABLE)
+    assert found.verdict.grade is grade
+
+
+@pytest.mark.parametrize("u_c", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_one_voltage_does_not_tell_gain_from_friction(seed: int, u_c: float) -> None:
+    u = np.where(np.arange(6000) < 500, 0.0, 4.0)
+    noise = 0.5 * np.random.default_rng(seed).standard_normal(u.size)
+    y = COUNT_RAD * np.round(motor(u, u_c)[1] / COUNT_RAD + noise)
+    found = identify_motor_record(Record(PERIOD_S, u, y), COUNT_RAD)
+    assert found.verdict.grade is Grade.UNUSABLE
+    assert (
+        "does not tell the friction from gain and lag: drive the motor with several voltages" in found.verdict.sentence
+    )
+    assert np.isnan(found.spread_percent)
+
+
+@pytest.mark.parametrize("scale", [0.02, 0.005, 0.002])
+def test_a_weak_voltage_is_right_within_its_errors_and_the_weaker_the_less_is_known(scale: float) -> None:
+    u = scale * voltages("binary", 6000)
+    found = identify_motor_record(Record(PERIOD_S, u, angles(u, 0.0, 0.05)), COUNT_RAD)
+    assert worst_error(found, 0.0, 0.05) < 4.0
+    assert f"fit of {found.fit_percent:.1f} % on unseen data" in found.verdict.sentence
+    assert (found.verdict.grade is Grade.USABLE) is (found.fit_percent >= 80.0 and found.spread_percent <= 3.0)
+
+
+def test_friction_that_is_not_the_same_both_ways_is_told() -> None:
+    u = voltages("levels", 6000)
+    y = np.cumsum(motor(u, 0.3)[0] * (1.0 + 0.1 * (motor(u, 0.3)[0] > 0.0))) * PERIOD_S
+    found = identify_motor_record(Record(PERIOD_S, u, COUNT_RAD * np.round(y / COUNT_RAD)), COUNT_RAD)
+    assert found.verdict.grade is not Grade.USABLE
+    assert "the residuals are not white" in found.verdict.sentence
+
+
+def test_an_angle_that_hardly_moves_is_refused() -> None:
+    u = 0.0002 * voltages("binary")
+    with pytest.raises(RecordError, match=r"motion is .* counts"):
+        identify_motor_record(Record(PERIOD_S, u, angles(u, 0.0)), COUNT_RAD)
+
+
+def test_the_command_line_identifies_a_motor_from_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    u = voltages("levels")
+    table = np.column_stack((1e3 * PERIOD_S * np.arange(u.size), u, angles(u, 0.3, 0.0373)))
+    np.savetxt(tmp_path / "motor.csv", table, delimiter=",", header="t_ms,u,theta", comments="", fmt="%.9g")
+    words = ["--input", "u", "--output", "theta", "--structure", "motor", "--resolution", repr(COUNT_RAD)]
+    monkeypatch.setattr(sys, "argv", ["sinew", "identify", "data", str(tmp_path / "motor.csv"), *words, "--json"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    printed = json.loads(capsys.readouterr().out)
+    for name, truth in zip(TRUTHS, (K_M, T_M, 0.3, 0.0373, 0.0), strict=True):
+        assert abs(printed["parameters"][name] - truth) <= 4.0 * printed["std_errors"][name]
+    assert printed["grade"] == "usable"
+
+
+# A run of the motor without load: refused with the reason where nothing can be learnt from it.
+
+N = 400
+PERIOD_S_VOLTAGE_STEP = 1e-3
+U = np.where(np.arange(N) < 50, 0.0, 3.0)
+THETA = np.maximum(np.arange(N) - 50, 0) * PERIOD_S_VOLTAGE_STEP * 8.0
+GOOD = VoltageStepRecord(PERIOD_S_VOLTAGE_STEP, U, THETA, 10.0, COUNT_RAD, np.full(N, 0.2))
+
+
+def with_nan(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    spoilt = signal.copy()
+    spoilt[7] = np.nan
+    return spoilt
+
+
+def test_a_run_says_when_it_steps_and_how_high() -> None:
+    assert (GOOD.first, GOOD.voltage) == (50, 3.0)
+    assert (replace(GOOD, u=-U).first, replace(GOOD, u=-U).voltage) == (50, -3.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"theta": THETA[:-1]}, "give u and theta of one length"),
+        ({"u": U[:-1]}, "give u and theta of one length"),
+        ({"u": U.reshape(2, -1), "theta": THETA.reshape(2, -1)}, "give u and theta of one length"),
+        ({"u": U[30:79], "theta": THETA[30:79]}, "length of the run is 49 samples, must be at least 50 samples"),
+        ({"u": with_nan(U)}, "number of samples of u that are not finite is 1, must be at most 0"),
+        ({"theta": with_nan(THETA)}, "number of samples of theta that are not finite is 1, must be at most 0"),
+        ({"u_max": 3.0}, "voltage is 3 V, must be at most 3 V: the output saturates"),
+        ({"u": 0.0 * U}, "change of voltage after the step is 0 V"),
+        ({"u": U + 0.01 * (np.arange(N) > 300)}, "after the step is 0.01 V, must be at most 0.00301 V"),
+        ({"tension_N": np.full(N, 0.6)}, "tendon force is 0.6 N, must be at most 0.5 N: the load touches"),
+        ({"tension_N": np.full(N, -0.6)}, "tendon force is 0.6 N, must be at most 0.5 N: the load touches"),
+        ({"theta": 0.05 * THETA}, "must be at least 200 counts: step higher or record for longer"),
+    ],
+)
+def test_what_is_no_free_step_is_refused(change: dict[str, NDArray[np.float64]], message: str) -> None:
+    with pytest.raises(RecordError) as refusal:
+        replace(GOOD, **change)  # type: ignore[arg-type]  # which of the fields it is, the case says
+    assert message in str(refusal.value)

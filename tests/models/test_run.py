@@ -1,0 +1,277 @@
+"""Documents of a run: settings, plant, result and headline."""
+
+import json
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from backend.banks.builder import BankError, require_same_parameters
+from backend.banks.tuning_settings import TuningSettings
+from backend.experiments.plans import LoopSettings
+from backend.models.document import UnreadableDocumentError
+from backend.models.run import (
+    CRITERIA,
+    METRICS,
+    PLANT_NUMBERS,
+    SETTINGS,
+    MeasuredFigure,
+    Metrics,
+    RunCriterion,
+    StoredLoopSettings,
+    StoredPlantNumber,
+    find_headline,
+)
+from backend.models.upgrades import NO_STORED_REASON
+from backend.reports.build import build_metrics_document, build_report
+from backend.reports.run_data import load_source
+from backend.services.identifications import StoredIdentifications
+from backend.services.runs import RunQuery, StoredRuns
+from backend.services.tuning_state import default_tuning
+from backend.storage import results, runs
+from backend.storage.database import Database, open_database
+from backend.storage.results import NewResult
+from backend.workers import WorkerProcess
+from plant.parameters import SHIPPED, load_parameters
+from tests.migrations.old_schema import migrated
+from tests.models import earlier
+from tests.models.earlier import BEFORE, earlier_database, put_result, put_run
+
+# Which figure a list of runs shows: the criterion that failed, else the first that was measured.
+
+PASSED = RunCriterion("settling_q_s", "Settling of q", "<", 2.0, 1.5, "s", True)
+FAILED = RunCriterion("overshoot_q_percent", "Overshoot of q", "<", 2.0, 3.5, "%", False)
+UNSEEN = RunCriterion("min_tension_N", "Smallest tension", ">", 1.0, None, "N", None, "the run ended early")
+GAP = MeasuredFigure("rise_q_s", "s", "Rise of q", "10 to 90 %", None, "no step")
+PEAK = MeasuredFigure("peak_voltage_V", "V", "Peak voltage", "largest |u|", 6.5)
+
+
+@pytest.mark.parametrize(
+    ("figures", "criteria", "shown"),
+    [
+        ((PEAK,), (PASSED, FAILED), ("overshoot_q_percent", 3.5, "<", 2.0)),
+        ((PEAK,), (UNSEEN, PASSED), ("settling_q_s", 1.5, "<", 2.0)),
+        ((GAP, PEAK), (UNSEEN,), ("peak_voltage_V", 6.5, "", None)),
+        ((GAP,), (), None),
+        (None, (), None),
+    ],
+)
+def test_the_criterion_that_failed_comes_before_what_was_measured(
+    figures: tuple[MeasuredFigure, ...] | None,
+    criteria: tuple[RunCriterion, ...],
+    shown: tuple[str, float, str, float | None] | None,
+) -> None:
+    metrics = None if figures is None else Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=figures)
+    found = find_headline(metrics, criteria)
+    assert (None if found is None else (found.name, found.value, found.relation, found.bound)) == shown
+
+
+def test_the_lower_fit_of_an_identification_comes_before_its_motion() -> None:
+    metrics = Metrics(complete=True, played_s=1.0, planned_s=1.0, figures=(PEAK,))
+    found = find_headline(metrics, (), {"G_q": 97.2, "G_S": 91.4})
+    assert found is not None
+    assert (found.name, found.label, found.value, found.unit) == ("fit_percent", "Fit of G_S", 91.4, "%")
+    judged = find_headline(metrics, (PASSED,), {"G_q": 97.2})
+    assert judged is not None
+    assert judged.name == "settling_q_s"
+
+
+# A plant's numbers, read back from what a run keeps of them.
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_they_are_those_of_the_plant(name: str) -> None:
+    parameters = load_parameters(name)
+    kept = PLANT_NUMBERS.read(json.loads(json.dumps(parameters.to_document())), "run 1")
+    assert kept["motor"]["u_max"] == StoredPlantNumber(
+        parameters.motor.u_max, "V", parameters.sources.get("motor.u_max", "")
+    )
+    assert kept["geometry"]["r_j"].value == parameters.geometry.r_j
+    assert PLANT_NUMBERS.write(kept) == parameters.to_document()
+
+
+def test_a_number_without_unit_and_source_is_one() -> None:
+    assert PLANT_NUMBERS.read({"motor": {"u_max": {"value": 10.0}}}, "run 1")["motor"]["u_max"].value == 10.0
+
+
+def test_what_are_no_numbers_is_refused_by_its_place() -> None:
+    with pytest.raises(
+        UnreadableDocumentError, match=r"^run 3: numbers of its plant cannot be read, field motor\.u_max"
+    ):
+        PLANT_NUMBERS.read({"motor": {"u_max": 10.0}}, "run 3")
+
+
+@pytest.mark.parametrize("then", [11.0, None])
+def test_one_other_number_makes_another_plant(then: float | None) -> None:
+    parameters = load_parameters("lab")
+    kept = parameters.to_document()
+    if then is None:
+        del kept["motor"]["u_max"]
+    else:
+        kept = replace(parameters, motor=replace(parameters.motor, u_max=then)).to_document()
+    with pytest.raises(BankError, match=rf"motor\.u_max was {then}, it is {parameters.motor.u_max} now"):
+        require_same_parameters(parameters, "identification 3", kept)
+
+
+# Settings of runs are read and written as they were; one that cannot be read is listed all the same.
+
+LOOP = {"lam_q": 0.5, "lam_S": 0.42, "lam_motor": 0.0854, "b": 0.0, "bank": 0, "interpolate": False, "seed": 7}
+PROGRAM: dict[str, Any] = {
+    "plan": {"tension_N": 20.0, "bits": 7, "estimator": "default"},
+    "loop": LOOP,
+    "declared": [{"name": "b", "symbol": "b", "unit": "1", "meaning": "weight of the reference", "value": 0.0}],
+    "versions": {"Python": "3.11.2"},
+}
+SESSION: dict[str, Any] = {"mode": "run", "loop": {name: LOOP[name] for name in LOOP if name != "seed"}}
+EARLY_SESSION: dict[str, Any] = {"mode": "run", "lam_q": 0.5, "lam_S": 0.42, "interpolate": False, "bank": None}
+TUNING = default_tuning(load_parameters("ideal"))[0]
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    opened = open_database(tmp_path)
+    put_run(opened, 1, "actuator_identification", PROGRAM)
+    put_run(opened, 2, "session", EARLY_SESSION)
+    with closing(migrated(opened, tmp_path, BEFORE)) as found:
+        yield found
+
+
+def test_a_kept_loop_has_every_part_of_a_tuning_and_the_seed() -> None:
+    assert [part.name for part in fields(StoredLoopSettings)] == [part.name for part in fields(LoopSettings)]
+    kept = StoredLoopSettings(**asdict(LoopSettings(lam_q=0.6, bank=3, seed=4)))
+    assert TuningSettings.from_values(kept.get_known_values()) == TuningSettings(lam_q=0.6, bank=3)
+    assert kept.get_known_values()["seed"] == 4
+
+
+@pytest.mark.parametrize("document", [PROGRAM, SESSION])
+def test_what_is_read_is_written_as_it_was_with_a_version(document: dict[str, Any]) -> None:
+    written = SETTINGS.write(SETTINGS.read(document, "run 7"))
+    assert written == {**document, "version": 1}
+    assert list(written)[:-1] == list(document)
+    assert type(written.get("plan", {}).get("bits", 7)) is int
+
+
+def test_an_early_session_had_its_tuning_beside_the_mode(database: Database) -> None:
+    with database.reading() as session:
+        told = runs.get(session, 2).set_to
+    assert (told.mode, told.plan, told.declared) == ("run", None, None)
+    assert told.loop == StoredLoopSettings(lam_q=0.5, lam_S=0.42, interpolate=False)
+    assert told.get_values() == {"lam_q": 0.5, "lam_S": 0.42, "interpolate": False}
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({**PROGRAM, "version": 2}, "run 3: what it was set to is of version 2"),
+        ({**PROGRAM, "loop": {**LOOP, "b": "half"}}, "run 3: what it was set to cannot be read, field loop.b"),
+        ([], "run 3: what it was set to cannot be read"),
+    ],
+)
+def test_what_cannot_be_read_is_told_by_run_and_field_and_the_lists_open(
+    database: Database, settings: Any, said: str
+) -> None:
+    put_run(database, 3, "actuator_identification", settings)
+    with database.reading() as session, pytest.raises(UnreadableDocumentError, match=said):
+        assert runs.get(session, 3).set_to
+    stored = StoredRuns(database, lambda: None, lambda _run: False)
+    listed = stored.find_runs(RunQuery(limit=10)).runs
+    assert [(run.id, len(run.settings)) for run in listed] == [
+        (3, 0),
+        (2, 3),
+        (1, 0),
+    ]  # an identification uses λ_motor alone
+    assert said in listed[0].evaluation_problem
+    found = StoredIdentifications(
+        database, lambda _run: 1.0, WorkerProcess(print), lambda: TUNING
+    ).list_identifications()
+    assert [(one.id, one.tension_N) for one in found] == [(3, None), (1, 20.0)]
+    assert said in found[0].message
+
+
+def test_a_number_of_the_plant_that_is_not_there_is_named(database: Database) -> None:
+    with database.reading() as session:
+        run = runs.get(session, 1)
+    assert run.number("geometry", "r_j") == 0.075
+    with pytest.raises(UnreadableDocumentError, match=r"run 1: its parameters have no number safety\.F_least"):
+        run.number("safety", "F_least")
+
+
+# Results of earlier versions are shown, what cannot be read is refused by name, and the list of runs still opens.
+
+
+@pytest.fixture
+def database_result(tmp_path: Path) -> Iterator[Database]:
+    opened = earlier_database(tmp_path)
+    yield opened
+    opened.close()
+
+
+def test_a_result_without_reasons_says_what_it_lacks(database_result: Database) -> None:
+    source = load_source(database_result, 1)
+    assert source.result is not None
+    metrics, criteria = source.result.metrics, source.result.criteria
+    assert (metrics.complete, metrics.played_s, metrics.problem) == (True, 28.000000000000004, "")
+    assert metrics.definitions == 0
+    assert [item.reason for item in metrics.figures] == ["no such step was played to its end", ""]
+    assert metrics.steps is not None
+    assert (metrics.steps[0].overshoot_percent, metrics.steps[0].reach_s, metrics.steps[0].reasons) == (0.5, None, {})
+    assert [item.reason for item in criteria] == [NO_STORED_REASON]
+    assert build_metrics_document(source)["criteria"] == [{**earlier.CRITERIA[0], "reason": NO_STORED_REASON}]
+    assert build_report(source).outcome == "incomplete"
+
+
+def test_what_is_written_is_what_was_written_and_a_version(database_result: Database) -> None:
+    with database_result.session() as session:
+        read = results.newest(session, 1)
+        assert read is not None
+        results.add(session, NewResult(1, read.metrics, read.criteria, "1.0.0"))
+        row = session.execute(text("SELECT metrics, criteria FROM result ORDER BY id DESC LIMIT 1")).one()
+    metrics, criteria = json.loads(row.metrics), json.loads(row.criteria)
+    assert metrics.pop("version") == 1
+    assert {name: metrics[name] for name in earlier.METRICS if name not in ("figures", "steps")} == {
+        name: value for name, value in earlier.METRICS.items() if name not in ("figures", "steps")
+    }
+    assert metrics["figures"] == [earlier.FIGURES[0], {**earlier.FIGURES[1], "reason": ""}]
+    assert criteria == [{**earlier.CRITERIA[0], "reason": NO_STORED_REASON}]
+
+
+@pytest.mark.parametrize(
+    ("metrics", "criteria", "said"),
+    [
+        ({**earlier.METRICS, "version": 2}, [], "run 1: its result is of version 2, written by a newer Sinew"),
+        (
+            {**earlier.METRICS, "played_s": "long"},
+            [],
+            "run 1: its result cannot be read, field played_s: it should be a valid number",
+        ),
+        ({**earlier.METRICS, "figures": [{"name": "rmse_q"}]}, [], "field figures.0.unit: it is missing"),
+        ({**earlier.METRICS, "figures": 3}, [], "field figures: it should be"),
+        ([], [], "run 1: its result cannot be read"),
+        (earlier.METRICS, [{**earlier.CRITERIA[0], "bound": None}], "its criteria cannot be read, field 0.bound"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_by_run_and_field(
+    database_result: Database, metrics: Any, criteria: Any, said: str
+) -> None:
+    put_result(database_result, 1, metrics, criteria)
+    with pytest.raises(UnreadableDocumentError) as refused:
+        load_source(database_result, 1)
+    assert said in str(refused.value)
+    stored = StoredRuns(database_result, lambda: None, lambda _run: False)
+    listed = stored.find_runs(RunQuery(limit=10))
+    assert [run.id for run in listed.runs] == [1]
+
+
+@pytest.mark.parametrize("version", ["1", 1.5, True, -1])
+def test_a_version_that_is_none_is_no_way_around(version: Any) -> None:
+    with pytest.raises(UnreadableDocumentError, match="run 7: its result cannot be read, field version"):
+        METRICS.read({**earlier.METRICS, "version": version}, "run 7")
+
+
+def test_criteria_come_back_as_they_were() -> None:
+    read = CRITERIA.read([{**earlier.CRITERIA[0], "reason": "no number"}], "run 7")
+    assert CRITERIA.write(read) == [{**earlier.CRITERIA[0], "reason": "no number"}]

@@ -1,0 +1,239 @@
+"""The contract of a plant, and how conformance to it is tested."""
+
+import gc
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from inspect import isfunction, signature
+from pathlib import Path
+
+import pytest
+
+from plant.conformance import CHECKS, LONG_TICKS, WARM_UP_TICKS, Check, CheckOutcome, Subject, drive, run_contract
+from plant.factory import make_plant
+from plant.interface import ZERO_VOLTS, Measurement, MotorCommand, Plant, PlantChoice, PlantKind, T_s
+from plant.parameters import PlantParameters
+from plant.replay import Replay, load_replay
+from plant.rig import Rig
+from plant.simulator import Simulator
+from tests.plant import example
+from tests.plant.recorded import trip_recorded
+
+# What a Plant promises holds for the simulator, the rig on a virtual card, a recording, and a package's plant.
+
+NOT_FOR_A_RECORDING = {"a_voltage_acts", "a_write_counts_from_the_next_reading", "keeps_to_its_voltages"}
+"""What is written to a recording has no effect."""
+
+
+@pytest.fixture(scope="module")
+def choices(lab: PlantParameters, tmp_path_factory: pytest.TempPathFactory) -> dict[str, PlantChoice]:
+    recording = tmp_path_factory.mktemp("recording") / "run-7.csv"
+    trip_recorded(lab, recording)
+    return {
+        "simulator": PlantChoice(),
+        "virtual card": PlantChoice(PlantKind.VIRTUAL_CARD),
+        "replay": PlantChoice(PlantKind.REPLAY, recording=str(recording)),
+        example.NAME: PlantChoice(PlantKind.PACKAGE, package=example.NAME),
+    }
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return example.installed_in(tmp_path_factory.mktemp("example"))
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.name)
+@pytest.mark.parametrize("name", ["simulator", "virtual card", "replay", example.NAME])
+def test_the_contract_holds(
+    choices: dict[str, PlantChoice],
+    site: Path,
+    lab: PlantParameters,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    check: Check,
+) -> None:
+    monkeypatch.syspath_prepend(str(site))
+    subject = Subject(lambda: make_plant(choices[name], lab, 0), lab, voltage=0.5)
+    if name == "replay":
+        subject = replace(subject, answers=False, lasts=len(load_replay(choices[name].recording)))
+    (finding,) = run_contract(subject, (check,))
+    left_out = name == "replay" and check.name in NOT_FOR_A_RECORDING
+    assert finding.outcome is (CheckOutcome.NOT_TRIED if left_out else CheckOutcome.HOLDS), finding.seen
+
+
+@pytest.mark.parametrize("kind", [Simulator, Replay, Rig])
+def test_each_is_called_as_the_interface_says(kind: type[Plant]) -> None:
+    promised = {name: signature(each) for name, each in vars(Plant).items() if isfunction(each) and name[0] != "_"}
+    assert {name: signature(getattr(kind, name)) for name in promised} == promised
+
+
+class Degrees(Simulator):
+    def read(self) -> Measurement:
+        m = super().read()
+        return m._replace(q=m.q + 30.0)
+
+
+class Swapped(Simulator):
+    def write(self, command: MotorCommand) -> None:
+        super().write(MotorCommand(command.u_B, command.u_A))
+
+
+class Backwards(Simulator):
+    def write(self, command: MotorCommand) -> None:
+        super().write(MotorCommand(-command.u_A, -command.u_B))
+
+
+class Driving(Simulator):
+    def write(self, command: MotorCommand) -> None:
+        super().write(MotorCommand(command.u_A + 1.0, command.u_B))
+
+
+class Unbound(Simulator):
+    def write(self, command: MotorCommand) -> None:
+        super().write(MotorCommand(10.0 if command.u_A > 10.0 else 0.9 * command.u_A, 0.9 * command.u_B))
+
+
+class Restless(Simulator):
+    def read(self) -> Measurement:
+        super().write(MotorCommand(10.0, 10.0))
+        return super().read()
+
+
+class Hoarding(Simulator):
+    def __init__(self, parameters: PlantParameters) -> None:
+        super().__init__(parameters)
+        self.kept: list[Measurement] = []
+
+    def read(self) -> Measurement:
+        self.kept.append(super().read())
+        return self.kept[-1]
+
+
+class Odd(Simulator):
+    def push(self, F_push: float) -> None:
+        raise ValueError("no")
+
+
+class OpenOnce(Simulator):
+    done = False
+
+    def close(self) -> None:
+        assert not self.done
+        self.done = True
+
+
+class Hasty(Simulator):
+    stepped, paces_loop = False, True
+
+
+class Random(Simulator):
+    made = 0
+
+    def __init__(self, parameters: PlantParameters) -> None:
+        Random.made += 1
+        super().__init__(parameters, seed=Random.made)
+
+
+class Mute(Simulator):
+    description = ""
+
+
+class Hurried(Simulator):
+    unattended_max_s = 1e-3
+
+
+class Less:
+    open = read = close = Simulator.open
+
+    def __init__(self, _parameters: PlantParameters) -> None:
+        """Take what the others take."""
+
+
+@pytest.mark.parametrize(
+    ("make", "requirement", "said"),
+    [
+        (Less, "is_a_plant", "it has no paces_loop, "),
+        (Hurried, "is_a_plant", "unattended_max_s = 0.001"),
+        (Mute, "describes_itself", "says nothing"),
+        (Restless, "opens_at_rest", "moved by"),
+        (Degrees, "reads_in_si", "is it in rad?"),
+        (Driving, "rests_at_zero_volts", "at zero volts"),
+        (Backwards, "a_voltage_acts", "sign"),
+        (Swapped, "a_voltage_acts", "sign, or too little?|swapped"),
+        (Restless, "a_write_counts_from_the_next_reading", "without a write"),
+        (Unbound, "keeps_to_its_voltages", "further than at 10 V"),
+        (Odd, "refuses_in_a_sentence", "ValueError in place of a PlantError: no"),
+        (OpenOnce, "closes_twice_and_opens_again", "AssertionError"),
+        (Hasty, "keeps_the_time", "before they were due"),
+        (Hoarding, "keeps_nothing_of_a_tick", "blocks of memory more"),
+        (Random, "repeats", "the second time it read otherwise"),
+    ],
+)
+def test_a_plant_that_breaks_a_promise_is_found(
+    lab: PlantParameters, make: Callable[[PlantParameters], Simulator], requirement: str, said: str
+) -> None:
+    def made() -> Simulator:
+        return make(lab)
+
+    (check,) = (check for check in CHECKS if check.name == requirement)
+    (finding,) = run_contract(Subject(made, lab, voltage=0.5), (check,))
+    assert finding.outcome is CheckOutcome.BROKEN
+    assert any(words in finding.seen for words in said.split("|")), finding.seen
+
+
+class Collecting(Hoarding):
+    """Hoards; at one of its ticks the collector goes through everything there is."""
+
+    def read(self) -> Measurement:
+        if len(self.kept) == WARM_UP_TICKS + LONG_TICKS // 2:
+            gc.collect()
+        return super().read()
+
+
+def test_what_is_kept_of_each_tick_is_not_hidden_by_garbage_of_others(lab: PlantParameters) -> None:
+    (check,) = (check for check in CHECKS if check.name == "keeps_nothing_of_a_tick")
+    gc.disable()  # at which tick it is freed is no matter of luck
+    try:
+        for _ in range(200_000):
+            itself: list[object] = []
+            itself.append(itself)
+        (finding,) = run_contract(Subject(lambda: Collecting(lab), lab), (check,))
+    finally:
+        gc.enable()
+    assert finding.outcome is CheckOutcome.BROKEN, finding.seen
+
+
+def test_without_a_voltage_nothing_is_driven(lab: PlantParameters) -> None:
+    written: list[MotorCommand] = []
+
+    class Watched(Simulator):
+        def write(self, command: MotorCommand) -> None:
+            written.append(command)
+            super().write(command)
+
+    findings = list(run_contract(Subject(lambda: Watched(lab), lab)))
+    assert {f.name for f in findings if f.outcome is CheckOutcome.NOT_TRIED} == NOT_FOR_A_RECORDING
+    assert not [f for f in findings if f.outcome is CheckOutcome.BROKEN]
+    assert all(not abs(u) > 0.0 or u == float("inf") for command in written for u in command)
+
+
+# How the contract looks at a plant.
+
+
+class WithTheClock(Simulator):
+    stepped = False
+
+
+class AtItsOwnPace(Simulator):
+    stepped, paces_loop = False, True
+
+
+@pytest.mark.parametrize(("plant", "waits"), [(Simulator, 0), (AtItsOwnPace, 0), (WithTheClock, 50)])
+def test_only_what_moves_with_the_clock_is_waited_for(
+    lab: PlantParameters, plant: type[Simulator], waits: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slept_s: list[float] = []
+    monkeypatch.setattr(time, "sleep", slept_s.append)
+    drive(plant(lab), ZERO_VOLTS, 50)
+    assert len(slept_s) == waits
+    assert all(0.0 <= s <= T_s for s in slept_s)

@@ -1,0 +1,333 @@
+"""Motions of the bring-up: homing and the trial of a motor."""
+
+import asyncio
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from backend.banks.builder import build_tuning_command
+from backend.control import pid
+from backend.control.motion_types import NO_REFERENCE, MotorLoopState
+from backend.experiments.plans import LoopSettings
+from backend.faults import Fault
+from backend.realtime.commands import (
+    Accepted,
+    Home,
+    ModeChanged,
+    Refused,
+    Reset,
+    SetMode,
+    SimulateManualInput,
+    Stop,
+    SwitchDrives,
+    TryMotor,
+)
+from backend.realtime.commissioning_motions import (
+    HOMING_MAX_V,
+    TENSION_MAX_N,
+    TIME_MAX_S,
+    ModuleTrial,
+    MotorTrial,
+    compute_switch_travel,
+)
+from backend.realtime.gains import build_cascade_tuning
+from backend.realtime.headless import SimulatedLoop
+from backend.realtime.modes import MODE_CODE, HomingEnd, Mode
+from backend.realtime.program import SetTuning
+from backend.sample import INDEX
+from backend.tuning.gains import collect_plant_knowledge
+from plant.dynamics import PlantState
+from plant.factory import make_plant
+from plant.interface import Measurement, PlantChoice, PlantKind
+from plant.manual_input import NO_MANUAL_INPUT, ManualInput
+from plant.parameters import load_parameters
+from plant.simulator import Simulator
+from plant.virtual_daq import VirtualRig
+from tests.commissioning.rigs import WIRING, with_entries
+
+# The joint is driven to the virtual card's end switch: the zero it takes, and whatever may keep it from there.
+
+PARAMETERS = load_parameters("lab")
+COUNT_RAD = 2.0 * math.pi / WIRING.encoder_q.counts_per_rev
+
+
+class Bench:
+    """A loop on a virtual card that is wired as ``true`` says, its joint at ``q`` [rad], its directions proven."""
+
+    def __init__(self, tuning: SetTuning, q: float, declared: dict[str, Any], true: dict[str, Any]) -> None:
+        out = -abs(q) * PARAMETERS.geometry.r_j / PARAMETERS.geometry.r_m if abs(q) > 1.0 else 0.0  # else taut
+        start = PlantState(*Simulator(PARAMETERS).x)._replace(q=q, theta_A=out, theta_B=out)
+        self.simulator = Simulator(PARAMETERS, 0, start)
+        wired, really = with_entries(WIRING, **declared), with_entries(WIRING, **true)
+        self.rig = VirtualRig(wired, self.simulator, None, really, directions_proven=True, load_cells_measured=True)
+        self.loop = SimulatedLoop(self.rig, PARAMETERS, tuning)
+        self.ends: list[str] = []
+        self.loop.listen(self._hear)
+        asyncio.run(self.loop.advance(0.05))
+
+    def _hear(self, event: object) -> None:
+        if isinstance(event, ModeChanged) and event.before is Mode.IDENTIFY:
+            self.ends.append(event.cause)
+
+    def homed(self, position: float, hand: ManualInput | None = None) -> NDArray[np.float64]:
+        """Play it to its end, with a ``hand`` once the tendons are taut; return the samples [n, fields] of the way."""
+
+        async def play() -> None:
+            assert not isinstance(answer := await self.loop.send(Home(position)), Refused), answer
+            if hand is not None:
+                await self.loop.advance(5.0)
+                await self.loop.send(SimulateManualInput(hand))
+            await self.loop.advance_until(lambda: bool(self.ends), TIME_MAX_S + 1.0)
+            await self.loop.advance(0.3)
+
+        first = self.loop.ring.count
+        asyncio.run(play())
+        _, rows, _ = self.loop.ring.read(first, self.loop.ring.capacity)
+        self.loop.close()
+        at_rest = rows[rows[:, INDEX["mode"]] != MODE_CODE[Mode.IDENTIFY]]
+        assert not at_rest[:, [INDEX["u_A"], INDEX["u_B"]]].any()
+        return np.asarray(rows[rows[:, INDEX["mode"]] == MODE_CODE[Mode.IDENTIFY]])
+
+
+@pytest.mark.parametrize(("position", "start"), [(0.5, -0.2), (-0.4, 0.1), (0.5, 0.52)])
+def test_the_zero_is_where_the_switch_is(tuning: SetTuning, position: float, start: float) -> None:
+    entries = {"end_switch": {"position": position}}
+    bench = Bench(tuning, start, entries, entries)
+    way = bench.homed(position)
+    assert bench.ends == [HomingEnd.HOMED]
+    newest = bench.loop.ring.newest()
+    assert newest is not None
+    assert newest[INDEX["q"]] == pytest.approx(bench.simulator.x.q, abs=2.0 * COUNT_RAD)
+    assert abs(newest[INDEX["q"]]) < 0.05
+    assert np.abs(way[:, [INDEX["u_A"], INDEX["u_B"]]]).max() <= HOMING_MAX_V
+    assert way[:, [INDEX["F_A"], INDEX["F_B"]]].max() <= TENSION_MAX_N
+    assert np.ptp(way[:, INDEX["q"]]) < compute_switch_travel(position)
+
+
+ELSEWHERE = {"end_switch": {"position": 0.4, "line": "port0/line5"}}
+AT = {"end_switch": {"position": 0.4}}
+SURPRISES: list[tuple[str, dict[str, Any], dict[str, Any], ManualInput | None, HomingEnd]] = [
+    ("the switch never closes", ELSEWHERE, AT, None, HomingEnd.NOT_REACHED),
+    (
+        "the switch is stuck closed",
+        {"end_switch": {"position": 0.4, "line": "port0/line5", "active": "low"}},
+        AT,
+        None,
+        HomingEnd.STUCK_CLOSED,
+    ),
+    ("the joint's encoder goes backwards", AT, AT | {"encoder_q": {"direction": -1.0}}, None, HomingEnd.WRONG_WAY),
+    (
+        "the motors were exchanged",
+        AT,
+        AT | {"motor_A": {"channel": "ao1"}, "motor_B": {"channel": "ao0"}},
+        None,
+        HomingEnd.MOTOR_OFF,
+    ),
+    ("a motor turns backwards", AT, AT | {"motor_A": {"gain": -1.0}}, None, HomingEnd.MOTOR_OFF),
+    ("a load cell says too little", AT | {"load_cell_A": {"slope": 1.0}}, AT, None, HomingEnd.SLACK),
+    ("a hand holds the joint", AT, AT, ManualInput(q=0.15), HomingEnd.JOINT_HELD),
+    ("a weight hangs on a load cell", AT, AT, ManualInput(pull_A=7.0), HomingEnd.TENSION),
+]
+
+
+@pytest.mark.parametrize(
+    ("declared", "true", "hand", "end"), [case[1:] for case in SURPRISES], ids=[case[0] for case in SURPRISES]
+)
+def test_a_surprise_ends_it_at_zero_volts_with_its_name(
+    tuning: SetTuning, declared: dict[str, Any], true: dict[str, Any], hand: ManualInput | None, end: HomingEnd
+) -> None:
+    bench = Bench(tuning, 0.15, declared, true)
+    way = bench.homed(0.4, hand)
+    assert bench.ends == [end]
+    assert np.abs(way[:, [INDEX["u_A"], INDEX["u_B"]]]).max() <= HOMING_MAX_V
+    assert np.ptp(way[:, INDEX["q"]]) < compute_switch_travel(0.4)
+    newest = bench.loop.ring.newest()
+    assert newest is not None
+    assert newest[INDEX["q"]] == pytest.approx(way[-1, INDEX["q"]], abs=0.1)  # no zero was taken: it would be 0.15 off
+
+
+FAR = {"end_switch": {"position": -0.4}}
+
+
+@pytest.mark.parametrize("known", [False, True], ids=["no zero is known", "a zero is known"])
+def test_a_loop_that_was_started_far_from_the_middle_homes_from_where_the_joint_has_been_turned(
+    tuning: SetTuning, known: bool
+) -> None:
+    """The joint stood at 1.3 rad, and on its way reads -1.7 rad, its range being 1.57 rad to either side."""
+    bench = Bench(tuning, 1.3, FAR, FAR)
+    asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(q=0.0, theta_A=0.0, theta_B=0.0))))
+    asyncio.run(bench.loop.advance(3.0))
+    asyncio.run(bench.loop.send(SimulateManualInput(NO_MANUAL_INPUT)))
+    bench.rig.zeroed = known
+    way = bench.homed(-0.4)
+    if known:
+        assert bench.ends == [Fault.JOINT_LIMIT]
+        return
+    assert bench.ends == [HomingEnd.HOMED]
+    assert way[:, INDEX["q"]].min() < -1.6
+    newest = bench.loop.ring.newest()
+    assert newest is not None
+    assert newest[INDEX["q"]] == pytest.approx(bench.simulator.x.q, abs=2.0 * COUNT_RAD)
+
+
+def test_a_stop_on_that_way_can_be_reset_where_the_joint_stands(tuning: SetTuning) -> None:
+    bench = Bench(tuning, 1.3, FAR, FAR)
+    asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(q=0.0, theta_A=0.0, theta_B=0.0))))
+    asyncio.run(bench.loop.advance(3.0))
+    asyncio.run(bench.loop.send(SimulateManualInput(NO_MANUAL_INPUT)))
+    bench.rig.zeroed = False
+
+    def newest(name: str) -> float:
+        row = bench.loop.ring.newest()
+        assert row is not None
+        return float(row[INDEX[name]])
+
+    assert isinstance(asyncio.run(bench.loop.send(Home(-0.4))), Accepted)
+    asyncio.run(bench.loop.advance_until(lambda: newest("q") < -1.6, TIME_MAX_S))
+    assert newest("q") < -1.6
+    asyncio.run(bench.loop.send(Stop(Fault.STOP_PRESSED, hard=True)))
+    asyncio.run(bench.loop.advance(1.0))
+    assert isinstance(answer := asyncio.run(bench.loop.send(Reset())), Accepted), answer
+    assert isinstance(asyncio.run(bench.loop.send(TryMotor("A"))), Accepted)
+    asyncio.run(bench.loop.advance(0.1))
+    assert newest("mode") == MODE_CODE[Mode.IDENTIFY]  # tried, and not stopped for where the encoder counts from
+    bench.loop.close()
+
+
+def test_it_is_not_begun_before_it_is_safe(tuning: SetTuning) -> None:
+    bench = Bench(tuning, 0.0, AT, AT | {"encoder_A": {"direction": -1.0}})
+
+    def refused(position: float = 0.4) -> str:
+        answer = asyncio.run(bench.loop.send(Home(position)))
+        assert isinstance(answer, Refused)
+        return answer.reason
+
+    bench.rig.prove_directions(proven=False)
+    assert "directions are not proven" in refused()
+    bench.rig.prove_directions(proven=True)
+    assert "way to the end switch" in refused(0.01)
+    asyncio.run(bench.loop.send(SwitchDrives(on=False)))
+    assert "drives are switched off" in refused()
+    asyncio.run(bench.loop.send(SwitchDrives(on=True)))
+    asyncio.run(bench.loop.send(SimulateManualInput(ManualInput(pull_B=12.0))))
+    asyncio.run(bench.loop.advance(0.1))
+    assert "at most 10 N are safe" in refused()
+    bench.loop.close()
+
+
+@pytest.mark.parametrize(
+    ("command", "mode"),
+    [(SetMode(Mode.STOPPING), Mode.OFF), (Stop(Fault.OPERATOR_LOST, hard=False), Mode.TRIPPED), (Stop(), Mode.TRIPPED)],
+)
+def test_a_stop_on_the_way_is_zero_volts_at_once(tuning: SetTuning, command: SetMode | Stop, mode: Mode) -> None:
+    bench = Bench(tuning, 0.0, AT, AT)
+    asyncio.run(bench.loop.send(Home(0.4)))
+    asyncio.run(bench.loop.advance(0.5))
+    first = bench.loop.ring.count
+    asyncio.run(bench.loop.send(command))
+    asyncio.run(bench.loop.advance(0.1))
+    _, rows, _ = bench.loop.ring.read(first, bench.loop.ring.capacity)
+    bench.loop.close()
+    assert (rows[:, INDEX["mode"]] == MODE_CODE[mode]).all()
+    assert not rows[:, [INDEX["u_A"], INDEX["u_B"]]].any()
+
+
+def test_what_takes_too_long_is_given_up_at_its_time(tuning: SetTuning, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("backend.realtime.commissioning_motions.TIME_MAX_S", 0.5)
+    bench = Bench(tuning, 0.1, AT, AT)
+    way = bench.homed(0.4)
+    assert bench.ends == [HomingEnd.TOO_LONG]
+    assert len(way) == 500
+
+
+# A motor that is tried may turn either way: nothing closes a loop on it, however the trial ends.
+
+PARAMETERS_TRIAL = load_parameters("ideal")
+
+
+def tried(tuning: SetTuning) -> SimulatedLoop:
+    """Return a loop on the virtual card in the middle of a trial of motor A."""
+    loop = SimulatedLoop(make_plant(PlantChoice(PlantKind.VIRTUAL_CARD), PARAMETERS_TRIAL, 0), PARAMETERS_TRIAL, tuning)
+    asyncio.run(loop.advance(0.01))
+    assert isinstance(asyncio.run(loop.send(TryMotor("A"))), Accepted)
+    asyncio.run(loop.advance(0.1))
+    assert value(loop, "u_A") == pytest.approx(0.1, abs=0.01)
+    return loop
+
+
+def value(loop: SimulatedLoop, signal: str) -> float:
+    newest = loop.ring.newest()
+    assert newest is not None
+    return float(newest[INDEX[signal]])
+
+
+@pytest.mark.parametrize(
+    ("command", "mode"),
+    [
+        (SetMode(Mode.STOPPING), Mode.OFF),
+        (Stop(Fault.OPERATOR_LOST, hard=False), Mode.TRIPPED),
+        (Stop(Fault.SERVICE_LOST, hard=False), Mode.TRIPPED),
+        (Stop(), Mode.TRIPPED),
+    ],
+)
+def test_a_trial_that_is_ended_goes_to_zero_volts_without_braking(
+    tuning: SetTuning, command: SetMode | Stop, mode: Mode
+) -> None:
+    loop = tried(tuning)
+    before = loop.ring.count
+    asyncio.run(loop.send(command))
+    asyncio.run(loop.advance(0.2))
+    _, rows, _ = loop.ring.read(before, loop.ring.count - before)
+    assert not rows[1:, INDEX["u_A"]].any()
+    assert not rows[:, INDEX["u_B"]].any()
+    assert (rows[1:, INDEX["mode"]] == MODE_CODE[mode]).all()
+    loop.close()
+
+
+def test_nothing_but_a_stop_is_granted_while_a_motor_is_tried(tuning: SetTuning) -> None:
+    loop = tried(tuning)
+    refused = asyncio.run(loop.send(SetMode(Mode.PRETENSION)))
+    assert isinstance(refused, Refused)
+    assert "a motor is being tried" in refused.reason
+    loop.close()
+
+
+def test_a_trial_that_proved_nothing_leaves_the_directions_unproven(tuning: SetTuning) -> None:
+    loop = tried(tuning)
+    asyncio.run(loop.send(SetMode(Mode.STOPPING)))
+    asyncio.run(loop.advance(0.01))
+    refused = asyncio.run(loop.send(SetMode(Mode.PRETENSION)))
+    assert isinstance(refused, Refused)
+    assert "directions are not proven" in refused.reason
+    loop.close()
+
+
+@pytest.mark.parametrize("silent", ["q", "theta_A", "theta_B", "F_A", "F_B"])
+def test_a_reading_that_is_no_number_ends_the_way_out(silent: str) -> None:
+    m = Measurement(0.0, 0.0, 0.0, 2.0, 2.0, math.nan, 0.0, 0.0)
+    gains = build_cascade_tuning(
+        build_tuning_command(PARAMETERS_TRIAL, LoopSettings(), None), collect_plant_knowledge(PARAMETERS_TRIAL)
+    )
+    carry = MotorLoopState(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
+    trial = MotorTrial(carry, NO_REFERENCE, m, "A")
+    rising = [trial.step(gains, m).u_A for _ in range(50)]
+    assert rising == sorted(rising)
+    after = [trial.step(gains, m._replace(**{silent: math.nan})).u_A for _ in range(50)]
+    assert max(after) <= rising[-1]
+
+
+@pytest.mark.parametrize("silent", ["F_A", "F_B"])
+def test_a_tension_that_is_no_number_ends_the_trial_of_the_safety_module(silent: str) -> None:
+    m = Measurement(0.0, 0.0, 0.0, 10.0, 10.0, math.nan, 0.0, 1.0)
+    gains = build_cascade_tuning(
+        build_tuning_command(PARAMETERS_TRIAL, LoopSettings(), None), collect_plant_knowledge(PARAMETERS_TRIAL)
+    )
+    carry = MotorLoopState(pid.at_rest_motor_pair(gains.motors, 0.0, 0.0, 0.0, 0.0), gains.motors, 0.0, 0.0)
+    trial = ModuleTrial(carry, NO_REFERENCE, m)
+    trial.step(gains, m)
+    assert not trial.done
+    trial.step(gains, m._replace(**{silent: math.nan}))
+    assert trial.done
