@@ -47,7 +47,7 @@ ONLY_COMPUTES = {
     "tuning",
     "wire",
     "test_forks.py",
-    "test_house.py",
+    "test_repository.py",
     "test_lanes.py",
     "test_units.py",
     "test_errors.py",

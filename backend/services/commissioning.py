@@ -101,7 +101,7 @@ NOT_YET = "takes effect at the next start of the loop: do it again in off, or st
 _log = logging.getLogger(__name__)
 
 
-class CommissioningResults:
+class CommissioningResultStore:
     """Stores and activates results. Runs in the event loop of the service."""
 
     def __init__(self, actuator: ActuatorService, supervisor: Supervisor, database: Database) -> None:
@@ -219,7 +219,7 @@ class CommissioningService:
         self._database = database
         self._parameters = parameters
         self._drive_lockout = drive_lockout
-        self._results = CommissioningResults(actuator, supervisor, database)
+        self._results = CommissioningResultStore(actuator, supervisor, database)
         self._running: _RunningStep | None = None
         self._loop_start = actuator.live_state.starts, datetime.now(UTC)  # number and time of the newest loop process
 

@@ -80,7 +80,7 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class MetricName:
+class StudyMetric:
     """A metric of the table, with its label and SI unit."""
 
     name: str
@@ -89,8 +89,8 @@ class MetricName:
 
 
 SHARES = {
-    "not_completed": MetricName("not_completed", "Runs not completed", "%"),
-    "criteria_failed": MetricName("criteria_failed", "Runs whose criteria do not all hold", "%"),
+    "not_completed": StudyMetric("not_completed", "Runs not completed", "%"),
+    "criteria_failed": StudyMetric("criteria_failed", "Runs whose criteria do not all hold", "%"),
 }
 """Shares of runs: of all computed runs, and of the runs with criteria."""
 
@@ -172,15 +172,15 @@ class Share:
     high: float | None = field(metadata=describe_field("upper end of the interval", "%"))
 
 
-def list_metric_names(experiment: Experiment) -> dict[str, MetricName]:
+def list_metric_names(experiment: Experiment) -> dict[str, StudyMetric]:
     """Return the metrics of the runs of a study by name, METRICS_DRAWN_FIRST first."""
     named = {
-        item.name: MetricName(item.name, item.metadata["label"], item.metadata["unit"])
+        item.name: StudyMetric(item.name, item.metadata["label"], item.metadata["unit"])
         for measure in experiment.measures
         for item in fields(METRICS_BY_MEASURE[measure])
         if item.metadata
     }
-    named |= {name: MetricName(name, label, unit) for name, (label, unit) in LOOP_METRICS.items()}
+    named |= {name: StudyMetric(name, label, unit) for name, (label, unit) in LOOP_METRICS.items()}
     first = [name for name in METRICS_DRAWN_FIRST if name in named]
     return {name: named[name] for name in (*first, *(name for name in named if name not in first))}
 
@@ -281,7 +281,7 @@ def choose_map_axes(axes: Mapping[str, tuple[Value, ...]]) -> tuple[str, str] | 
     return (names[0], names[1]) if len(names) > 1 else None
 
 
-def summarize_distributions(points: Sequence[StudyPoint], figures: Iterable[MetricName]) -> list[Spreading]:
+def summarize_distributions(points: Sequence[StudyPoint], figures: Iterable[StudyMetric]) -> list[Spreading]:
     """Return the distribution of each metric that any run has."""
     found = []
     for figure in figures:

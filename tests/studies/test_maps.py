@@ -18,7 +18,7 @@ from backend.studies.maps import (
     NEITHER_IS_WORSE,
     STATISTICS,
     WORST,
-    MetricName,
+    StudyMetric,
     build_map,
     compute_shares,
     format_axis_labels,
@@ -31,9 +31,9 @@ from backend.units import AngleUnit
 AXES = {"lam_q": (0.5, 0.8), "lam_S": (0.5, 0.7)}
 
 
-def named(figure: str) -> MetricName:
+def named(figure: str) -> StudyMetric:
     """Return a figure with its name for a label."""
-    return MetricName(figure, figure, "1")
+    return StudyMetric(figure, figure, "1")
 
 
 def runs_of(figure: str, *values: float | None) -> list[StudyPoint]:

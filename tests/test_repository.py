@@ -1,5 +1,6 @@
-"""Rules of the house that no linter knows: names of files, their size, what a repository must not carry."""
+"""Rules of the repository that no linter checks: names, sizes and contents of files, names of classes."""
 
+import ast
 import re
 import subprocess
 from pathlib import Path
@@ -97,3 +98,13 @@ def test_make_offers_what_the_documents_name(page: str) -> None:
     named = set(re.findall(r"(?:^ {4}|`)make ([\w-]+)", TEXTS[ROOT / page], re.MULTILINE))
     offered = set(re.findall(r"^([\w-]+):", TEXTS[ROOT / "Makefile"], re.MULTILINE))
     assert {"run", "test"} <= named <= offered
+
+
+def test_no_public_class_name_has_two_definitions() -> None:
+    """A reader who searches for a class finds one."""
+    places: dict[str, list[str]] = {}
+    for path in sorted(path for folder in ("plant", "backend") for path in (ROOT / folder).rglob("*.py")):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}
