@@ -142,7 +142,7 @@ class ControlHandover:
         handover = self._find_open(number)
         if handover.recipient.session != user.session or handover.status is HandoverStatus.ASKED:
             raise RequestRejectedError(ErrorCode.NOT_NOW, "control was not handed over to this page: nothing done")
-        why = f": {handover.reason}" if handover.reason else ""
+        why = f": {escape_quantities(handover.reason)}" if handover.reason else ""
         holder = self._control.take(
             user, is_page=True, take_over=True, handed=f"control handed over by {self._get_name(handover.giver)}{why}"
         )

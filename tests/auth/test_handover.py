@@ -12,6 +12,7 @@ from backend.errors import RequestRejectedError
 from backend.event_bus import EventBus
 from backend.schemas.session import Role
 from backend.schemas.state import HandoverAnswer
+from backend.units import AngleUnit, format_text
 from plant.errors import ErrorCode
 
 ANA, VERA, ODA = (User(name, Role.OPERATOR, name[0].lower(), name) for name in ("Ana", "Vera", "Oda"))
@@ -109,6 +110,20 @@ def test_who_asks_gets_control_when_it_is_handed_over_and_all_of_it_is_told(desk
     ]
     desk.wait(TOLD_S + 1.0)
     assert desk.hand_over.view() == []
+
+
+@pytest.mark.parametrize("angles", AngleUnit)
+def test_a_reason_with_numbers_and_units_is_displayed_as_it_was_written(desk: Desk, angles: AngleUnit) -> None:
+    """In the log, for both units of angles: no number that a person has written is converted."""
+    reason, answer = "keep it below 1 rad and 3e-06 V, 2 rad/s", "30 deg is enough for me"
+    number = desk.ask(VERA, reason)
+    desk.answer(ANA, number, HandoverAnswer.HAND_OVER, answer, holds=True)
+    desk.take(VERA, number)
+    assert [format_text(text, angles) for text in desk.told] == [
+        f"Vera: asked Ana for control: {reason}",
+        f"Ana: hands control over to Vera: {answer}",
+        f"Vera: control handed over by Ana: {reason}",
+    ]
 
 
 def test_who_keeps_control_says_why_and_it_is_heard(desk: Desk) -> None:
