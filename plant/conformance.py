@@ -163,7 +163,7 @@ def check_reading(plant: Plant, m: Measurement, parameters: PlantParameters) -> 
     for name, theta in (("theta_A", m.theta_A), ("theta_B", m.theta_B)):
         require(abs(theta) <= 100.0, f"{name} = {theta:g}, beyond {Angle(100.0)}: is it in rad at the gearbox outlet?")
     require(m.safety_trip in (0.0, 1.0), f"safety_trip = {m.safety_trip:g}, it has to be 0 or 1")
-    require(len(plant.raw) == 5, "raw has to be a RawReading, of nan where there is no card")
+    require(len(plant.raw) == len(RawReading._fields), "raw has to be a RawReading, of nan where there is no card")
 
 
 def drive(plant: Plant, command: MotorCommand, ticks: int) -> Measurement:

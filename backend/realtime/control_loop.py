@@ -288,7 +288,7 @@ _NAMES: Final = ("q", "theta_A", "theta_B", "F_A", "F_B")
 _UNITS: Final = ("rad", "rad", "rad", "N", "N")
 
 
-def describe_fault(
+def describe_implausible_reading(
     fault: DetectedFault, previous: Measurement, raw: Measurement, m: Measurement, command: MotorCommand
 ) -> tuple[Fault, str]:
     """Return fault and message for implausible readings.
@@ -354,7 +354,7 @@ class FaultDescriber:
                 )
                 return Fault.SAFETY_MODULE, f"the loop read {', '.join(readings)} then"
             case fault_detection.IMPLAUSIBLE_READING:
-                return describe_fault(fault, state.previous, state.newest, m, command)
+                return describe_implausible_reading(fault, state.previous, state.newest, m, command)
             case fault_detection.SLACK:
                 F_slack = self._bounds.F_slack
                 slack, taut = _format_tensions(m, lambda F: F_slack > F)

@@ -26,7 +26,7 @@ from backend.realtime.commands import (
     SwitchDrives,
 )
 from backend.realtime.heartbeat import HEARTBEAT_S, HeartbeatSender, WatchdogMonitor
-from backend.realtime.heartbeat import WATCHDOG_MONITOR_PART as GUARD
+from backend.realtime.heartbeat import WATCHDOG_MONITOR_PART
 from backend.realtime.ipc import ChannelError, Failed, FromLoop, Ready, Setup, decode_from_loop, encode, packets
 from backend.realtime.launching import LoopProcess, launch_loop
 from backend.realtime.modes import MODES, Mode
@@ -337,7 +337,7 @@ class Supervisor:
         self._tasks = [
             start_task(_WATCH_PART, partial(self._watch, self._process)),
             start_task(_LIVENESS_PART, partial(self._refresh_heartbeat, channel, self._heartbeat)),
-            start_task(GUARD, partial(self.watchdog_monitor.run, self._process)),
+            start_task(WATCHDOG_MONITOR_PART, partial(self.watchdog_monitor.run, self._process)),
         ]
         await asyncio.to_thread(
             heartbeat.compile_heartbeat
