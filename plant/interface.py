@@ -119,7 +119,7 @@ class RawReading(NamedTuple):
     n_B: float
 
 
-NO_RAW = RawReading(*(5 * [math.nan]))
+NO_RAW = RawReading(*(math.nan for _ in RawReading._fields))
 
 
 class ShaftLoad(NamedTuple):

@@ -25,8 +25,7 @@ from backend.realtime.commands import (
     Stopped,
     SwitchDrives,
 )
-from backend.realtime.heartbeat import HEARTBEAT_S, HeartbeatSender, WatchdogMonitor
-from backend.realtime.heartbeat import WATCHDOG_MONITOR_PART
+from backend.realtime.heartbeat import HEARTBEAT_S, WATCHDOG_MONITOR_PART, HeartbeatSender, WatchdogMonitor
 from backend.realtime.ipc import ChannelError, Failed, FromLoop, Ready, Setup, decode_from_loop, encode, packets
 from backend.realtime.launching import LoopProcess, launch_loop
 from backend.realtime.modes import MODES, Mode
