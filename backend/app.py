@@ -95,7 +95,6 @@ from backend.workers import NUMERIC_LIBRARIES, WorkerProcesses
 from plant import ParameterError, PlantKind, PlantParameters, load_parameters
 
 # Boot ----------------------------------------------------------------------------------------------
-#
 # Loads what the control loop needs to start: parameters, tuning, commissioning, drive lockout.
 
 

@@ -220,7 +220,6 @@ def _describe_os_error(data: Path, error: OSError) -> str:
 
 
 # Access rights -------------------------------------------------------------------------------------
-#
 # No other account of the machine may read tokens, sessions or recordings.
 
 

@@ -25,7 +25,6 @@ from backend.supervision import Part, Supervision
 from plant import ErrorCode, SinewError
 
 # Start of processes --------------------------------------------------------------------------------
-#
 # The service never forks: the copy would keep its lock, its database and its sockets open after the
 # service has ended. Spawned processes do not import from the working directory, where a file may
 # have the name of a module.
@@ -71,7 +70,6 @@ def _reject_fork(event: str, _arguments: object) -> None:
 
 
 # Libraries -----------------------------------------------------------------------------------------
-#
 # Libraries that take seconds to load and that the start does not need. Code that computes with them
 # imports them where it does. The service loads them after its start (``backend.main``), so that the
 # first request does not wait; a worker process loads those of its work.
@@ -89,7 +87,6 @@ def import_modules(*names: str) -> None:
 
 
 # Worker process ------------------------------------------------------------------------------------
-#
 # Long computations run in a process of their own, so that the live stream is not delayed. When the
 # process dies, this is reported at once, the interrupted work is repeated once, and the next work
 # starts a new process. Work beyond its limit of time or memory is killed and not repeated.
@@ -409,7 +406,6 @@ def initialize_worker(niceness: int) -> None:
 
 
 # Streams -------------------------------------------------------------------------------------------
-#
 # Results that are too large for memory are passed on in chunks. Each stream has a process of its
 # own, which waits for a slow reader and is killed when the reader stops.
 
@@ -484,7 +480,6 @@ def _send_chunks(connection: Connection, work: Callable[..., Iterable[bytes]], a
 
 
 # Worker processes of the service -------------------------------------------------------------------
-#
 # One process for each kind of work that must not wait for the others. In the service their
 # computations would hold the interpreter lock for longer than the loop waits for a heartbeat. Work
 # whose cost depends on a person's input has limits of time and memory.

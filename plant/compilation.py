@@ -307,7 +307,6 @@ def compiled_run(function: _F) -> _F:
 
 
 # State blocks --------------------------------------------------------------------------------------
-#
 # Memory that compiled functions read and write in place: a nested named tuple at a fixed address.
 #
 # A call passes the address of a block instead of hundreds of numbers one by one. In compiled functions ``block.value``

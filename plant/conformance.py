@@ -32,7 +32,6 @@ from plant.parameters import PlantParameters
 from plant.quantity import Angle, Quantity
 
 # Check types ---------------------------------------------------------------------------------------
-#
 # Types and building blocks of the checks.
 
 

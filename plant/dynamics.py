@@ -12,7 +12,6 @@ from plant.interface import NO_LOAD, PlantError, ShaftLoad
 from plant.quantity import Angle, Quantity
 
 # Friction ------------------------------------------------------------------------------------------
-#
 # Friction at the gearbox outlet, growing with the tendon load: smoothed Coulomb friction, or the LuGre model with
 # static friction.
 #
@@ -136,7 +135,6 @@ def _advance_bristles(
 
 
 # Motor ---------------------------------------------------------------------------------------------
-#
 # The geared DC motor: equations 6-9 at the gearbox outlet.
 
 
@@ -170,7 +168,6 @@ def motor_acceleration(motor: Motor, omega: float, tau: float, load: float, z: f
 
 
 # Root ----------------------------------------------------------------------------------------------
-#
 # Roots of rising functions without SciPy: the control step must not import it, and importing it takes longer than most
 # runs.
 
@@ -186,7 +183,6 @@ def find_root(function: Callable[[float], float], low: float, high: float) -> fl
 
 
 # Spring --------------------------------------------------------------------------------------------
-#
 # The non-linear tendon spring: tension over elongation (equations 3-4), zero when slack, steep when solid.
 #
 # A spring is a polynomial or, if ``pieces`` is given, a table joined by cubics. The compiler knows whether ``pieces``
@@ -323,7 +319,6 @@ def spring_elongation(spring: Spring, F: float) -> float:
 
 
 # Joint ---------------------------------------------------------------------------------------------
-#
 # The joint: tendon elongations, torque balance, stiffness (equations 1, 2, 5, 13-16).
 
 
@@ -367,7 +362,6 @@ def joint_stiffness(joint: Joint, spring_A: Spring, spring_B: Spring, x_A: float
 
 
 # Obstacle ------------------------------------------------------------------------------------------
-#
 # An obstacle for the joint: a wall that deforms like a spring with damping and never pulls.
 #
 # The contact law is that of Hunt and Crossley (1975), linear in the depth: F = k δ (1 + c δ') while δ > 0, and never
@@ -672,7 +666,6 @@ def advance_state(
 
 
 # Spring table --------------------------------------------------------------------------------------
-#
 # A spring from measured points, joined by a curve that rises wherever the points do.
 
 

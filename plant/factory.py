@@ -20,7 +20,6 @@ from plant.simulator import Simulator
 from plant.wiring import Wiring, WiringError, load_wiring
 
 # Installed plants ----------------------------------------------------------------------------------
-#
 # Plants of installed packages: entry points of the group ``sinew.plants``.
 
 

@@ -8,7 +8,6 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from plant.errors import ErrorCode, SinewError
 
 # Fault injection -----------------------------------------------------------------------------------
-#
 # Faults that can be injected by name, to test every reaction of the control loop.
 
 
@@ -276,7 +275,6 @@ class HasLimitSwitch(Protocol):
 
 
 # Plant selection -----------------------------------------------------------------------------------
-#
 # Selection of the plant, as given at the start and stored with every run.
 
 

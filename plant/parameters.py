@@ -29,7 +29,6 @@ from plant.interface import FILE_NAME_MAX, T_s
 from plant.quantity import Quantity
 
 # Parameter entries ---------------------------------------------------------------------------------
-#
 # Parsing of one section of a parameter file: each number has a unit and a source, and errors name the entry.
 
 
@@ -121,7 +120,6 @@ def _number(label: str, value: Any, entry: "Field[Any]") -> float:
 
 
 # Parameter sections --------------------------------------------------------------------------------
-#
 # Sections of a parameter file, each entry with its unit and bounds.
 
 
@@ -262,7 +260,6 @@ SIDED: dict[str, type] = {
 
 
 # Stiction checks -----------------------------------------------------------------------------------
-#
 # Consistency of a motor's parameters for static friction.
 
 

@@ -22,7 +22,6 @@ from plant.interface import (
 from plant.quantity import Quantity
 
 # Recording -----------------------------------------------------------------------------------------
-#
 # A recording as a CSV or Parquet file, as written by ``sinew runs export`` and by downloads: reading and checks.
 
 

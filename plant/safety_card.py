@@ -21,7 +21,6 @@ from typing import NamedTuple
 from plant.interface import MotorCommand, PlantError
 
 # Change timeout ------------------------------------------------------------------------------------
-#
 # Time without a change, measured on a machine that may itself be paused.
 
 

@@ -45,7 +45,6 @@ from plant.parameters import PlantParameters, Sensors
 from plant.safety_card import Card
 
 # Fault effects -------------------------------------------------------------------------------------
-#
 # Effect of one injected fault on readings and writes.
 
 
@@ -128,7 +127,6 @@ class FaultInjector:
 
 
 # Safety --------------------------------------------------------------------------------------------
-#
 # The independent safety module: monitors springs and joint, disables the motors, and latches.
 
 
@@ -151,7 +149,6 @@ def is_limit_exceeded(plant: Dynamics, bounds: SafetyBounds, x: PlantState) -> b
 
 
 # Sensors -------------------------------------------------------------------------------------------
-#
 # Encoders, load cells and converters: measurement of the true state.
 
 

@@ -44,7 +44,6 @@ from plant.terminals import compute_terminals, make_terminals, quantise_volts
 from plant.wiring import Wiring, is_wired_alike
 
 # In-process channel --------------------------------------------------------------------------------
-#
 # NI's device service without a network: a channel that calls it directly, and errors as the server sends them.
 
 
@@ -144,7 +143,6 @@ class Context:
 
 
 # Card channels -------------------------------------------------------------------------------------
-#
 # Ownership of the virtual card's channels by tasks; conflicts are errors as in NI-DAQmx.
 
 
@@ -236,7 +234,6 @@ class TaskCalls(nidaqmx_pb2_grpc.NiDAQmxServicer):  # type: ignore[misc]  # made
 
 
 # Card faults ---------------------------------------------------------------------------------------
-#
 # Injected faults that only a card has: errors as NI-DAQmx reports them, and wrong wiring.
 #
 # A fault that a card detects is an error with NI's code. It cannot detect a rig that differs from its wiring file:
@@ -332,7 +329,6 @@ def apply_miswiring(wiring: Wiring, injected_fault: InjectedFault | None) -> Wir
 
 
 # Card watchdog -------------------------------------------------------------------------------------
-#
 # The virtual card's watchdog as a task of NI-DAQmx: permitted calls and effect on lines.
 
 
@@ -660,7 +656,6 @@ class VirtualCard(TaskCalls):
 
 
 # Virtual rig ---------------------------------------------------------------------------------------
-#
 # The rig on a virtual card, for training and tests without hardware.
 
 

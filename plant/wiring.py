@@ -18,7 +18,6 @@ from plant.interface import FILE_NAME_MAX
 from plant.quantity import Quantity
 
 # Wiring errors -------------------------------------------------------------------------------------
-#
 # Errors of a wiring file, each with its line and a remedy.
 
 

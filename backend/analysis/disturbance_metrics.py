@@ -36,7 +36,6 @@ from plant import (
 )
 
 # Compliance ----------------------------------------------------------------------------------------
-#
 # Compares the apparent stiffness of the joint with the commanded one.
 #
 # The external force is F_ext = F_A − F_B (equation 22, a reaction). The expected force follows from
@@ -158,7 +157,6 @@ def _compute_slope(x: Array, y: Array) -> float:
 
 
 # Disturbance ---------------------------------------------------------------------------------------
-#
 # Deviation of position and stiffness during pushes, and the time until the joint has returned.
 
 
@@ -216,7 +214,6 @@ def compute_disturbance_metrics(columns: Columns, program: Program) -> Disturban
 
 
 # Holds ---------------------------------------------------------------------------------------------
-#
 # Motion of the actuator during holds. A hold is a range with the references of the segment before
 # it, without push or load.
 
@@ -336,7 +333,6 @@ def _measure_hold(columns: Columns, window: slice, parameters: PlantParameters) 
 
 
 # Impact --------------------------------------------------------------------------------------------
-#
 # Force of impacts on the simulated wall, and the time until they are detected and the joint
 # complies.
 
@@ -562,7 +558,6 @@ def _mean_or_none(ratios: Sequence[float]) -> float | None:
 
 
 # Pushes --------------------------------------------------------------------------------------------
-#
 # Deviation and duration of each push, with its prediction. Pushes may be steps, ramps or impulses.
 # The prediction is the response of the closed loop with the active gains; the static deviation
 # r_j F/S is that of the stiffness alone, with an open position loop.
@@ -784,7 +779,6 @@ def _largest_or_none(values: list[float | None]) -> float | None:
 
 
 # Robustness ----------------------------------------------------------------------------------------
-#
 # Deviation of the motors under loads on their shafts, and its duration.
 
 

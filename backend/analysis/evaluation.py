@@ -98,7 +98,6 @@ from backend.tuning import PointModel, TuningParameters, least_reach_time
 from plant import ErrorCode, PlantParameters, SinewError, T_s, parse_parameters
 
 # Document ------------------------------------------------------------------------------------------
-#
 # The stored result of a run. Each metric has its label, unit and definition, so that reports, page
 # and command line show it without further knowledge.
 
@@ -144,7 +143,6 @@ def _to_finite(value: float | None) -> float | None:
 
 
 # Measures ------------------------------------------------------------------------------------------
-#
 # The measures with their metrics, and the names that the bounds of criteria may contain.
 
 
@@ -213,7 +211,6 @@ def get_limit(bound: Bound) -> float | str:
 
 
 # Experiments ---------------------------------------------------------------------------------------
-#
 # Computes the measures that an experiment declares and evaluates its criteria.
 
 
@@ -325,7 +322,6 @@ def evaluate_criteria(
 
 
 # Evaluation ----------------------------------------------------------------------------------------
-#
 # Computes the result of a stored run and stores it in addition to earlier ones.
 
 
@@ -441,7 +437,6 @@ def _build_outline(columns: ReaderColumns, plan: Plan, run: Run) -> Metrics:
 
 
 # Re-evaluation -------------------------------------------------------------------------------------
-#
 # Evaluates a run again from its stored data.
 
 
@@ -499,7 +494,6 @@ def require_evaluable(run: Run) -> None:
 
 
 # Used settings -------------------------------------------------------------------------------------
-#
 # The settings of a stored run that its control law uses, for page, report and command line.
 
 

@@ -28,7 +28,6 @@ from plant import (
 )
 
 # Response ------------------------------------------------------------------------------------------
-#
 # Frequency responses from excited references to measured signals. A periodic excitation is evaluated
 # at its spectral lines in the last period, when transients have decayed. A sweep is evaluated as a
 # whole and averaged in bands, so its response is an estimate.
@@ -204,7 +203,6 @@ def average_in_bands(
 
 
 # Predicted response --------------------------------------------------------------------------------
-#
 # Expected responses from the models and gains that were active.
 
 
@@ -273,7 +271,6 @@ def compute_required_voltage(tuning: cascade.CascadeTuning, S: float, references
 
 
 # Bode ----------------------------------------------------------------------------------------------
-#
 # Frequency responses with their quality, compared with predictions.
 #
 # The quality of a line of a periodic excitation is its variation between the last two periods; that

@@ -246,7 +246,6 @@ def _summarize_candidates(candidates: Candidates) -> tuple[TriedStructure | Fail
 
 
 # Motor identification ------------------------------------------------------------------------------
-#
 # K_m, T_m and Coulomb friction of both motors from voltage steps.
 
 
@@ -431,7 +430,6 @@ def _compute_count_rad(parameters: PlantParameters) -> float:
 
 
 # Spring identification -----------------------------------------------------------------------------
-#
 # Characteristics of the springs from a tension sweep, or from an imported table.
 
 
@@ -698,7 +696,6 @@ def _round_values_7(values: Array) -> tuple[float, ...]:
 
 
 # Load friction -------------------------------------------------------------------------------------
-#
 # Load-dependent Coulomb friction from stored actuator identifications at several tensions; the
 # estimate is not stored.
 

@@ -57,7 +57,6 @@ from backend.tuning import PointModel, TuningError, linearize_one_motor, make_mo
 from plant import SIDES, ErrorCode, ParameterError, PlantParameters, Side, SinewError, T_s, parse_parameters
 
 # Identification curves -----------------------------------------------------------------------------
-#
 # Curves of a stored identification: responses of its models, residual tests, errors.
 
 
@@ -150,7 +149,6 @@ def _build_spring_curves(name: str, quality: SpringQuality) -> Document:
 
 
 # Validation ----------------------------------------------------------------------------------------
-#
 # Compares identified models with validation data: the last third of a record of an actuator, each
 # voltage step of a motor. On its own record, a model is estimated again without the data that it
 # predicts: from the first two thirds, or from all other steps.
@@ -282,7 +280,6 @@ def _build_failed_output(name: str, signal: str, unit: str, problem: str) -> Doc
 
 
 # Trend over stiffness ------------------------------------------------------------------------------
-#
 # Identified gains and lags over S, compared with predictions from geometry, springs and motor loops.
 
 

@@ -20,7 +20,6 @@ from plant import (
 )
 
 # Criteria ------------------------------------------------------------------------------------------
-#
 # A criterion passes, fails, or is not measured, with a reason.
 
 
@@ -60,7 +59,6 @@ def evaluate_criterion(
 
 
 # Rest ----------------------------------------------------------------------------------------------
-#
 # Whether a reference step began at rest and came to rest. A step that begins during the previous
 # motion has no metrics of its own.
 
@@ -140,7 +138,6 @@ def _format_percent(share: float) -> str:
 
 
 # Steps ---------------------------------------------------------------------------------------------
-#
 # Reference steps of a program and their metrics, from measured signals.
 #
 # Times in s from the start of the program, q in rad, S in N·m/rad.
@@ -259,7 +256,6 @@ def _compute_settling_time(t: Array, normalized: Array, band: float) -> float | 
 
 
 # Metrics -------------------------------------------------------------------------------------------
-#
 # Metrics over all steps of a run.
 #
 # Times in s from the start of the program, q in rad, S in N·m/rad, tensions in N, voltages in V. A
@@ -510,7 +506,6 @@ def compute_whole_metrics(columns: Columns) -> dict[str, float]:
 
 
 # Windows -------------------------------------------------------------------------------------------
-#
 # Sample ranges of pushes, loads and excitations in a program.
 
 

@@ -53,7 +53,6 @@ from backend.units import AngleUnit
 from plant import ErrorCode
 
 # Users ---------------------------------------------------------------------------------------------
-#
 # A route declares the user that it needs: a signed-in one, an operator, or one who may press STOP.
 
 
@@ -131,7 +130,6 @@ Operator = Annotated[User, Depends(_get_operator)]
 
 
 # Live websocket ------------------------------------------------------------------------------------
-#
 # A client that does not read for SEND_TIMEOUT_S, or stops pinging, is disconnected.
 
 

@@ -29,14 +29,9 @@ from backend.server import (
     replay_body,
     require_valid_body,
 )
-from plant import (
-    ErrorCode,
-    Quantity,
-    escape_quantities,
-)
+from plant import ErrorCode, Quantity, escape_quantities
 
 # Authentication ------------------------------------------------------------------------------------
-#
 # The user of a request is known before its body is read, within a time limit.
 
 
@@ -150,7 +145,6 @@ def _authenticate(connection: HTTPConnection) -> User | None:
 
 
 # Rejected commands ---------------------------------------------------------------------------------
-#
 # The event log lists rejected requests that need control, with their user and values.
 
 

@@ -20,7 +20,6 @@ from backend.supervision import Part
 from plant import ErrorCode
 
 # Attempts ------------------------------------------------------------------------------------------
-#
 # Limits wrong tokens and new sessions per address. Requests with a right token are always answered,
 # and sessions are counted per role, so that the holder of a viewer's token cannot delay an operator.
 
@@ -69,7 +68,6 @@ class AttemptLimiter:
 
 
 # Users ---------------------------------------------------------------------------------------------
-#
 # Names of users, and which users have a page open. Display names are unique among connected users.
 
 
@@ -211,7 +209,6 @@ def clean_name(name: str) -> str:
 
 
 # Authentication ------------------------------------------------------------------------------------
-#
 # Identifies the sender of a request by its token, or by the cookie that sign-in has issued.
 
 

@@ -17,7 +17,6 @@ from backend.supervision import Part
 from plant import ErrorCode, InvariantError
 
 # Command sequence ----------------------------------------------------------------------------------
-#
 # Executes the commands of one page once each, in the order in which the page sent them.
 #
 # A browser sends over several connections, so that a command can arrive before its predecessor. It
@@ -103,7 +102,6 @@ def _now_s() -> float:
 
 
 # Control lease -------------------------------------------------------------------------------------
-#
 # One named user at one page has control until another user takes it over, or it is given up or
 # lost.
 #

@@ -15,7 +15,6 @@ from backend.schemas import Role
 from plant import ErrorCode, SinewError
 
 # Sessions ------------------------------------------------------------------------------------------
-#
 # The live sessions, stored in a file so that a restart of the service neither ends nor revives one.
 #
 # A session ends when its user signs out, when its token is replaced, when too many newer sessions
@@ -144,7 +143,6 @@ class Sessions:
 
 
 # Tokens --------------------------------------------------------------------------------------------
-#
 # The two tokens of a data folder: one for operators, one for viewers. Only the owner of the files
 # can read them.
 

@@ -29,7 +29,6 @@ from backend.tuning import (
 from plant import ErrorCode, PlantParameters, SinewError
 
 # Bank consistency ----------------------------------------------------------------------------------
-#
 # Conditions on the entries of a bank before any loop uses them.
 
 
@@ -144,7 +143,6 @@ def _require_stable(parameters: PlantParameters, item: NamedEntry) -> None:
 
 
 # Bank building -------------------------------------------------------------------------------------
-#
 # From selected identifications to a bank, and from a bank to the gains of the control loop.
 
 
@@ -232,7 +230,6 @@ def _load_named_entry(session: Session, parameters: PlantParameters, run_id: int
 
 
 # Bank difference -----------------------------------------------------------------------------------
-#
 # Differences of two banks: models, gains, and M_s of the loops.
 
 
@@ -325,7 +322,6 @@ def _get_stiffness(pair: BankEntryChange) -> float:
 
 
 # Bank files ----------------------------------------------------------------------------------------
-#
 # A bank as a JSON file, for another data folder. Imported files are checked.
 
 

@@ -41,7 +41,6 @@ from backend.tuning import (
 from plant import SIDES, PlantParameters
 
 # Tuning settings -----------------------------------------------------------------------------------
-#
 # The settings that determine the gains of the loops, defined once. Stored runs, experiments, active
 # and saved tuning, and requests derive from ``TuningSettings``, so a new setting reaches all of them;
 # ``tests/banks/test_tuning_settings.py`` checks this.
@@ -223,7 +222,6 @@ def format_part(name: str, value: Value) -> str:
 
 
 # Default tuning ------------------------------------------------------------------------------------
-#
 # The defaults of the method, with each λ moved into the range that is safe for the plant. The motion
 # is ``lambda``, the paper's law; the voltage limit of ``time-optimal`` is the usual share of the
 # plant's limit.
@@ -286,7 +284,6 @@ def _move_into_range(lam: float, low: float, high: float, step: float) -> float:
 
 
 # Last tuning ---------------------------------------------------------------------------------------
-#
 # The active tuning as the database stores it, for the next start of the service and for the command
 # line.
 

@@ -234,7 +234,6 @@ def _print_text(text: str, style: str = "") -> None:
 
 
 # Garbage collection --------------------------------------------------------------------------------
-#
 # Nearly all objects that a command creates live until its end, so collections find nothing.
 
 

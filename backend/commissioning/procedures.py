@@ -59,7 +59,6 @@ from plant import (
 )
 
 # Directions ----------------------------------------------------------------------------------------
-#
 # The direction of each motor, determined with a low voltage before any loop is closed.
 #
 # With the joint free, a motor that winds its tendon raises both tensions and turns the joint to its
@@ -191,7 +190,6 @@ def find_direction_problems(response: MotorResponse) -> list[str]:
 
 
 # Homing --------------------------------------------------------------------------------------------
-#
 # After the directions are proven, the motors drive the joint to its end switch, which sets the zero.
 
 
@@ -256,7 +254,6 @@ def _describe_end(cause: ModeCause) -> str:
 
 
 # Load cells ----------------------------------------------------------------------------------------
-#
 # Tare and calibration of the load cells, from the voltages of the card.
 
 
@@ -403,7 +400,6 @@ def _describe_source(how: str) -> str:
 
 
 # Pretension and safety module ----------------------------------------------------------------------
-#
 # Pretension with monitored tensions, and a trip of the safety module provoked at that tension.
 
 
@@ -568,7 +564,6 @@ async def _wind_up(context: ProcedureContext) -> tuple[float, float]:
 
 
 # Wiring test ---------------------------------------------------------------------------------------
-#
 # With the drives off, each sensor must follow the manual motion of its part, by enough and in the
 # right direction.
 
@@ -694,7 +689,6 @@ def _find_sensor_problems(context: ProcedureContext, wanted: _Sensor, excursions
 
 
 # Zero ----------------------------------------------------------------------------------------------
-#
 # Sets the encoders at the zero mark of the joint, or at its end switch if its position is known.
 
 

@@ -57,7 +57,6 @@ from plant import (
 )
 
 # Steps ---------------------------------------------------------------------------------------------
-#
 # Runs one step. However it ends, the outputs are at zero volts and no manual input is simulated.
 
 
@@ -130,7 +129,6 @@ async def _ensure_safe_end(context: ProcedureContext) -> None:
 
 
 # Drive lockout -------------------------------------------------------------------------------------
-#
 # While people work at the rig, the control loop keeps the drives disabled. The database stores the
 # lockout for the next start of the service.
 
@@ -196,7 +194,6 @@ async def switch_drives(supervisor: Supervisor, lockout: DriveLockout, on: bool,
 
 
 # Session -------------------------------------------------------------------------------------------
-#
 # Commissioning from the command line: a control loop of its own, with the steps and the stored
 # results of the service.
 

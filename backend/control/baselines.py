@@ -28,7 +28,6 @@ from plant import (
 )
 
 # Feedback linearization ----------------------------------------------------------------------------
-#
 # Baseline with a full model: feedback linearisation that decouples joint position and stiffness.
 #
 # The static law follows Palli, Melchiorri, Wimböck, Grebenstein, Hirzinger, "Feedback linearization and simultaneous
@@ -270,7 +269,6 @@ def initialize_feedback_linearization(
 
 
 # Single loop ---------------------------------------------------------------------------------------
-#
 # Baseline without cascade: one I-PD loop on joint position and one on stiffness, directly to the motor voltages.
 #
 # The paper compares its cascade with this law. The motors are antagonistic, so voltages of opposite sign turn the joint

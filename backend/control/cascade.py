@@ -23,7 +23,6 @@ from backend.control.trajectory import LoopReferences
 from plant import Measurement, T_s, compiled
 
 # Governor ------------------------------------------------------------------------------------------
-#
 # Reference governor: both references move together, no faster than the motors can follow.
 #
 # A step of the references requires motor speeds that ±10 V cannot give; the loops would saturate, couple and wind up.
@@ -57,7 +56,6 @@ def step_governor(
 
 
 # Tracked signals -----------------------------------------------------------------------------------
-#
 # Signals that the loops of the cascade track: the governed references, or the difference to a model that a trajectory
 # moves.
 

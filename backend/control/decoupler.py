@@ -17,7 +17,6 @@ from backend.control import pid
 from plant import PlantParameters, Spring, SpringParameters, T_s, compiled, spring_polynomial, spring_slope
 
 # Equilibrium table ---------------------------------------------------------------------------------
-#
 # Equilibria of a pair of springs over the sum of the motor angles: the numerical part of the decoupler.
 
 
@@ -251,7 +250,6 @@ def _table(A: SpringParameters, B: SpringParameters, r_m: float, r_j: float) -> 
 
 
 # Envelope ------------------------------------------------------------------------------------------
-#
 # Permitted equilibria: both tendons taut, both below their limit, the joint inside its range.
 #
 # The outer loops request an equilibrium (q_c, S_c). Both tendons then carry the tension of S_c, and an external push
@@ -310,7 +308,6 @@ def step_envelope(
 
 
 # Limits --------------------------------------------------------------------------------------------
-#
 # Limits that operator, controller and plant share, defined once for loop, API and page.
 
 
@@ -365,7 +362,6 @@ def compute_bounds(parameters: PlantParameters) -> Bounds:
 
 
 # Scheduling ----------------------------------------------------------------------------------------
-#
 # Active gains of the bank: switching with hysteresis, or interpolation between the two nearest entries.
 
 

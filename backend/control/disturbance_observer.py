@@ -14,7 +14,6 @@ from backend.control.pid import apply_dead_zone
 from plant import Measurement, PlantParameters, T_s, compiled, tendon_tension
 
 # Push rejection ------------------------------------------------------------------------------------
-#
 # Feed-forward of the external force: the equilibrium moves against a push by the deflection of the springs.
 #
 # δq_e = −k_ext τ_ext/S (equation 14). The motors follow it through four lags of λ_motor. The position loop must not
@@ -112,7 +111,6 @@ def _limit_torque(r: Rejection, tau_ext: float) -> float:
 
 
 # External torque -----------------------------------------------------------------------------------
-#
 # External torque without a sensor: a state of an observer of the joint, from encoders and springs alone.
 #
 # J_j q'' + B_j q' = r_j (F_A − F_B) + τ_ext (equation 5), with the tensions of the identified springs. An observer of

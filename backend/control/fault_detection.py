@@ -21,7 +21,6 @@ from plant import (
 )
 
 # Plausibility --------------------------------------------------------------------------------------
-#
 # Plausibility of readings: each sensor against its own past, and encoders against load cells.
 #
 # Each tension is known twice: from its load cell, and from the encoders by the elongation of its spring.
@@ -285,7 +284,6 @@ def _compute_driving_voltage(parameters: PlantParameters, side: Side) -> float:
 
 
 # Checks --------------------------------------------------------------------------------------------
-#
 # Fault detection in the control step: each check returns a number, and the first fault counts.
 
 

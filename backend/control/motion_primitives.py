@@ -19,7 +19,6 @@ from backend.control.motion_types import (
 from plant import Measurement, T_s, compiled
 
 # Brake ---------------------------------------------------------------------------------------------
-#
 # Braking of both motors as fast as ±10 V allow, with the tendons taut.
 #
 # The motor loops follow a reference through four lags: with constant references the joint would move on for 0.66 s.
@@ -56,7 +55,6 @@ def step_brake(state: BrakeState, theta_A: float, theta_B: float, u_max: float) 
 
 
 # Pretension ----------------------------------------------------------------------------------------
-#
 # Pretension: wind both motors from slack, each by its own load cell.
 
 
@@ -106,7 +104,6 @@ def step_pretension(state: PretensionState, F_ref: float, F_A: float, F_B: float
 
 
 # Soft stop -----------------------------------------------------------------------------------------
-#
 # Soft stop: brake both motors until the joint is at rest under tension.
 
 
@@ -167,7 +164,6 @@ def begin_soft_stop(u_A: float, u_B: float, m: Measurement) -> SoftStopState:
 
 
 # Tension hold --------------------------------------------------------------------------------------
-#
 # Actuator identification: theta_B_ref at zero, tension held by motor A, excitation added (figure 5).
 
 
@@ -249,7 +245,6 @@ def step_tension_hold(
 
 
 # Tension sweep -------------------------------------------------------------------------------------
-#
 # A slow sweep of both tensions together, for the springs: the joint stays where the antagonistic tendons hold it.
 
 
@@ -307,7 +302,6 @@ def step_tension_sweep(
 
 
 # Travel --------------------------------------------------------------------------------------------
-#
 # Move the motor references along a straight line to a target and hold them there.
 
 
@@ -342,7 +336,6 @@ def step_travel(
 
 
 # Velocity ------------------------------------------------------------------------------------------
-#
 # Joint velocity: filtered difference of encoder readings.
 
 
@@ -369,7 +362,6 @@ def step_velocity(state: VelocityState, q: float) -> VelocityState:
 
 
 # Voltage steps -------------------------------------------------------------------------------------
-#
 # Unloaded voltage steps: slack tendons, each step from rest, braked within the range of the motors.
 
 
@@ -484,7 +476,6 @@ def step_voltage_steps(
 
 
 # Pretension from slack -----------------------------------------------------------------------------
-#
 # Pretension from slack: both motors wind until both load cells read the pretension.
 
 

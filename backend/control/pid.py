@@ -6,7 +6,6 @@ from typing import NamedTuple
 from plant import T_s, compiled
 
 # Dead zone -----------------------------------------------------------------------------------------
-#
 # Error seen by an integrator: zero within a dead zone, the excess beyond.
 
 
@@ -20,7 +19,6 @@ def apply_dead_zone(e: float, dead_zone: float) -> float:
 
 
 # Force hold ----------------------------------------------------------------------------------------
-#
 # The slow force loop C_p of the actuator identification (figure 5): tendon tension to motor A, motor B at zero.
 
 
@@ -51,7 +49,6 @@ def step_force_hold(state: ForceHoldState, F_ref: float, F_A: float, F_B: float)
 
 
 # I-P -----------------------------------------------------------------------------------------------
-#
 # Outer loops: I-P on joint position and on stiffness (table 2, corrected by erratum E1).
 
 
@@ -107,7 +104,6 @@ def at_rest_i_p(gains: IPGains, r: float, y: float, u: float) -> IPState:
 
 
 # I-PD ----------------------------------------------------------------------------------------------
-#
 # Inner loop: I-PD on motor position with a filter on the whole control signal (table 2).
 
 
@@ -210,7 +206,6 @@ def shift_i_pd(gains: IPDGains, state: IPDState, offset: float) -> IPDState:
 
 
 # Motors --------------------------------------------------------------------------------------------
-#
 # The two inner loops as a pair.
 
 

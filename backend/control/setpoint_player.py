@@ -10,7 +10,6 @@ from backend.control.motion_types import Setpoint
 from plant import ShaftLoad, T_s, compiled
 
 # Waveforms -----------------------------------------------------------------------------------------
-#
 # Periodic excitations of a reference, relative to their amplitude, within ±1.
 
 
@@ -70,7 +69,6 @@ def chip_level(register: int) -> float:
 
 
 # Player --------------------------------------------------------------------------------------------
-#
 # Plays the segments of a program tick by tick, in constant time for any length of the program.
 
 

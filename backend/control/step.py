@@ -341,7 +341,6 @@ def write_row(
 
 
 # Batch ---------------------------------------------------------------------------------------------
-#
 # Consecutive steps on the simulator, until an event needs handling in Python.
 
 

@@ -12,7 +12,6 @@ from backend.faults import Limit
 from plant import Measurement, compiled
 
 # Tracking ------------------------------------------------------------------------------------------
-#
 # The cascade, which follows the operator's references or a program's segments.
 
 
@@ -104,7 +103,6 @@ def find_resting_setpoint(
 
 
 # Baselines -----------------------------------------------------------------------------------------
-#
 # Baseline laws that play a program; their gains do not change during it.
 
 

@@ -8,7 +8,6 @@ from backend.control.decoupler import Decoupler
 from plant import T_s, compiled
 
 # Axis ----------------------------------------------------------------------------------------------
-#
 # One axis of a trajectory: a motor T θ'' + θ' = K u within a voltage limit, moving to a target in the least time.
 
 
@@ -168,7 +167,6 @@ def advance_lagged_axis(K: float, T: float, tau_e: float, axis: Lagged, u: float
 
 
 # Targets -------------------------------------------------------------------------------------------
-#
 # Targets of the two axes of a trajectory, their speeds and ends.
 
 
@@ -276,7 +274,6 @@ def _compute_target_ends(d: Decoupler, r: LoopReferences) -> tuple[float, float]
 
 
 # Trajectory ----------------------------------------------------------------------------------------
-#
 # Motion of motors and joint in each tick, as fast as a voltage limit allows, for the loops to track.
 #
 # Two axes move an exact model of the motors: the difference of the motor angles, which turns the joint, and their

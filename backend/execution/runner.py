@@ -72,7 +72,6 @@ from backend.tuning import TuningError, TuningPreviewer
 from plant import ErrorCode, PlantParameters, SinewError, T_s
 
 # Compilation ---------------------------------------------------------------------------------------
-#
 # The program of a plan for one plant, with the gains of every tuning that the plan applies.
 
 
@@ -135,7 +134,6 @@ def _build_change_command(
 
 
 # Execution -----------------------------------------------------------------------------------------
-#
 # Applies pretension if necessary and executes a program to its end, on a live or a headless loop.
 
 
@@ -260,7 +258,6 @@ class _ProgramMonitor:
 
 
 # Bias of the external force ------------------------------------------------------------------------
-#
 # Before a simulated run with disturbance rejection, the bias of the estimated external force is
 # calibrated automatically: nothing touches a simulated joint. On a rig a person starts the
 # calibration after letting go of the joint.
@@ -316,7 +313,6 @@ async def _require_accepted(loop: SimulatedLoop, command: Command) -> None:
 
 
 # Runner --------------------------------------------------------------------------------------------
-#
 # From request to stored result, for page and command line, live and headless. Reports are made from
 # what is stored here.
 

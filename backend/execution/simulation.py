@@ -33,7 +33,6 @@ from backend.tuning import TuningPreviewer
 from plant import SIMULATOR, PlantChoice, PlantError, PlantParameters, T_s, make_plant
 
 # Headless rig --------------------------------------------------------------------------------------
-#
 # A simulated plant that is stepped as fast as possible, for the command line, dry runs and tests.
 
 
@@ -84,7 +83,6 @@ def make_headless_loop(
 
 
 # Dry run -------------------------------------------------------------------------------------------
-#
 # A request executed on a simulator of its own before the real run, with the same program, loop and
 # evaluation. Its database is in a temporary folder.
 
@@ -164,7 +162,6 @@ def read_progress(folder: Path) -> tuple[RunPhase, float]:
 
 
 # In memory -----------------------------------------------------------------------------------------
-#
 # An experiment that is simulated and evaluated without a database, for studies. Samples have the
 # precision of a recording, so the metrics are identical to those of a stored run.
 

@@ -51,7 +51,6 @@ from plant import (
 )
 
 # Manual pushes -------------------------------------------------------------------------------------
-#
 # Random pushes that resemble those of a person: smooth rise, hold, smooth release and pause.
 
 
@@ -131,7 +130,6 @@ def compute_multisine_peak(lines: int) -> float:
 
 
 # Numbers -------------------------------------------------------------------------------------------
-#
 # Evaluates the expressions in the parts of an experiment and checks their bounds.
 
 
@@ -205,7 +203,6 @@ class NumberReader:
 
 
 # Reach ---------------------------------------------------------------------------------------------
-#
 # Checks that a plant can follow the references of an experiment.
 
 
@@ -237,7 +234,6 @@ def require_reach(compiled: CompiledExperiment, parameters: PlantParameters, lin
 
 
 # Played parts --------------------------------------------------------------------------------------
-#
 # Times and references of each part of an experiment, for the page.
 
 
@@ -287,7 +283,6 @@ def list_played_parts(compiled: CompiledExperiment) -> list[PlayedPart]:
 
 
 # Contact detection ---------------------------------------------------------------------------------
-#
 # Changes of the contact detection during an experiment: calibrations of the bias of the external
 # force, and the parts that a contact ends.
 

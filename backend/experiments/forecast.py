@@ -27,7 +27,6 @@ from backend.sample import INDEX
 from plant import SIDES, PlantParameters, Side, T_s, spring_elongation, tendon_tension
 
 # Intervals -----------------------------------------------------------------------------------------
-#
 # The sequence of set points of an identification program, and the stages of each.
 
 
@@ -63,7 +62,6 @@ def format_set_point(law: Law, set_point: float) -> str:
 
 
 # Reference trajectory ------------------------------------------------------------------------------
-#
 # The references of both motors [rad] at each tick, from the current ones to the end of the program
 # and back to pretension. Speeds, pauses and durations are those of the control loop
 # (``backend.realtime.motions``).
@@ -306,7 +304,6 @@ class _FreeMotor:
 
 
 # Timetable -----------------------------------------------------------------------------------------
-#
 # Intervals and signals of an identification, derived from the reference trajectory. The forecast of
 # the joint's range uses the same trajectory.
 
@@ -403,7 +400,6 @@ def _select_ticks(signals: dict[str, Array]) -> NDArray[np.int64]:
 
 
 # Forecast ------------------------------------------------------------------------------------------
-#
 # Range of joint and tensions during identifications, from the current state of the actuator.
 #
 # The motors follow the reference trajectory with the four lags of their loops, and the joint rests

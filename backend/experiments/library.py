@@ -38,7 +38,6 @@ from backend.realtime import MAX_SEGMENTS
 from plant import T_s
 
 # Ready-made experiments ----------------------------------------------------------------------------
-#
 # The experiments delivered with Sinew: YAML files in the format that users write.
 
 
@@ -73,7 +72,6 @@ def load_ready_text(name: str) -> str:
 
 
 # Recorded references -------------------------------------------------------------------------------
-#
 # Converts recorded references, pushes and changes to parts of an experiment that approximate them.
 
 
@@ -315,7 +313,6 @@ def _find_ramp_end(ramps: Sequence[tuple[Column, float, float]], at: int, share:
 
 
 # Stored plans --------------------------------------------------------------------------------------
-#
 # Conversion between plans of all kinds and the values that a run stores.
 
 
@@ -381,7 +378,6 @@ def parse_stored_plan(kind: str, stored_values: Mapping[str, Value]) -> Plan:
 
 
 # Definitions ---------------------------------------------------------------------------------------
-#
 # The experiments and identifications that page and command line offer by name.
 
 

@@ -23,7 +23,6 @@ from backend.units import AngleUnit
 from plant import ErrorCode, SinewError
 
 # Expressions ---------------------------------------------------------------------------------------
-#
 # Expressions of settings such as "2 * hold_s": numbers, names, arithmetic, comparisons, conditions.
 #
 # All numbers are floats, and length, nesting and rounding are bounded, so that the cost of an
@@ -296,7 +295,6 @@ def error_context(path: Path, lines: Lines) -> Iterator[None]:
 
 
 # Settings ------------------------------------------------------------------------------------------
-#
 # Settings that an experiment declares.
 
 
@@ -403,7 +401,6 @@ def _build_setting(declared: Declared) -> Setting:
 
 
 # Text ----------------------------------------------------------------------------------------------
-#
 # Documents of experiments and studies as YAML or JSON, parsed with the line of each part.
 #
 # Only the data types of JSON are accepted. Anchors and aliases are rejected, because they can expand
@@ -606,7 +603,6 @@ def _format_problem(first: Any) -> str:
 
 
 # Formulas ------------------------------------------------------------------------------------------
-#
 # Formulas of derived signals: expressions over signals, converted to steps that compute them.
 
 

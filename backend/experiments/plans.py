@@ -109,7 +109,6 @@ def build_experiment_plan(
 
 
 # Identification plans ------------------------------------------------------------------------------
-#
 # Identification of motors and springs (method sections 2 and 3). Angles in rad, voltages in V,
 # tensions in N, times in s.
 
@@ -327,7 +326,6 @@ Plan = ExperimentPlan | IdentificationPlan
 
 
 # Loop settings -------------------------------------------------------------------------------------
-#
 # Settings of the loop during an experiment: the tuning, and the seed of the simulator.
 
 
@@ -366,7 +364,6 @@ def split_values(
 
 
 # Profile -------------------------------------------------------------------------------------------
-#
 # References and push of a program over time, as the loop executes it, for plots.
 
 

@@ -20,7 +20,6 @@ from plant import (
 )
 
 # Actuator identification ---------------------------------------------------------------------------
-#
 # The response to the excitation (method section 4). ``forecast_identifications`` predicts the range
 # of the joint during the whole run.
 

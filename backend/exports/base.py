@@ -30,7 +30,6 @@ from backend.storage import (
 from plant import ErrorCode, SinewError, T_s
 
 # Errors --------------------------------------------------------------------------------------------
-#
 # Errors of exports and imports.
 
 
@@ -47,7 +46,6 @@ class ImportRefusedError(SinewError, ValueError):
 
 
 # Sink ----------------------------------------------------------------------------------------------
-#
 # A stream that is read in pieces while it is written.
 
 
@@ -80,7 +78,6 @@ class Sink(io.BufferedIOBase):
 
 
 # Strict json ---------------------------------------------------------------------------------------
-#
 # JSON of a file of unknown origin: only values that every database and every digest can hold.
 
 
@@ -151,7 +148,6 @@ def _inner_documents(document: Any) -> Iterator[Any]:
 
 
 # Metadata ------------------------------------------------------------------------------------------
-#
 # Metadata of an export: content, units, run and digest of its samples.
 
 
@@ -271,7 +267,6 @@ def make_table(batch: Batch, fields: list[str]) -> NDArray[np.float32]:
 
 
 # Source --------------------------------------------------------------------------------------------
-#
 # Source of an export: its metadata, and its samples in parts of up to a minute, checked beforehand.
 
 

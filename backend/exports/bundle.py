@@ -35,7 +35,6 @@ from backend.storage import (
 )
 
 # Bundle --------------------------------------------------------------------------------------------
-#
 # A run with its lineage in one file: records, the samples of all runs among them, report.
 #
 # A zip archive whose members are stored uncompressed, so nothing in it can expand. ``manifest.json`` has the sha256 of
@@ -185,7 +184,6 @@ def _json(document: Any) -> bytes:
 
 
 # Bundle file ---------------------------------------------------------------------------------------
-#
 # A bundle as a file of unknown origin: verified before its content is used.
 
 

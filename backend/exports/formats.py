@@ -12,7 +12,6 @@ from backend.exports import matlab, mcap, writers
 from backend.exports.base import Batch, Export, Facts, ImportRefusedError
 
 # Files ---------------------------------------------------------------------------------------------
-#
 # Files that are written completely or not at all, and digests of files.
 
 
@@ -105,7 +104,6 @@ def _name_file_in_errors(file: Path) -> Iterator[None]:
 
 
 # Formats -------------------------------------------------------------------------------------------
-#
 # Formats of an export by name, with their writers and readers.
 
 

@@ -45,7 +45,6 @@ from backend.storage import (
 )
 
 # Run import ----------------------------------------------------------------------------------------
-#
 # Own exports imported as runs: checked completely, then stored in one transaction or not at all.
 
 
@@ -218,7 +217,6 @@ def _pieces(facts: Facts, batches: Iterable[Batch]) -> Iterator[tuple[int, Batch
 
 
 # Bundle import -------------------------------------------------------------------------------------
-#
 # Import of a bundle: checked completely, then stored with new numbers in one transaction.
 
 

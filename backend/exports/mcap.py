@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 
 # Foxglove layout -----------------------------------------------------------------------------------
-#
 # Layout for Foxglove and Lichtblick, for an MCAP export or the live stream: plots as on the page, and a table.
 
 
@@ -89,7 +88,6 @@ def _column(panels: list[str]) -> Any:
 
 
 # MCAP file -----------------------------------------------------------------------------------------
-#
 # Samples as MCAP, which Foxglove and Lichtblick play: a JSON message for each sample.
 
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 
 # CSV file ------------------------------------------------------------------------------------------
-#
 # Samples as comma-separated text: metadata in lines that begin with #, a header, a line per sample.
 
 
@@ -131,7 +130,6 @@ def _make_heading(facts: Facts) -> str:
 
 
 # JSON samples --------------------------------------------------------------------------------------
-#
 # A sample as a JSON message, and the schema of such messages, for Foxglove and Lichtblick.
 #
 # JSON has no NaN or infinity: NaN is null, infinity 1e999, which JSON readers take for infinity.
@@ -192,7 +190,6 @@ def _format_numbers(values: NDArray[Any]) -> "pa.Array":
 
 
 # Parquet file --------------------------------------------------------------------------------------
-#
 # Samples as Parquet: a row group per batch, notation with each column, metadata with the file.
 
 

@@ -34,7 +34,6 @@ from backend.units import AngleUnit, format_text
 from plant import ErrorCode, SinewError, T_s
 
 # Message substitutes -------------------------------------------------------------------------------
-#
 # Substitutes for messages: the vendor's server is given numbers that only this process can replace by the messages.
 #
 # That server listens on a port without authentication; an unauthorised client of it receives numbers only.
@@ -79,7 +78,6 @@ class MessageSlots:
 
 
 # Client port ---------------------------------------------------------------------------------------
-#
 # Port for Foxglove clients: checks the token in the address, and accepts only subscriptions.
 #
 # ``ws://127.0.0.1:8765/?token=KEY``: viewers only accept an address, without headers.
@@ -220,7 +218,6 @@ def _get_port(server: Server) -> int:
 
 
 # Publisher -----------------------------------------------------------------------------------------
-#
 # Samples and events of the live stream as Foxglove's channels ``/sample`` and ``/log``, on the vendor's server.
 #
 # ``/sample`` has every sample in the form of an MCAP export, with ``t`` since the loop started; the time of a message
@@ -348,7 +345,6 @@ class Publisher:
 
 
 # Relay ---------------------------------------------------------------------------------------------
-#
 # Runs the server: receives the live stream of the service on a data folder, and reconnects after interruptions.
 
 

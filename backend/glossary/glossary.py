@@ -89,7 +89,6 @@ class GlossaryTerm:
 
 
 # Fields of forms -----------------------------------------------------------------------------------
-#
 # Texts come from the requests of the forms. Settings of experiments and identifications have their
 # own descriptions (``Setting``).
 
@@ -136,7 +135,6 @@ def read_bounds(field: FieldInfo) -> tuple[float | None, float | None]:
 
 
 # Metrics -------------------------------------------------------------------------------------------
-#
 # Texts come from the declarations of the metrics in backend.analysis.
 
 
@@ -262,7 +260,6 @@ def _list_declared_metrics() -> list[tuple[str, str, str, str, str]]:
 
 
 # Documents -----------------------------------------------------------------------------------------
-#
 # Texts of signals, parameters, quantities, faults and limits come from documents in docs/reference.
 
 
@@ -400,7 +397,6 @@ def _read_document(name: str) -> str:
 
 
 # Verdicts and states -------------------------------------------------------------------------------
-#
 # Each table has a text for every member of its enumeration. Numbers in the texts come from the code.
 
 

@@ -69,7 +69,6 @@ from backend.identification.validation import (
 )
 
 # Validation ----------------------------------------------------------------------------------------
-#
 # Validation of a model on data that it was not fitted to: measurement, prediction, and their difference.
 #
 # If the data begin during motion, initial state, offset and ramp are not part of the model: they are determined by
@@ -155,7 +154,6 @@ def validate_held_out(found: Fit) -> ModelComparison:
 
 
 # Hints ---------------------------------------------------------------------------------------------
-#
 # Hints whether a dead time or a higher order would improve an incomplete structure.
 #
 # Both models are fitted by output error to the same samples, so their fits and criteria are comparable. The other model
@@ -276,7 +274,6 @@ def _fit_percent(found: FitEvaluation) -> float:
 
 
 # Estimate ------------------------------------------------------------------------------------------
-#
 # Estimators behind one function: from a record and a structure to a model with its quality.
 
 
@@ -527,7 +524,6 @@ def _standard_errors(covariance: Signal) -> list[float]:
 
 
 # Candidates ----------------------------------------------------------------------------------------
-#
 # Several structures on one record, ranked.
 
 

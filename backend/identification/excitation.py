@@ -10,7 +10,6 @@ from backend.identification.models import Complex, FrequencyCheck, Model, moving
 from backend.identification.records import Controller, Record, Signal, UnstableModelError
 
 # Excitation ----------------------------------------------------------------------------------------
-#
 # The part of the input that is independent of measurement noise: the basis of instruments in closed loop.
 
 
@@ -110,7 +109,6 @@ def _fitted_input(record: Record, r: Signal) -> Signal:
 
 
 # Frequency -----------------------------------------------------------------------------------------
-#
 # Comparison of the model with a non-parametric frequency response (Welch's averages), with coherence.
 
 
@@ -196,7 +194,6 @@ def check_frequency_response(model: Model, record: Record) -> FrequencyCheck:
 
 
 # Spectra -------------------------------------------------------------------------------------------
-#
 # Correlations of long signals through the FFT.
 
 

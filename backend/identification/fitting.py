@@ -31,7 +31,6 @@ from backend.identification.records import (
 from backend.identification.validation import fit_autoregression, input_correlation, sandwich, whiteness
 
 # ARX -----------------------------------------------------------------------------------------------
-#
 # ARX, the paper's method: least squares on the equation error of a sampled model, after a low-pass on both signals.
 #
 # For comparison. At 1 ms the equation error weights changes from one sample to the next, a hundred times faster than
@@ -107,7 +106,6 @@ def _root(covariance: Signal) -> Signal:
 
 
 # Output error --------------------------------------------------------------------------------------
-#
 # Output error: the parameters with the least simulation error (Levenberg-Marquardt, QR).
 #
 # With white measurement noise this is the maximum-likelihood estimate, in closed loop too, because the input depends on
@@ -190,7 +188,6 @@ def _evaluate(problem: FitProblem, parameters: Signal) -> FitEvaluation | None:
 
 
 # Refined IV ----------------------------------------------------------------------------------------
-#
 # Refined instrumental variables in continuous time: SRIVC, its closed-loop form, and RIVC with coloured noise.
 #
 # The estimate solves sum over k of Z_k(parameters) e_k(parameters) = 0, where e is the whitened output error and Z the
@@ -243,7 +240,6 @@ def _stable_step(here: FitEvaluation, step: Signal) -> FitEvaluation:
 
 
 # Fit -----------------------------------------------------------------------------------------------
-#
 # Parameters of a record: choice of the estimator, its starting values, and the noise model.
 
 

@@ -14,7 +14,6 @@ from backend.response_docs import describe_field
 from plant import cache_compiled
 
 # Friction ------------------------------------------------------------------------------------------
-#
 # Coulomb friction in a record from force, current or voltage to speed or position.
 #
 #     T w' + w = K (u - u_0 - u_c sign w),   at rest while |u - u_0| <= u_c;      y = w, or y = the integral of w
@@ -211,7 +210,6 @@ def simulate_motion(
 
 
 # Load friction -------------------------------------------------------------------------------------
-#
 # Coulomb friction that grows with the tendon load, from actuator identifications at several tensions.
 #
 #     u = (J θ'' + B θ' + r_m F + (c0 + c1 r_m F) sign θ') / K_t + τ_e u' + u_0

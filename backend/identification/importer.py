@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 
 # Timebase ------------------------------------------------------------------------------------------
-#
 # The time column, its unit and order, and resampling of rows at even times.
 
 
@@ -320,7 +319,6 @@ def even(t: Signal, values: Signal, period_s: float, *, held: bool) -> Signal:
 
 
 # Import data ---------------------------------------------------------------------------------------
-#
 # Samples from external files (table, .mat or Parquet), checked, as a record, with a summary of the import.
 
 
@@ -645,7 +643,6 @@ def _require_finite(signals: dict[str, Signal]) -> None:
 
 
 # MATLAB file ---------------------------------------------------------------------------------------
-#
 # A MATLAB file, version 7 or older, as columns by name; other contents are listed with the reason.
 
 

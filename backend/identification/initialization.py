@@ -19,7 +19,6 @@ from backend.identification.records import NoStartError, Record, RecordError, Si
 from plant import Quantity
 
 # Linearisation -------------------------------------------------------------------------------------
-#
 # Output error and its sensitivities: the evaluation of a structure on a record.
 #
 #     y(t) = G(s; parameters) u(t) + initial state + offset + ramp + noise
@@ -194,7 +193,6 @@ def difference(first: Signal, second: Signal) -> Signal:
 
 
 # Start ---------------------------------------------------------------------------------------------
-#
 # Starting values: cheap candidates of several kinds, ranked by their simulation error.
 
 

@@ -13,7 +13,6 @@ from backend.identification.records import Signal, StructureError, UnstableModel
 from backend.units import format_percent
 
 # Published models ----------------------------------------------------------------------------------
-#
 # Table 1 of the paper: the models that its authors identified on their rig, for comparison.
 
 
@@ -53,7 +52,6 @@ TABLE_1 = {
 
 
 # Response ------------------------------------------------------------------------------------------
-#
 # Exact responses of the structures to an input that is held between samples (zero-order hold).
 #
 # Nothing is approximated: the state equations are integrated by the matrix exponential and executed as second-order
@@ -212,7 +210,6 @@ def check_stable(poles: Poles, period_s: float) -> None:
 
 
 # Structures ----------------------------------------------------------------------------------------
-#
 # Model structures: the transfer functions of a few parameters.
 #
 # All are a gain over a polynomial without zeros, b0 / (a_N s^N + ... + a_1 s + 1), with different parameters, followed
@@ -345,7 +342,6 @@ def _roots(ascending: Signal) -> np.ndarray[tuple[int], np.dtype[np.complex128]]
 
 
 # Result --------------------------------------------------------------------------------------------
-#
 # Results of an identification as plain data, JSON-ready through ``to_json``.
 #
 # First order, residual tests and frequency check are stored directly: NaN is stored as null, and read as None.
@@ -628,7 +624,6 @@ class Estimate:
 
 
 # Reduction -----------------------------------------------------------------------------------------
-#
 # Reduction to K/(T s + 1), for the λ formulas: same gain, same phase at low frequency.
 
 

@@ -53,7 +53,6 @@ if TYPE_CHECKING:
 
 
 # Motor ---------------------------------------------------------------------------------------------
-#
 # Motor from unloaded voltage steps (equation 17): the paper's 63.21 % rule, and least squares on position.
 #
 # Position obeys T_m w' + w = K_m (u - u_c sign w), w = theta': K_m / (s (T_m s + 1)) with a Coulomb voltage u_c, the
@@ -356,7 +355,6 @@ def _verdict(solution: Signal, std: Signal, coulomb: bool, counts: float, misfit
 
 
 # Motor record --------------------------------------------------------------------------------------
-#
 # Motor from any record of voltage and angle (equation 17): K_m e^(-t_d s) / (s (T_m s + 1)) with Coulomb friction.
 #
 # The record may contain any motion of the motor; the angle's zero is arbitrary. The model is the one of

@@ -14,7 +14,6 @@ from plant import (
 )
 
 # Errors --------------------------------------------------------------------------------------------
-#
 # Errors of an identification. Each message names the problem and the remedy.
 
 
@@ -123,7 +122,6 @@ class UnstableModelError(IdentificationError):
 
 
 # Record --------------------------------------------------------------------------------------------
-#
 # The input of every estimator: one input and one output signal at even times.
 
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from backend.identification.records import DataFileError, FileFault, Signal
 
 # Dates ---------------------------------------------------------------------------------------------
-#
 # Dates and times of day in usual formats, converted to seconds from the first one.
 #
 # No library parser is used, because they guess missing parts and ambiguous orders.
@@ -158,7 +157,6 @@ def _of_day_ns(match: re.Match[str]) -> int:
 
 
 # Decimals ------------------------------------------------------------------------------------------
-#
 # Decimal mark of a table of text: a point or a comma; the other one groups thousands.
 #
 # A single cell is often ambiguous: "8,019" is 8019 or 8.019. The table is unambiguous if some cell has one reading
@@ -360,7 +358,6 @@ def _make_ambiguity_error(
 
 
 # Table ---------------------------------------------------------------------------------------------
-#
 # A table of text: columns by name, and reasons why a column is unusable.
 #
 # Separators are comma, semicolon, tab, vertical bar or blanks, or that of a line ``sep=;``. Lines that begin with # or

@@ -23,7 +23,6 @@ from backend.identification.records import MAX_SATURATED_PERCENT, RestAtLimit, S
 from backend.units import format_percent
 
 # Noise ---------------------------------------------------------------------------------------------
-#
 # Autoregressive noise model: the polynomial D that whitens residuals, y = G u + e / D.
 
 
@@ -50,7 +49,6 @@ def fit_autoregression(residuals: Signal, max_order: int = MAX_NOISE_ORDER) -> S
 
 
 # Residuals -----------------------------------------------------------------------------------------
-#
 # Tests of residuals for whiteness and for independence of the input.
 #
 # Both use the largest of many correlations, each in units of its own standard deviation, at the 1 % level for all of
@@ -165,7 +163,6 @@ def _make_correlation_test(lags_s: Reals, correlations: Reals, deviation: Reals)
 
 
 # Uncertainty ---------------------------------------------------------------------------------------
-#
 # Standard errors that are valid for coloured residuals: the sandwich formula with a HAC estimate.
 
 
@@ -225,7 +222,6 @@ def _bandwidth(moments: Signal) -> int:
 
 
 # Validation ----------------------------------------------------------------------------------------
-#
 # Requirements of a model for tuning: residual tests, fit on validation data, verdict.
 
 
@@ -543,7 +539,6 @@ def _residuals(evidence: ValidationData) -> Iterator[Finding]:
 
 
 # Feedback ------------------------------------------------------------------------------------------
-#
 # Detection of an input that reacts to noise of its output: a record of an unspecified closed loop.
 
 

@@ -173,7 +173,6 @@ ACTUATOR_OPTIONS: DocumentCodec[ActuatorOptions] = DocumentCodec(ActuatorOptions
 
 
 # Motors --------------------------------------------------------------------------------------------
-#
 # K_m in rad/(V·s), T_m in s, Coulomb voltage u_c in V.
 
 
@@ -290,7 +289,6 @@ MOTOR_QUALITIES: DocumentCodec[MotorQualities] = DocumentCodec(MotorQualities, "
 
 
 # Springs -------------------------------------------------------------------------------------------
-#
 # Polynomials F = k_0 + k_1 x + … of several orders, x in m and F in N.
 
 

@@ -38,7 +38,6 @@ ENTRY: DocumentCodec[EntryModel] = DocumentCodec(EntryModel, "its models", ENTRY
 
 
 # Walls ---------------------------------------------------------------------------------------------
-#
 # Changes of the obstacle of a simulated joint during a run.
 
 
@@ -89,7 +88,6 @@ def find_wall_at(changes: Sequence[StoredWall], t: float) -> Obstacle | None:
 
 
 # Plant parameters ----------------------------------------------------------------------------------
-#
 # By section and entry, as in ``PlantParameters.document``.
 
 
@@ -108,7 +106,6 @@ PLANT_NUMBERS: DocumentCodec[PlantNumbers] = DocumentCodec(PlantNumbers, "number
 
 
 # Applied parameters --------------------------------------------------------------------------------
-#
 # Identified parameters of motors and springs that replace those of the parameter file.
 
 
@@ -138,7 +135,6 @@ APPLIED: DocumentCodec[AppliedParameters] = DocumentCodec(
 
 
 # Result --------------------------------------------------------------------------------------------
-#
 # Metrics, steps and criteria computed from a run. Times are in s from the start of the program.
 
 
@@ -442,7 +438,6 @@ SAVED_TUNING: DocumentCodec[SavedLoopSettings] = DocumentCodec(
 
 
 # Bank numbers in settings --------------------------------------------------------------------------
-#
 # A run names its initial bank by number, and so does a part of its experiment that changes the
 # bank, directly or by a setting. A number that an expression computes cannot be replaced.
 

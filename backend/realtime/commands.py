@@ -14,7 +14,6 @@ from backend.realtime.program import SetTuning as SetTuning
 from plant import InjectedFault, ManualInput, Obstacle, Side
 
 # Play recording ------------------------------------------------------------------------------------
-#
 # Commands to a replay and its events.
 
 
@@ -47,7 +46,6 @@ class PlayerMoved:
 
 
 # Commands ------------------------------------------------------------------------------------------
-#
 # Commands to the control loop (imperatives) and its events (past tense).
 #
 # Both are sent as JSON between the service and the loop process; ``backend.realtime.ipc`` encodes and decodes them.

@@ -10,7 +10,6 @@ from backend.realtime.motions import CommissioningMotion, PythonMotion
 from plant import Measurement, T_s
 
 # Homing --------------------------------------------------------------------------------------------
-#
 # The joint moves to its end switch slowly, with small voltage, tension and travel.
 #
 # Both tendons are first wound to a low tension; then one motor winds by what the other unwinds, so the joint moves at
@@ -196,7 +195,6 @@ class Homing(CommissioningMotion):
 
 
 # Motor direction test ------------------------------------------------------------------------------
-#
 # One motor turns slightly before its direction is known: by a rising voltage, then by the same in reverse.
 #
 # No loop is closed: whatever the direction of the motor and the readings of its sensors, the voltage is bounded in size
@@ -279,7 +277,6 @@ class MotorTrial(CommissioningMotion):
 
 
 # Safety module test --------------------------------------------------------------------------------
-#
 # Test of the safety module: a trip is provoked at pretension while the loop continues to drive briefly.
 #
 # Only this shows whether the module itself disables the drives, or only reports a trip to which the loop reacts.

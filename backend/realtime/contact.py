@@ -35,7 +35,6 @@ from backend.realtime.shared_state import StepContext
 from plant import NO_LOAD, Measurement, Obstacle, Obstructed, Plant, PlantError, ShaftLoad, T_s
 
 # Contact -------------------------------------------------------------------------------------------
-#
 # Reaction to an external force that counts as a contact: the joint yields until an operator chooses a mode.
 #
 # The loop reacts within one tick: position loop open, reference at the joint's position. At rest it goes to the lowest
@@ -291,7 +290,6 @@ def make_yielding_motion(
 
 
 # Manual push ---------------------------------------------------------------------------------------
-#
 # An operator's push on the joint of a plant that can be pushed (the simulator), for a limited time.
 #
 # The loop itself ends the push when its time is over, and when it leaves the modes for manual pushes, so no push
@@ -354,7 +352,6 @@ class ManualDisturbance:
 
 
 # Program push --------------------------------------------------------------------------------------
-#
 # Disturbances of a program on a plant that can be pushed, loaded and obstructed.
 
 

@@ -87,7 +87,6 @@ from plant import (
 )
 
 # Commissioning -------------------------------------------------------------------------------------
-#
 # Commands of commissioning, executed at zero or small voltages.
 
 
@@ -201,7 +200,6 @@ def _require_off_with_drives(mode_manager: ModeManager, what: str) -> None:
 
 
 # Step inputs ---------------------------------------------------------------------------------------
-#
 # Inputs of the compiled step, from the mode manager.
 
 
@@ -239,7 +237,6 @@ def make_step_inputs(mode_manager: ModeManager) -> StepInputs:
 
 
 # Plant monitoring ----------------------------------------------------------------------------------
-#
 # Monitoring of the plant: failures are reported at their beginning and end, not at every tick.
 
 
@@ -280,7 +277,6 @@ class PlantHealthMonitor:
 
 
 # Sensor checks -------------------------------------------------------------------------------------
-#
 # Messages for implausible readings that ``backend.control.fault_detection`` finds.
 
 
@@ -318,7 +314,6 @@ def describe_implausible_reading(
 
 
 # Checks --------------------------------------------------------------------------------------------
-#
 # Messages for faults that the control step detects (``backend.control.fault_detection``).
 
 
@@ -399,7 +394,6 @@ def _format_tensions(m: Measurement, is_beyond: Callable[[float], bool]) -> tupl
 
 
 # Loop ----------------------------------------------------------------------------------------------
-#
 # The control loop: one tick, commands between two ticks, and zero volts at every exit.
 #
 # The same class runs live in the loop process and headless for the command line; they differ only in who calls

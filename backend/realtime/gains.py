@@ -25,7 +25,6 @@ from backend.tuning import (
 from plant import PlantParameters
 
 # Tuning command ------------------------------------------------------------------------------------
-#
 # Conversion between the cascade's tuning and the command that transfers it to the loop process.
 
 
@@ -82,7 +81,6 @@ def build_cascade_tuning(command: SetTuning, plant_model: PlantModel) -> cascade
 
 
 # Tunings -------------------------------------------------------------------------------------------
-#
 # The active tuning of the loop: the operator's, or one of a program until its end.
 
 

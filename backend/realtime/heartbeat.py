@@ -21,7 +21,6 @@ from backend.supervision import Part
 from plant import WATCHDOG_S, Card, Stillness, cache_compiled
 
 # Watchdog monitor ----------------------------------------------------------------------------------
-#
 # The service's own monitoring of the card's registers, which it shares with the loop and the watchdog.
 
 
@@ -100,7 +99,6 @@ class WatchdogMonitor:
 
 
 # Heartbeat -----------------------------------------------------------------------------------------
-#
 # Heartbeat to the loop process, from a thread that needs neither the event loop nor the GIL.
 #
 # On a busy machine an event loop can be late by tenths of a second without a fault, and linear algebra in another

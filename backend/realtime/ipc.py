@@ -14,7 +14,6 @@ from backend.realtime.timing import RealTimeStatus
 from plant import NO_COMMISSIONING, CommissioningResults, ErrorCode, PlantChoice, SinewError
 
 # Channel -------------------------------------------------------------------------------------------
-#
 # One JSON message per packet of ``channel_pair``, strictly validated.
 #
 # Both ends reject unknown fields, wrong types, NaN and infinities; a packet arrives whole or not at all.
@@ -179,7 +178,6 @@ def _decode(adapter: TypeAdapter[Any], packet: bytes) -> tuple[int, Any]:
 
 
 # Program parts -------------------------------------------------------------------------------------
-#
 # Assembles a program that was sent in parts.
 
 

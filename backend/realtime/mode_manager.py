@@ -41,7 +41,6 @@ from backend.tuning import TuningParameters, collect_plant_knowledge
 from plant import InvariantError, Measurement, Plant, PlantParameters, SupportsDirectionCheck
 
 # Context -------------------------------------------------------------------------------------------
-#
 # Context of a command or an event.
 
 
@@ -53,7 +52,6 @@ class TickContext(NamedTuple):
 
 
 # Pending stop --------------------------------------------------------------------------------------
-#
 # A stop between its request and the report of zero volts.
 
 
@@ -68,7 +66,6 @@ class StopRequest:
 
 
 # Encoder offsets -----------------------------------------------------------------------------------
-#
 # Offsets of the encoders of joint and motors.
 
 
@@ -112,7 +109,6 @@ class EncoderOffsets:
 
 
 # Mode transitions ----------------------------------------------------------------------------------
-#
 # Transitions between modes: which are permitted, which motion they start, and what follows its end.
 
 

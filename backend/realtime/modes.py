@@ -6,7 +6,6 @@ from backend.faults import Fault
 from plant import ErrorCode, SinewError
 
 # Mode change causes --------------------------------------------------------------------------------
-#
 # Causes of mode changes: code depends on the members, people read their values.
 
 
@@ -43,7 +42,6 @@ ModeCause = Cause | HomingEnd | Fault
 
 
 # Mode ----------------------------------------------------------------------------------------------
-#
 # Modes of the loop and the permitted transitions between them.
 
 

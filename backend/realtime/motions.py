@@ -33,7 +33,6 @@ from backend.tuning import TuningParameters, make_feedback_linearization_tuning,
 from plant import Measurement, Plant, PlantParameters, StateBlock, T_s, spring_elongation
 
 # Program arrays ------------------------------------------------------------------------------------
-#
 # Programs in the form that the compiled step reads.
 
 
@@ -129,7 +128,6 @@ def make_voltage_steps_state(
 
 
 # Motion --------------------------------------------------------------------------------------------
-#
 # Motions of the motors in each mode: constructed here and stepped by the compiled step.
 #
 # Each motion passes the state of the motor loops to the next, so the voltages do not jump when the mode changes.
@@ -334,7 +332,6 @@ class CommissioningMotion(PythonMotion):
 
 
 # Program motions -----------------------------------------------------------------------------------
-#
 # Motions of programs: a program is checked completely before any motion.
 
 

@@ -63,7 +63,6 @@ from plant import (
 )
 
 # Rehearsal -----------------------------------------------------------------------------------------
-#
 # Execute every mode once on a simulator, so that nothing is compiled or loaded after the first real deadline.
 
 
@@ -151,7 +150,6 @@ def _run_while(loop: Loop, mode: Mode) -> None:
 
 
 # Worker --------------------------------------------------------------------------------------------
-#
 # The loop process: ``python -m backend.realtime.process RING_FD CHANNEL_FD CARD_FD PARAMETERS``, see ``launching.py``.
 #
 # It never waits for the service. However it ends, its last action is zero volts; without heartbeat from the service the

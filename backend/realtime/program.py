@@ -11,7 +11,6 @@ from backend.realtime.modes import LEGAL, CommandRejectedError, Mode
 from plant import Obstacle
 
 # Contact detection commands ------------------------------------------------------------------------
-#
 # Commands and events of contact detection.
 
 
@@ -56,7 +55,6 @@ class BiasLost:
 
 
 # Tuning commands -----------------------------------------------------------------------------------
-#
 # All gains of the cascade: a command, and part of programs that change them.
 
 
@@ -106,7 +104,6 @@ class SetTuning:
 
 
 # Program -------------------------------------------------------------------------------------------
-#
 # Programs that the loop plays: references over time, an excitation, an external push.
 #
 # A program is sent completely before it starts, so its timing depends on the loop alone and on no messages.

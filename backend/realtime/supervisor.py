@@ -36,7 +36,6 @@ from backend.supervision import Part, SupervisedTask, SupervisedThread, Supervis
 from plant import Card, ErrorCode, SinewError, T_s, select_calibration
 
 # Loop interface ------------------------------------------------------------------------------------
-#
 # Interface to the loop, whether live in its own process or headless in this one.
 
 
@@ -112,7 +111,6 @@ class LoopClient(Protocol):
 
 
 # Pending commands ----------------------------------------------------------------------------------
-#
 # Pending commands to the loop process.
 
 
@@ -153,7 +151,6 @@ class PendingReplies:
 
 
 # Hang detection ------------------------------------------------------------------------------------
-#
 # Detection of a hung loop process, from the ring buffer.
 
 
@@ -192,7 +189,6 @@ class LivenessMonitor:
 
 
 # Supervisor ----------------------------------------------------------------------------------------
-#
 # Supervisor of the loop process: start, commands, detection of its end, restart.
 
 

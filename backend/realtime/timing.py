@@ -15,7 +15,6 @@ from backend.sample import INDEX
 from plant import T_s
 
 # Pacer ---------------------------------------------------------------------------------------------
-#
 # Absolute deadlines on the monotonic clock, and the real-time rights that the machine grants.
 #
 # A deadline missed by a whole period is skipped and counted as an overrun; it is never made up for by faster ticks,
@@ -128,7 +127,6 @@ class Pacer:
 
 
 # Timing --------------------------------------------------------------------------------------------
-#
 # Timing of the loop, from the samples of the last seconds.
 
 

@@ -12,7 +12,6 @@ from backend.storage import Session, recordings
 from plant import SinewError
 
 # Codec ---------------------------------------------------------------------------------------------
-#
 # Packed samples: float32 columns with bytes of equal significance grouped, zlib at its fastest level; and their min/max
 # summary.
 #
@@ -81,7 +80,6 @@ def summarise_buckets(table: Table) -> Table:
 
 
 # Digest --------------------------------------------------------------------------------------------
-#
 # Digest of a recording: the same for the same samples, however they are packed and wherever they are stored.
 
 

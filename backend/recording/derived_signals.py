@@ -14,7 +14,6 @@ from backend.sample import COMBINED_SIGNAL_BY_NAME, STORED, UNIT_BY_SIGNAL, Comb
 from backend.storage import Formula, Session, formulas, runs
 
 # Formula -------------------------------------------------------------------------------------------
-#
 # A derived signal: the steps of a formula over signals, evaluated for many samples together.
 #
 # Steps are an expression tree in postfix order; the page evaluates the same steps (frontend/src/samples/formula.ts),
@@ -150,7 +149,6 @@ _OPERATIONS: dict[str, Callable[[Sequence[Column]], Column]] = {
 
 
 # Computed signals ----------------------------------------------------------------------------------
-#
 # Signals that are not stored but computed from columns: combined signals, and formulas of the station.
 
 

@@ -14,7 +14,6 @@ from backend.sample import COMBINED_SIGNAL_BY_NAME
 from backend.storage import Database, Session, recordings
 
 # Spectrum ------------------------------------------------------------------------------------------
-#
 # Power spectral density of samples by Welch's method.
 
 
@@ -98,7 +97,6 @@ def _unbroken(values: Array) -> Iterator[tuple[int, int]]:
 
 
 # Range reading -------------------------------------------------------------------------------------
-#
 # Reading of every sample of a range of a recording in parts, including computed signals.
 
 
@@ -212,7 +210,6 @@ def _read_columns(session: Session, stretch: TickInterval, names: Sequence[str],
 
 
 # Statistics ----------------------------------------------------------------------------------------
-#
 # Statistics of signals over every sample of a range of a recording.
 
 

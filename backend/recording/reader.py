@@ -22,7 +22,6 @@ from backend.storage import Chunk, Database, Recording, Session, Span, UnknownRe
 from plant import ErrorCode, SinewError, T_s
 
 # Computed envelopes --------------------------------------------------------------------------------
-#
 # Envelopes of signals that are not stored but computed from the columns, sample by sample.
 
 
@@ -84,7 +83,6 @@ def in_precision(values: NDArray[np.float64]) -> Table:
 
 
 # Reader --------------------------------------------------------------------------------------------
-#
 # Recordings as raw samples, or as an envelope of smallest and largest values for drawing.
 
 
@@ -283,7 +281,6 @@ def _reduce_buckets(extreme: np.ufunc, table: Table, buckets: NDArray[np.int64],
 
 
 # Columns -------------------------------------------------------------------------------------------
-#
 # All signals of a run as arrays for computation.
 
 
@@ -332,7 +329,6 @@ def _empty() -> Columns:
 
 
 # Jumps ---------------------------------------------------------------------------------------------
-#
 # Jumps of a recorded signal: changes between two samples with a constant signal before and after.
 #
 # The start of a ramp is no jump, nor is any part of a sine. Only ranges whose summaries change are read.

@@ -35,7 +35,6 @@ from backend.supervision import Part
 from plant import ErrorCode, InvariantError, Obstacle, SinewError, T_s
 
 # Obstacles -----------------------------------------------------------------------------------------
-#
 # Obstacles present in the stored samples, from events of the loop.
 
 
@@ -89,7 +88,6 @@ class ObstacleChanges:
 
 
 # Recorder ------------------------------------------------------------------------------------------
-#
 # Recording of every sample of a run from the ring buffer to the database, without state that a crash could lose.
 #
 # The position in the ring buffer advances only after its samples were committed. If the database fails, the loop

@@ -25,7 +25,6 @@ from plant import (
 )
 
 # Condition -----------------------------------------------------------------------------------------
-#
 # Condition on a signal: a level, an edge through a level, or a window. NaN never meets it.
 
 
@@ -112,7 +111,6 @@ class Condition:
 
 
 # Trigger -------------------------------------------------------------------------------------------
-#
 # Trigger: samples around a condition on a signal, stored as a flight record.
 #
 # It evaluates every sample from the ring buffer. Samples overwritten before they were read are NaN in the capture, and

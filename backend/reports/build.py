@@ -41,7 +41,6 @@ from backend.storage import Database, EndState, RunKind
 from backend.units import AngleUnit, format_text
 
 # Build ---------------------------------------------------------------------------------------------
-#
 # Choice of the report by the kind of run.
 
 
@@ -125,7 +124,6 @@ def _format_block_angles(block: Block, angles: AngleUnit) -> Block:
 
 
 # Files ---------------------------------------------------------------------------------------------
-#
 # Files of a run in a folder: the report for people, the data and the metrics for programs.
 
 

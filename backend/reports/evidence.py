@@ -28,7 +28,6 @@ from backend.units import AngleUnit
 from plant import ErrorCode, SinewError, T_s
 
 # Digests -------------------------------------------------------------------------------------------
-#
 # Content hashes of the inputs of a report, to tell whether two inputs are identical.
 
 
@@ -76,7 +75,6 @@ def _normalise_column(columns: Columns, name: str) -> NDArray[Any]:
 
 
 # Manifest ------------------------------------------------------------------------------------------
-#
 # The manifest of a report: all inputs of its numbers except the samples, and their hashes.
 #
 # The manifest describes the report to ``verification``; hashes tie it to samples that are stored elsewhere.
@@ -328,7 +326,6 @@ def _find_identifications(source: RunData) -> set[int]:
 
 
 # Configuration -------------------------------------------------------------------------------------
-#
 # The configuration of a run by name, for comparing runs. Pure functions.
 
 

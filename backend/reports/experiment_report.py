@@ -69,7 +69,6 @@ from backend.units import AngleUnit, append_unit, convert_to_display, get_displa
 from plant import SIDES, ParameterError, T_s, parse_parameters
 
 # Compliance ----------------------------------------------------------------------------------------
-#
 # The report of a compliance run: whether the joint yields as its stiffness predicts.
 
 
@@ -156,7 +155,6 @@ def force_panels(columns: Columns, r_j: float, pushed_s: float, delay_s: float, 
 
 
 # Paper's law ---------------------------------------------------------------------------------------
-#
 # For a run in time-optimal motion: the response of lambda motion, the law of the paper, to the same references.
 
 
@@ -263,7 +261,6 @@ def _to_90_percent_s(step: StepFigures, law: PaperLawResponse) -> float | None:
 
 
 # Recording -----------------------------------------------------------------------------------------
-#
 # The report of a session: its curves.
 
 
@@ -312,7 +309,6 @@ def _recording_figures(source: RunData) -> ReportSection:
 
 
 # Robustness ----------------------------------------------------------------------------------------
-#
 # The report of a robustness run: how far a load at the gearbox shaft turns a motor, and for how long.
 
 
@@ -376,7 +372,6 @@ def error_panels(columns: Columns, name: str, angles: AngleUnit) -> str:
 
 
 # Tracking ------------------------------------------------------------------------------------------
-#
 # The report of a tracking run: references, responses, bounds, and the gains used.
 
 
@@ -587,7 +582,6 @@ def _reasons(steps: Sequence[StepFigures]) -> tuple[Table, ...]:
 
 
 # Experiment from data ------------------------------------------------------------------------------
-#
 # The report of an experiment described by data: the figures that belong to its measurements.
 
 

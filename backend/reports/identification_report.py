@@ -72,7 +72,6 @@ from plant import (
 )
 
 # Actuator identification ---------------------------------------------------------------------------
-#
 # The report of an actuator identification: models, their quality, and comparison with the paper.
 
 
@@ -348,7 +347,6 @@ def build_estimate_command(found: Identification, key: ChannelName) -> str:
 
 
 # Motor identification ------------------------------------------------------------------------------
-#
 # The report of a motor identification: both estimates of both motors, and how well they fit the steps.
 
 
@@ -535,7 +533,6 @@ def step_panels(motors: MotorsResult, name: str, angles: AngleUnit) -> str:
 
 
 # Spring identification -----------------------------------------------------------------------------
-#
 # The report of a spring identification: polynomials of several orders, their errors, and the recommended order.
 
 

@@ -10,7 +10,6 @@ from backend.plain_text import escape_lines
 from backend.units import format_percent
 
 # Document ------------------------------------------------------------------------------------------
-#
 # A report as plain data in reading order. HTML and PDF are two renderings of the same document.
 #
 # Text may contain symbols in the spelling of the notation, ``S_ref``; the renderings set them as letter and index.
@@ -133,7 +132,6 @@ def exact(value: float) -> str:
 
 
 # HTML ----------------------------------------------------------------------------------------------
-#
 # A report as one HTML page that loads nothing from elsewhere and is readable on screen and on paper.
 
 

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 
 # Missing letters -----------------------------------------------------------------------------------
-#
 # Characters that the fonts of a PDF lack: the PDF shows a box for each and names them in a sentence.
 #
 # Only the fonts embedded in typst are used, so that a report looks the same everywhere. They have neither Chinese,
@@ -95,7 +94,6 @@ def iterate_texts(document: Any) -> Iterable[str]:
 
 
 # PDF -----------------------------------------------------------------------------------------------
-#
 # A report as PDF, typeset by typst. The template reads the document as data, so that nothing in it acts as markup.
 
 

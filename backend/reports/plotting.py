@@ -26,7 +26,6 @@ from backend.recording import Columns as ReaderColumns
 from backend.units import AngleUnit, get_display_unit
 
 # Drawing -------------------------------------------------------------------------------------------
-#
 # The style of all figures of the reports, and their export as SVG.
 
 
@@ -184,7 +183,6 @@ def axis_label(symbol: str, unit: str, angles: AngleUnit) -> str:
 
 
 # Cache ---------------------------------------------------------------------------------------------
-#
 # Cache of drawings: a page, its PDF and the verification of both draw the same figures of the same samples.
 #
 # Drawing takes nearly all of the time of a report.
@@ -247,7 +245,6 @@ def _parts(value: Any) -> Iterator[bytes | memoryview]:
 
 
 # Identification figures ----------------------------------------------------------------------------
-#
 # Figures of an actuator identification: record and model, frequency and step responses, residual tests.
 
 
@@ -419,7 +416,6 @@ def _bode(top: Axes, bottom: Axes, omega: Array, response: Complex, **style: Any
 
 
 # Tracking figures ----------------------------------------------------------------------------------
-#
 # Figures of a tracking run: the six panels of figure 7 of the paper, tensions, and all steps on one scale.
 
 

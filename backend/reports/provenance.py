@@ -39,7 +39,6 @@ from backend.units import AngleUnit, convert_to_display, get_display_unit
 from plant import SHIPPED, SIMULATED, SIMULATOR, load_parameters
 
 # Provenance ----------------------------------------------------------------------------------------
-#
 # The origin of a run in a report: who, when, plant, settings, gains and parameters.
 
 
@@ -260,7 +259,6 @@ def shown_unit(unit: str, angles: AngleUnit) -> str:
 
 
 # Verdict -------------------------------------------------------------------------------------------
-#
 # The verdict on a run in one word and one sentence, the same in report, page, dry run and command line. Pure functions.
 
 
@@ -313,7 +311,6 @@ def _titles(criteria: Sequence[RunCriterion], *, passed: bool | None) -> list[st
 
 
 # Results -------------------------------------------------------------------------------------------
-#
 # The result of a run: criteria, figures, and a sentence.
 
 
@@ -438,7 +435,6 @@ def _with_reason(text: str, reason: str, comparison: str) -> str:
 
 
 # Reproduction --------------------------------------------------------------------------------------
-#
 # Reproduction of a simulated run: a command to copy, and the files that it needs.
 
 
@@ -576,7 +572,6 @@ def _quote_toml(words: str) -> str:
 
 
 # Experiment ----------------------------------------------------------------------------------------
-#
 # The common structure of the reports of all experiments with criteria.
 
 

@@ -60,7 +60,6 @@ from plant import (
 )
 
 # Bode ----------------------------------------------------------------------------------------------
-#
 # Frequency responses in a report: measured and predicted gain and phase, and a table of all lines.
 
 
@@ -217,7 +216,6 @@ def _format_fixed(value: float, digits: int) -> str:
 
 
 # Rest ----------------------------------------------------------------------------------------------
-#
 # Rest in a report: each hold window as curves in counts and volts, and in a table.
 
 
@@ -314,7 +312,6 @@ def hold_panels(columns: Columns, found: Sequence[HoldWindow], count: float, nam
 
 
 # Identifications -----------------------------------------------------------------------------------
-#
 # Results of the identifications of a series, with tables for each kind.
 
 
@@ -412,7 +409,6 @@ def _with_error(value: float | None, std: float | None) -> str:
 
 
 # Impact --------------------------------------------------------------------------------------------
-#
 # Impacts in a report: a table of hits, their force over time, and the effect of the contact reaction.
 
 
@@ -552,7 +548,6 @@ def impact_panels(columns: Columns, hits: Sequence[Hit], name: str, angles: Angl
 
 
 # Pushes --------------------------------------------------------------------------------------------
-#
 # Pushes in a report: the measured response, the response expected with the gains in use, and the static deflection of
 # the stiffness alone.
 

@@ -34,7 +34,6 @@ from backend.storage import run_title
 from backend.units import AngleUnit, convert_to_display
 
 # Series figures ------------------------------------------------------------------------------------
-#
 # Figures of a series: its metrics from run to run, and the curves of all runs on shared axes.
 
 
@@ -119,7 +118,6 @@ def _short(label: str) -> str:
 
 
 # Series --------------------------------------------------------------------------------------------
-#
 # The report of a series: runs in columns, their differences, metrics and curves.
 
 

@@ -12,7 +12,6 @@ from backend.reports.pdf import missing_letters, sentence, with_boxes
 from plant import ErrorCode
 
 # Sheet ---------------------------------------------------------------------------------------------
-#
 # A sheet of charts drawn by the page, as PDF at its size; text stays text and lines stay lines.
 #
 # The received SVG is never passed on. A parser that accepts no document type reads it, so that no entity expands and

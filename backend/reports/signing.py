@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 
 # Signing key ---------------------------------------------------------------------------------------
-#
 # The private key with which an installation signs its reports, and the public keys for verification.
 #
 # Public keys are in OpenSSH format, so that ``ssh-keygen -lf`` gives the same fingerprint.
@@ -146,7 +145,6 @@ def _load(path: Path) -> "Ed25519PrivateKey":
 
 
 # Signature -----------------------------------------------------------------------------------------
-#
 # The signature of a page, in an element directly after the manifest. It states which key signed exactly these bytes.
 #
 # The signed message is a heading with the other fields of the element, followed by the page without the element.

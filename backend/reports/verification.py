@@ -61,7 +61,6 @@ from backend.storage import Database, RunKind, runs
 from plant import ErrorCode, SinewError, parse_parameters
 
 # Differences ---------------------------------------------------------------------------------------
-#
 # Differences between a report and its recomputation, and the comparison of two documents.
 
 
@@ -148,7 +147,6 @@ def _short(value: Any) -> str:
 
 
 # Page comparison -----------------------------------------------------------------------------------
-#
 # Comparison of a page with its recomputed version, by lines and drawings.
 
 
@@ -343,7 +341,6 @@ def find_difference(one: str, other: str) -> tuple[str, str]:
 
 
 # Samples file --------------------------------------------------------------------------------------
-#
 # Samples of a run read back from an exported file.
 
 
@@ -394,7 +391,6 @@ def _problems(file: Path, facts: Facts, parts: Sequence[Batch]) -> Iterator[Repo
 
 
 # Stored samples ------------------------------------------------------------------------------------
-#
 # The stored run of a report, found by its content, because another installation may number it differently.
 
 
@@ -416,7 +412,6 @@ def read_stored_samples(database: Database, manifest: ReportManifest) -> tuple[C
 
 
 # Verification --------------------------------------------------------------------------------------
-#
 # Whether a report holds: all of it is recomputed from the samples that it names, and compared.
 #
 # Each difference has a name: a figure, a criterion, a parameter, a sample, a hash, a version, or a line of the page.
@@ -714,7 +709,6 @@ def _samples(manifest: ReportManifest, columns: Columns) -> Iterator[ReportDiffe
 
 
 # Series verification -------------------------------------------------------------------------------
-#
 # Verification of the report of a series: each of its runs is recomputed from its stored samples, then the page.
 
 

@@ -20,7 +20,6 @@ from backend.supervision import Part
 from plant import Obstacle, PlantParameters, Spring
 
 # Layout --------------------------------------------------------------------------------------------
-#
 # Positions of the parts of the drawn actuator in metres; x to the right, z up, the joint axis along y at the origin.
 #
 # Pulley and reels have their true radii. Each motor is on a carriage that its tendon pulls against the compression
@@ -58,7 +57,6 @@ FAN_TORQUE = 2.0
 
 
 # Pose ----------------------------------------------------------------------------------------------
-#
 # Pose of the actuator from a sample: lengths, angles and colours, without drawing.
 
 
@@ -161,7 +159,6 @@ def _side(theta: float, x: float, force_N: float, spring: Spring) -> Side:
 
 
 # Shapes --------------------------------------------------------------------------------------------
-#
 # Triangle meshes of the parts as arrays: bodies of revolution, tubes along a path, flat plates.
 #
 # Faces that meet at an edge share no vertices, so the renderer shades edges sharp and curved surfaces smooth. All are
@@ -290,7 +287,6 @@ def sector(radius_in: float, radius_out: float, half_angle: float, y: float, ste
 
 
 # Parts ---------------------------------------------------------------------------------------------
-#
 # Parts of the actuator: meshes and colours, in metres.
 
 
@@ -450,7 +446,6 @@ def _bar(width: float, y_front: float, thickness: float) -> Mesh:
 
 
 # Scene nodes ---------------------------------------------------------------------------------------
-#
 # The actuator as viser nodes: built once, then only changes are sent.
 
 
@@ -670,7 +665,6 @@ def _units(x: float, y: float, z: float) -> tuple[float, float, float]:
 
 
 # Scene updates -------------------------------------------------------------------------------------
-#
 # Updates the 3D view with the newest sample, 30 times a second, in its own thread.
 
 

@@ -18,7 +18,6 @@ from backend.scene.server import PROTOCOL, SceneEndedError
 from plant import SinewError
 
 # Client page ---------------------------------------------------------------------------------------
-#
 # viser's client page, adapted to a frame of the dashboard.
 
 
@@ -102,7 +101,6 @@ def page() -> str:
 
 
 # Proxy ---------------------------------------------------------------------------------------------
-#
 # The 3D view on the dashboard's own port: viser's page and its websocket, behind the same authentication.
 #
 # Data flows to the browser only. Messages of a browser are counted and discarded unread, as the scene accepts no

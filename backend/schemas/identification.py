@@ -18,7 +18,6 @@ from backend.schemas.base import Finite, Schema, quantity
 from backend.schemas.experiment import SettingValue
 
 # Validation ----------------------------------------------------------------------------------------
-#
 # Identified models compared with validation data and with predictions from geometry and springs.
 
 

@@ -238,7 +238,6 @@ class RemovalRequest(Schema):
 
 
 # Contact -------------------------------------------------------------------------------------------
-#
 # Bias of the external force, and contact reaction.
 
 
@@ -578,7 +577,6 @@ class State(Schema):
 
 
 # Live messages -------------------------------------------------------------------------------------
-#
 # JSON messages of the websocket /api/live; samples are sent in binary frames (backend.wire).
 
 

@@ -37,7 +37,6 @@ from backend.server.security import (
 )
 
 # Connection limits ---------------------------------------------------------------------------------
-#
 # Limits of concurrent connections.
 #
 # Each connection takes a slot. Anonymous connections share a small pool; when it is full, the oldest is closed in
@@ -196,7 +195,6 @@ def _network(address: str) -> str:
 
 
 # Listener ------------------------------------------------------------------------------------------
-#
 # Accepts connections from the listening socket, and passes on those that send data.
 #
 # A connection that sends nothing costs a descriptor only. asyncio's own accept takes a whole backlog at a time and,
@@ -344,7 +342,6 @@ class _PendingConnection:
 
 
 # Reading -------------------------------------------------------------------------------------------
-#
 # Received data are parsed in small pieces, in turn, and within a budget for each websocket.
 #
 # asyncio delivers up to 256 kB at once: 40,000 empty frames, which take a second to parse while another client's STOP
@@ -494,7 +491,6 @@ class WebsocketThrottle:
 
 
 # Protocols -----------------------------------------------------------------------------------------
-#
 # uvicorn's two protocols with a slot for each connection and a timeout for every wait: a request's head, its body, the
 # pause until the next request, and a response that is not read.
 
@@ -853,7 +849,6 @@ class _Handshake(ServerProtocol):
 
 
 # Request order -------------------------------------------------------------------------------------
-#
 # Requests start one after the other, so STOP waits for the current one and not for all of a crowd.
 #
 # The event loop runs everything that is ready before it polls for new data. Two dozen busy pages make such a round a

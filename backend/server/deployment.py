@@ -11,7 +11,6 @@ from backend.public_url import PublicUrl, parse_public_url
 from backend.schemas import ErrorDetail
 
 # Reverse proxy -------------------------------------------------------------------------------------
-#
 # Effects of a reverse proxy on a request: path prefix, client address, cookie path.
 
 
@@ -96,7 +95,6 @@ def _find_client(forwarded: list[str], public: PublicUrl) -> str | None:
 
 
 # Deployment ----------------------------------------------------------------------------------------
-#
 # Problems between a browser and the service, and their remedies, as messages for log and page.
 
 

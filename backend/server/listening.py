@@ -13,7 +13,6 @@ import uvicorn
 from plant import ErrorCode, SinewError
 
 # Shutdown ------------------------------------------------------------------------------------------
-#
 # Shutdown of the service, and its cause.
 
 
@@ -86,7 +85,6 @@ def browser_address(host: str, port: int) -> str:
 
 
 # Listening -----------------------------------------------------------------------------------------
-#
 # The address on which the service listens.
 
 

@@ -29,7 +29,6 @@ from backend.server.deployment import COOKIE_PATH, PUBLIC, apply_forwarded_heade
 from plant import ErrorCode
 
 # Request bodies ------------------------------------------------------------------------------------
-#
 # Bodies of requests: read completely, and rejected if they are too large or contain values that cannot be stored.
 
 
@@ -110,7 +109,6 @@ def replay_body(body: bytes, receive: Receive) -> Receive:
 
 
 # Cookies -------------------------------------------------------------------------------------------
-#
 # Credentials of a request, and the session cookie of a response.
 
 
@@ -200,7 +198,6 @@ def _values(connection: HTTPConnection, name: str) -> list[str]:
 
 
 # Session end ---------------------------------------------------------------------------------------
-#
 # Closes websockets when the session that opened them ends: a page is authenticated only when it opens one.
 
 
@@ -251,7 +248,6 @@ def _until(over: asyncio.Event, receive: Receive, send: Send) -> Receive:
 
 
 # Message page --------------------------------------------------------------------------------------
-#
 # A page with one sentence, for a browser that requests an address without a dashboard.
 
 
@@ -282,7 +278,6 @@ def is_page_request(headers: Headers, method: str) -> bool:
 
 
 # Guard ---------------------------------------------------------------------------------------------
-#
 # Headers of every response, and checks of every request: host, origin, size, headers.
 
 

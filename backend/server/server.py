@@ -22,7 +22,6 @@ from backend.server.listening import Ending, EndingServer
 from backend.server.security import LONGEST_HEAD
 
 # First request -------------------------------------------------------------------------------------
-#
 # First request to an application, before any client's.
 
 
@@ -49,7 +48,6 @@ async def prepare_routes(app: ASGIApp) -> None:
 
 
 # Server --------------------------------------------------------------------------------------------
-#
 # uvicorn's server with an own connection acceptor, and its configuration.
 
 

@@ -46,17 +46,9 @@ from backend.services.tuning_state import ActiveTuning, TuningStore
 from backend.storage import Database, EndState, NewRun, RunKind, runs
 from backend.supervision import Part, SupervisedTask, Supervision
 from backend.units import format_number
-from plant import (
-    Angle,
-    ErrorCode,
-    InjectedFault,
-    Obstacle,
-    PlantKind,
-    PlantParameters,
-)
+from plant import Angle, ErrorCode, InjectedFault, Obstacle, PlantKind, PlantParameters
 
 # Legality ------------------------------------------------------------------------------------------
-#
 # Translates rejections of the control loop, and rejects illegal modes with the reason.
 
 
@@ -96,7 +88,6 @@ def require_legal(live_state: LiveState, wanted: Mode, *, loop_alive: bool) -> N
 
 
 # Safe stop -----------------------------------------------------------------------------------------
-#
 # Brings the joint to rest when a safety-relevant part of the service dies.
 
 
@@ -142,7 +133,6 @@ class SafeStop:
 
 
 # Session runs --------------------------------------------------------------------------------------
-#
 # Runs of kind ``session`` record manual operation in the modes run and compliance. The recorder
 # closes them.
 
@@ -185,7 +175,6 @@ class SessionRuns:
 
 
 # Actuator service ----------------------------------------------------------------------------------
-#
 # Sends commands to the control loop. A command takes effect only when the loop has accepted it.
 
 
@@ -526,7 +515,6 @@ class ActuatorService:
 
 
 # Obstacle ------------------------------------------------------------------------------------------
-#
 # Places or removes the simulated obstacle, in any mode.
 
 

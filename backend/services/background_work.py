@@ -20,7 +20,6 @@ from backend.workers import WorkerProcess
 from plant import ErrorCode, PlantParameters
 
 # Cancellation --------------------------------------------------------------------------------------
-#
 # Cancels work when its client disconnects, so that no worker process computes a result that no
 # client receives.
 
@@ -53,7 +52,6 @@ async def run_while_connected(work: Coroutine[Any, Any, T], is_disconnected: IsD
 
 
 # Limits --------------------------------------------------------------------------------------------
-#
 # Limits concurrent work: in total, of all viewers, and of each user. Viewers can use a part of the
 # total only, so that operators are served.
 
@@ -124,7 +122,6 @@ def is_operator(user: User) -> bool:
 
 
 # Tuning previews -----------------------------------------------------------------------------------
-#
 # Computes previews of a tuning in a worker process, because a preview holds Python's interpreter
 # lock for up to half a second. Each process caches the models of recent tunings, whose computation
 # takes most of the time of a preview.
@@ -198,7 +195,6 @@ def compute_robust_tuning(snapshot: TuningSnapshot, M_s: float) -> RobustTuning:
 
 
 # Chart sheets --------------------------------------------------------------------------------------
-#
 # Renders sheets of charts, which users send, as PDF. They have their own worker process, so that
 # reports do not wait for them.
 
@@ -227,7 +223,6 @@ class ChartSheets:
 
 
 # Texts and previews --------------------------------------------------------------------------------
-#
 # Evaluates texts of users and previews in worker processes. A text may be slow on purpose, and a
 # preview holds Python's interpreter lock: in the process of the service, both would delay STOP.
 # Viewers and operators have separate processes, so that a viewer cannot delay an operator.

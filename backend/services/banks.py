@@ -7,14 +7,7 @@ from typing import Protocol
 
 from backend.banks import MODEL_NAMES, builder, compare_entries, compute_entry_figures, merge_entries
 from backend.models import UnreadableDocumentError
-from backend.schemas import (
-    BankDetail,
-    BankDifference,
-    BankEntryDetail,
-    BankFile,
-    BankView,
-    EntryLineage,
-)
+from backend.schemas import BankDetail, BankDifference, BankEntryDetail, BankFile, BankView, EntryLineage
 from backend.services.runs import build_bank_view
 from backend.storage import (
     Bank,
@@ -130,11 +123,7 @@ class StoredBanks:
         tuning = self._tuning()
         before, after = await asyncio.to_thread(self._load_compared_entries, bank_id, other, run_ids)
         changes = await self._worker.run(compare_entries, tuning.parameters, tuning.lambdas, before, after)
-        return BankDifference(
-            lam_q=tuning.lambdas.lam_q,
-            lam_S=tuning.lambdas.lam_S,
-            entries=list(changes),
-        )
+        return BankDifference(lam_q=tuning.lambdas.lam_q, lam_S=tuning.lambdas.lam_S, entries=list(changes))
 
     def export_bank(self, bank_id: int) -> BankFile:
         """Return a bank in its file format. Raises UnknownRecordError."""

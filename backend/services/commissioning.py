@@ -41,7 +41,6 @@ from plant import (
 )
 
 # Views ---------------------------------------------------------------------------------------------
-#
 # The steps of the commissioning (page label: bring-up) as the page shows them.
 
 
@@ -91,7 +90,6 @@ def _build_result(stored: StoredStepResult) -> StepResult:
 
 
 # Results -------------------------------------------------------------------------------------------
-#
 # Stores the results of the steps, activates them in the control loop, and revokes the directions of
 # the motors if the control loop disproves them.
 
@@ -179,7 +177,6 @@ class CommissioningResultStore:
 
 
 # Commissioning service -----------------------------------------------------------------------------
-#
 # Runs one step at a time, and stores and activates its result.
 
 

@@ -59,7 +59,6 @@ from backend.storage import (
 from plant import ErrorCode
 
 # Alignment -----------------------------------------------------------------------------------------
-#
 # Runs are aligned at their starts, at a step of a reference, or at an event of the log.
 
 
@@ -312,7 +311,6 @@ def _list_metrics(session: Session, run_ids: Sequence[int]) -> dict[str, MetricN
 
 
 # Differences ---------------------------------------------------------------------------------------
-#
 # Signals of runs minus the signal of a reference, at the samples of the reference.
 
 

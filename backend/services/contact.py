@@ -38,14 +38,9 @@ from backend.schemas import ContactView, MarkKind, SweepView, TouchOrder, TouchP
 from backend.services.event_log import EventLog
 from backend.services.state import LiveState
 from backend.units import format_number
-from plant import (
-    ErrorCode,
-    Quantity,
-    T_s,
-)
+from plant import ErrorCode, Quantity, T_s
 
 # Rest ----------------------------------------------------------------------------------------------
-#
 # Checks that the joint and the estimate of the external force are at rest, as a calibration of the
 # bias requires.
 
@@ -99,7 +94,6 @@ def compute_drift(rows: NDArray[np.float64]) -> float:
 
 
 # Sweep ---------------------------------------------------------------------------------------------
-#
 # Calibrates the bias of the external force automatically over the whole range of stiffness.
 #
 # In mode run and without contact, S_ref is set to SWEEP_POINTS values. At each value the sweep
@@ -318,7 +312,6 @@ def _explain_drift(rows: NDArray[np.float64], S_ref: float) -> str:
 
 
 # Contact service -----------------------------------------------------------------------------------
-#
 # The calibrated bias of the external force, and the threshold of the contact reaction.
 #
 # The bias comes from deviations of springs and motor zeros from their identified values. It is

@@ -35,7 +35,6 @@ from backend.workers import DRAWING_LIBRARIES, WorkerProcess, stream_from_proces
 from plant import ErrorCode
 
 # Imports -------------------------------------------------------------------------------------------
-#
 # Imported files are checked as strictly as requests: characters, bounds, and the plan of the run.
 
 
@@ -112,7 +111,6 @@ def stream_bundle(database: Database, run_id: int, folder: Path) -> Iterator[byt
 
 
 # Downloads -----------------------------------------------------------------------------------------
-#
 # Computed in worker processes, so that the live stream is not delayed.
 
 

@@ -17,7 +17,6 @@ from backend.storage import Database, EventKind, UnfitError, events
 from backend.supervision import Part
 
 # Event log -----------------------------------------------------------------------------------------
-#
 # Publishes marks on the time axis at once, and stores events in the database as fast as it accepts
 # them.
 
@@ -186,7 +185,6 @@ class EventLog:
 
 
 # Rejection log -------------------------------------------------------------------------------------
-#
 # Logs refused commands with author and reason. In a flood of them, most are only counted.
 
 

@@ -173,11 +173,7 @@ def _build_spring_views(estimate: Identification) -> list[SpringView]:
 
 _log = logging.getLogger(__name__)
 
-IDENTIFICATION_KINDS = (
-    RunKind.ACTUATOR_IDENTIFICATION,
-    RunKind.MOTOR_IDENTIFICATION,
-    RunKind.SPRING_IDENTIFICATION,
-)
+IDENTIFICATION_KINDS = (RunKind.ACTUATOR_IDENTIFICATION, RunKind.MOTOR_IDENTIFICATION, RunKind.SPRING_IDENTIFICATION)
 
 
 class StoredIdentifications:

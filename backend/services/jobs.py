@@ -86,7 +86,6 @@ from backend.supervision import Supervision
 from plant import ErrorCode, PlantKind, PlantParameters, T_s
 
 # Identifications -----------------------------------------------------------------------------------
-#
 # Builds the plans of a requested identification and predicts their effect on the rig.
 
 
@@ -160,10 +159,7 @@ class _Assessment:
 
 
 def _assess(
-    request: IdentificationRequest,
-    plans: tuple[IdentificationPlan, ...],
-    parameters: PlantParameters,
-    lam_motor: float,
+    request: IdentificationRequest, plans: tuple[IdentificationPlan, ...], parameters: PlantParameters, lam_motor: float
 ) -> _Assessment:
     match request:
         case MotorRequest():
@@ -240,7 +236,6 @@ def _assess_actuator(
 
 
 # Kinds of runs -------------------------------------------------------------------------------------
-#
 # Experiments and identifications that can be run, with their settings as the forms show them.
 
 
@@ -285,10 +280,7 @@ def describe_identification_kinds() -> list[IdentificationKind]:
     """Return the kinds of identification with their settings."""
     return [
         IdentificationKind(
-            kind=kind,
-            title=entry.title,
-            description=entry.description,
-            settings=list(describe_settings(entry.plan)),
+            kind=kind, title=entry.title, description=entry.description, settings=list(describe_settings(entry.plan))
         )
         for kind, entry in IDENTIFICATIONS.items()
     ]
@@ -316,7 +308,6 @@ def _limit_setting(setting: Setting, ranges: Mapping[str, tuple[float, float]]) 
 
 
 # Pause ---------------------------------------------------------------------------------------------
-#
 # A pause between two runs of one request, in mode pretension. Within a run there is no pause: the
 # control loop executes a program as a whole, and its recording is contiguous.
 
@@ -381,7 +372,6 @@ def describe_runs_not_started(run: int, why: Exception, count: int) -> str:
 
 
 # Pending evaluations -------------------------------------------------------------------------------
-#
 # Results of the runs of one request, which are computed while the next run is executed.
 
 
@@ -431,7 +421,6 @@ class PendingEvaluations:
 
 
 # Progress ------------------------------------------------------------------------------------------
-#
 # Progress of a run in the live state, in relation to its forecast duration.
 
 
@@ -538,7 +527,6 @@ def find_part(parts: tuple[RunPart, ...], t: float) -> PartView | None:
 
 
 # Job manager ---------------------------------------------------------------------------------------
-#
 # Runs identifications and experiments on the rig, one at a time.
 
 

@@ -215,7 +215,6 @@ def _build_step(
 
 
 # Lineage -------------------------------------------------------------------------------------------
-#
 # The lineage of a run is a graph of gains, banks, identifications, samples, parameters and
 # calibrations. The digest of a node depends on its content only (``document_digest``,
 # ``compute_recording_digest``): equal digests mean equal content in any database.

@@ -39,7 +39,6 @@ from backend.supervision import Part
 from plant import T_s
 
 # Event marks ---------------------------------------------------------------------------------------
-#
 # Marks of events of the control loop, for the time axis and the event log.
 
 
@@ -90,7 +89,6 @@ def build_mark(event: Event | LoopExited, now: int) -> Mark | None:
 
 
 # Live stream ---------------------------------------------------------------------------------------
-#
 # Builds one frame of samples per period and shares it among all clients.
 #
 # A client that reads slowly loses frames but does not delay other clients. Its next frame contains

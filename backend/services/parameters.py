@@ -20,7 +20,6 @@ from backend.tuning import TuningError
 from plant import SIDES, ErrorCode, ParameterError, PlantParameters, Side, SinewError, load_parameters
 
 # Versions ------------------------------------------------------------------------------------------
-#
 # Applying an identification stores a new version over the parameter file; the newest one is active.
 # Controller and predictions use it. A simulated plant keeps the values of its file.
 
@@ -192,7 +191,6 @@ def _iterate_spring_values(found: Identification, side: Side) -> Iterator[tuple[
 
 
 # Service -------------------------------------------------------------------------------------------
-#
 # Parameters change only in mode off, because the loop restarts with them. An undo names its
 # version, so that two simultaneous requests do not undo two versions.
 

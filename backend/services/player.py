@@ -18,7 +18,6 @@ from backend.storage import Database, EventKind, UnknownRecordError, runs
 from plant import ErrorCode, RecordedSamples, Signal, T_s, load_replay
 
 # Recording -----------------------------------------------------------------------------------------
-#
 # Title, run and events of a recording file.
 
 
@@ -97,7 +96,6 @@ def _build_mark(at: int, kind: EventKind, text: str) -> RunMark:
 
 
 # Player --------------------------------------------------------------------------------------------
-#
 # Position and commands of the player. The player itself runs in the control loop, which reports each
 # change of its motion.
 

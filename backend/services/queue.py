@@ -22,7 +22,6 @@ from backend.workers import WorkerProcess
 from plant import ErrorCode, PlantParameters
 
 # Dry runs ------------------------------------------------------------------------------------------
-#
 # Runs experiments on a simulator in a worker process, one after the other. Reports, exports and
 # evaluations have other processes, so that they do not wait for dry runs.
 
@@ -91,8 +90,7 @@ class DryRuns:
             self._in_progress[user] = Path(folder), duration_s
             try:
                 played = await run_while_connected(
-                    self._worker.run(dry_run, parameters, request, used, SIGNALS, POINTS, Path(folder)),
-                    is_disconnected,
+                    self._worker.run(dry_run, parameters, request, used, SIGNALS, POINTS, Path(folder)), is_disconnected
                 )
             finally:
                 self._in_progress.pop(user, None)
@@ -109,7 +107,6 @@ def _prepare_process(parameters: PlantParameters, settings: LoopSettings) -> Non
 
 
 # Experiment queue ----------------------------------------------------------------------------------
-#
 # Experiments that wait for execution. They run one after the other until one does not complete.
 
 

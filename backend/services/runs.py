@@ -106,15 +106,7 @@ from backend.storage import (
 )
 from backend.storage import search as run_search
 from backend.workers import WorkerProcess
-from plant import (
-    Angle,
-    ErrorCode,
-    Obstacle,
-    ParameterError,
-    Quantity,
-    T_s,
-    parse_parameters,
-)
+from plant import Angle, ErrorCode, Obstacle, ParameterError, Quantity, T_s, parse_parameters
 
 # Evaluations ---------------------------------------------------------------------------------------
 
@@ -228,9 +220,7 @@ def read_planned_run(database: Database, run_id: int) -> PlannedSignals:
 def _build_lines(signals: dict[str, NDArray[np.float64]]) -> list[PlannedLine]:
     return [
         PlannedLine(
-            name=name,
-            unit=_UNITS[name],
-            values=[value if math.isfinite(value) else None for value in values.tolist()],
+            name=name, unit=_UNITS[name], values=[value if math.isfinite(value) else None for value in values.tolist()]
         )
         for name, values in signals.items()
     ]
@@ -249,7 +239,6 @@ def _read_first_references(session: Session, run_id: int, one: str, other: str) 
 
 
 # Conversion of a run to an experiment --------------------------------------------------------------
-#
 # The experiment repeats references, pushes, obstacles and changes of the tuning as recorded.
 
 
@@ -463,7 +452,6 @@ def _select_law(run: Run) -> Law:
 
 
 # Replay in the 3D view -----------------------------------------------------------------------------
-#
 # All clients share one view; it shows the moment that was requested last.
 
 
@@ -553,7 +541,6 @@ class StoredTimeline:
 
 
 # Views ---------------------------------------------------------------------------------------------
-#
 # Build the interface's schemas from stored records.
 
 

@@ -50,7 +50,6 @@ from backend.workers import stream_from_process
 from plant import ErrorCode
 
 # Analysis of ranges --------------------------------------------------------------------------------
-#
 # Uses every sample of a range, not the envelope of a chart.
 
 

@@ -83,7 +83,6 @@ from plant import (
 )
 
 # Observation ---------------------------------------------------------------------------------------
-#
 # Reads the newest sample and the timing of the control loop from the ring buffer.
 
 
@@ -182,7 +181,6 @@ def _finite_or_zero(value: float) -> float:
 
 
 # Safety chain --------------------------------------------------------------------------------------
-#
 # State of the five parts that can stop the actuator: page, service, control loop, watchdog and
 # safety module. Each part monitors the one before it.
 
@@ -299,7 +297,6 @@ def _mark_as_outdated(card: CardState, link: ChainLinkView) -> ChainLinkView:
 
 
 # Obstacle ------------------------------------------------------------------------------------------
-#
 # The simulated obstacle (page label: wall), for page and event log.
 
 
@@ -347,7 +344,6 @@ def build_wall_view(wall: Obstacle | None) -> WallView | None:
 
 
 # Live state ----------------------------------------------------------------------------------------
-#
 # The current state of the actuator, from samples, events of the control loop and the active tuning.
 
 

@@ -14,15 +14,7 @@ from backend.execution import make_bank_loader
 from backend.experiments import LoopSettings, parser
 from backend.models import Value, describe_settings
 from backend.plain_text import escape_line
-from backend.schemas import (
-    CheckedStudy,
-    PlantNumber,
-    PlantNumbers,
-    StudyAxis,
-    StudyDetail,
-    StudyList,
-    StudyView,
-)
+from backend.schemas import CheckedStudy, PlantNumber, PlantNumbers, StudyAxis, StudyDetail, StudyList, StudyView
 from backend.services.background_work import IsDisconnected, TextWork
 from backend.services.library import OwnExperiments
 from backend.storage import Database, StoredStudy, StudyPoint, studies
@@ -214,7 +206,6 @@ def _describe_axes(design: Design) -> dict[str, tuple[str, str]]:
 
 
 # Study scheduler -----------------------------------------------------------------------------------
-#
 # Computes the studies of the page one after the other, in processes of low priority; one core is
 # left to the loop and the service. An operator can resume a study that ended with the service.
 

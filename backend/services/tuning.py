@@ -35,13 +35,9 @@ from backend.services.tuning_state import ActiveTuning, ResolvedTuning, TuningSt
 from backend.storage import Bank, Database, StoredSetting, settings
 from backend.supervision import Supervision
 from backend.tuning import DEVIATIONS, UNSEEN_F
-from plant import (
-    ErrorCode,
-    Quantity,
-)
+from plant import ErrorCode, Quantity
 
 # Tuning service ------------------------------------------------------------------------------------
-#
 # An operator changes the active tuning permanently or for a limited trial. A run can replace it by
 # a temporary tuning: when the program of the run has ended, the operator's tuning is restored. Only
 # the operator's tuning is stored for the next start of the service.
@@ -404,7 +400,6 @@ class TuningService:
 
 
 # Saved tunings -------------------------------------------------------------------------------------
-#
 # The tuning that an operator has saved for each bank, as settings in the database.
 
 

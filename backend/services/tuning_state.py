@@ -65,7 +65,6 @@ from backend.tuning import (
 from plant import CACHE, PlantParameters
 
 # Robustness cache ----------------------------------------------------------------------------------
-#
 # Stores computed robustness in a file, so that a start neither loads python-control nor computes it
 # again.
 #
@@ -154,7 +153,6 @@ def _compute_code_digest() -> str:
 
 
 # Active tuning -------------------------------------------------------------------------------------
-#
 # Tuning parameters, the bank whose models they apply to, and the predictions from both.
 
 
@@ -449,7 +447,6 @@ def _finite_or_none(value: float) -> float | None:
 
 
 # Tuning store --------------------------------------------------------------------------------------
-#
 # Stores the operator's tuning at each change and restores it at the next start of the service.
 
 
@@ -542,7 +539,6 @@ def _describe_restored(tuning: ActiveTuning, stored: LastTuning) -> str:
 
 
 # Tuning trial --------------------------------------------------------------------------------------
-#
 # A temporary tuning that reverts after a set time, independently of the page. It reverts earlier if
 # the mode or the holder of control changes, because then no operator observes the trial.
 

@@ -28,7 +28,6 @@ from backend.storage.stations import session_station
 from backend.units import format_percent
 
 # Banks ---------------------------------------------------------------------------------------------
-#
 # Controller banks in versions, each entry with the identification it was made from.
 
 
@@ -140,7 +139,6 @@ def _with_entries(session: OrmSession, row: BankRow) -> Bank:
 
 
 # Bank entry ----------------------------------------------------------------------------------------
-#
 # Names of a bank's entries for people, and the quality of the identifications behind them.
 
 

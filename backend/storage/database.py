@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 
 
 # Migrate -------------------------------------------------------------------------------------------
-#
 # Schema versions: migration of a database to the newest, and its current revision.
 #
 # Alembic is imported only for a migration: a start on a database of this version needs none of it.
@@ -183,7 +182,6 @@ def _configuration(connection: Connection) -> "Config":
 
 
 # Maintenance ---------------------------------------------------------------------------------------
-#
 # Maintenance of a database: a copy while it is in use, and a complete check.
 
 
@@ -364,7 +362,6 @@ def _damages(connection: Connection) -> list[str]:
 
 
 # File checks ---------------------------------------------------------------------------------------
-#
 # The file of an SQLite database: whether it exists, is still the opened one, and is complete.
 #
 # SQLite would create a new file in place of a missing or empty one, and continues to write to a deleted one.
@@ -492,7 +489,6 @@ def _is_open_though_deleted(file: Path) -> bool:
 
 
 # Database ------------------------------------------------------------------------------------------
-#
 # One database: SQLite in the data folder, or any SQLAlchemy URL.
 
 

@@ -29,7 +29,6 @@ from backend.storage.stations import session_station
 from plant import ErrorCode, SinewError
 
 # Fit -----------------------------------------------------------------------------------------------
-#
 # Checks of an imported document: contents of its columns, and consistency.
 
 
@@ -159,7 +158,6 @@ def _is_calibration(one: Any) -> bool:
 
 
 # Identifications -----------------------------------------------------------------------------------
-#
 # Identifications: estimates with their data and method, and their verdict for tuning.
 
 

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 
 
 # Errors --------------------------------------------------------------------------------------------
-#
 # Errors of a database, by their remedies.
 
 
@@ -61,7 +60,6 @@ class DamagedError(StorageError):
 
 
 # Schema --------------------------------------------------------------------------------------------
-#
 # The tables. Rows stay inside this package: its functions take and return plain dataclasses.
 #
 # Nothing is overwritten, except by a migration to an equivalent form: models, banks, results and settings are added as
@@ -346,7 +344,6 @@ class OriginRow(Base):
 
 
 # Index schema --------------------------------------------------------------------------------------
-#
 # The tables for the search of runs, derived from the other tables.
 #
 # They are separate from the runs, whose rows are long: searching 20 000 of these takes some ten milliseconds. Texts are
@@ -431,7 +428,6 @@ class RunTagRow(Base):
 
 
 # Records -------------------------------------------------------------------------------------------
-#
 # Conversion of rows to the plain dataclasses that leave this package.
 
 
@@ -474,7 +470,6 @@ def require_distinct_name(what: str, name: str, others: Iterable[str]) -> None:
 
 
 # Study schema --------------------------------------------------------------------------------------
-#
 # The tables of studies: their definition and state, and a row for each computed run.
 
 
@@ -517,7 +512,6 @@ class StudyPointRow(OfStation, Base):
 
 
 # Changed runs --------------------------------------------------------------------------------------
-#
 # Runs whose searchable data a transaction has changed; the index is renewed at its end.
 
 
@@ -535,7 +529,6 @@ def take_touched(session: Session) -> list[int]:
 
 
 # Formula schema ------------------------------------------------------------------------------------
-#
 # The table of derived signals: each change is a new row, and the newest of a name counts.
 
 
@@ -555,7 +548,6 @@ class FormulaRow(OfStation, Numbered, Base):
 
 
 # Queue schema --------------------------------------------------------------------------------------
-#
 # The table of queued experiments: rows are deleted when their experiment starts.
 
 
@@ -572,7 +564,6 @@ class QueuedRow(OfStation, Numbered, Base):
 
 
 # Text lengths --------------------------------------------------------------------------------------
-#
 # Limits of texts by the lengths of their columns.
 #
 # PostgreSQL rejects longer texts, SQLite stores them. With this check both reject them before anything is sent.

@@ -24,7 +24,6 @@ from backend.storage.stations import session_station
 from plant import SinewError
 
 # Recordings ----------------------------------------------------------------------------------------
-#
 # Recordings: the samples of a run in chunks of up to one second, each committed completely.
 
 
@@ -245,7 +244,6 @@ def _within(run_id: int, from_tick: int, to_tick: int) -> ColumnElement[bool]:
 
 
 # Retention -----------------------------------------------------------------------------------------
-#
 # Sizes of recordings, and whether results that depend on them exist.
 
 

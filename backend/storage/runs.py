@@ -17,7 +17,6 @@ from backend.storage.orm import Document, RunRow, UnknownRecordError, mark_for_r
 from backend.storage.stations import session_station
 
 # Runs ----------------------------------------------------------------------------------------------
-#
 # Runs: author, settings, plant and parameters, and end.
 
 
@@ -274,7 +273,6 @@ def close_interrupted(
 
 
 # Run title -----------------------------------------------------------------------------------------
-#
 # Name and title of a run, from its settings.
 
 

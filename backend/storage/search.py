@@ -22,7 +22,6 @@ from backend.storage.stations import session_station
 from plant import ErrorCode
 
 # Run query -----------------------------------------------------------------------------------------
-#
 # The query language: from text to a query tree.
 #
 #     tracking tag=worn overshoot_q_percent < 5 and (date >= 2026-03-01 or who ~ "ana") not end = tripped
@@ -268,7 +267,6 @@ def _tokens(text: str) -> Iterator[_Token]:
 
 
 # Run terms -----------------------------------------------------------------------------------------
-#
 # Comparison of attributes that every run has: texts, kinds, stations, tags, dates, numbers.
 
 
@@ -502,7 +500,6 @@ def as_number(text: str) -> float | None:
 
 
 # Run search ----------------------------------------------------------------------------------------
-#
 # Search of runs: queries become conditions on the tables of the search index.
 
 

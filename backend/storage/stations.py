@@ -25,7 +25,6 @@ from backend.storage.orm import (
 from plant import ErrorCode
 
 # Station names -------------------------------------------------------------------------------------
-#
 # Assignment of a database without stations to one, when a second rig joins it.
 
 
@@ -64,7 +63,6 @@ def assign_unowned_rows(session: Session, station: str) -> int:
 
 
 # Stations ------------------------------------------------------------------------------------------
-#
 # Several rigs on one database, each a station with a name and its own data.
 #
 # A ``Database`` passes its station to each of its sessions. Written rows contain it; settings, banks, identifications,

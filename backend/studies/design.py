@@ -29,7 +29,6 @@ from backend.studies.point import Point, StudyBase, get_plant_number, plan_point
 from plant import ParameterError
 
 # Study ---------------------------------------------------------------------------------------------
-#
 # A study simulates one experiment many times with different settings, plant parameters and noise.
 #
 # A name without a dot is a setting of the experiment or of the loop. A name with a dot is a plant
@@ -103,7 +102,6 @@ STUDY: TypeAdapter[Study] = TypeAdapter(Study)
 
 
 # Design --------------------------------------------------------------------------------------------
-#
 # The points of a study follow from its document alone, so every machine computes the same ones.
 
 

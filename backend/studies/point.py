@@ -26,7 +26,6 @@ from backend.tuning import PointModel, Robustness, TuningError, compute_loop_mar
 from plant import ErrorCode, ParameterError, PlantParameters, parse_parameters
 
 # Loop metrics --------------------------------------------------------------------------------------
-#
 # Robustness metrics of a row, for the identified model and for the drawn plant.
 
 
@@ -81,7 +80,6 @@ def _margin(loop: Robustness, margin: float) -> float | None:
 
 
 # Point ---------------------------------------------------------------------------------------------
-#
 # A point is computed from plain data alone, so its row depends on neither machine nor order.
 
 

@@ -34,7 +34,6 @@ from plant import (
 )
 
 # Formulas ------------------------------------------------------------------------------------------
-#
 # Gains from a model and λ: table 2, with erratum E1 corrected.
 #
 # The closed loop of each formula is exact for its model: 1/(λ s + 1)^4 for the motor, 1/(λ s + 1)² for the outer loops.
@@ -118,7 +117,6 @@ def stiffness_loop_gain(K_S: float, slope: float) -> float:
 
 
 # Models --------------------------------------------------------------------------------------------
-#
 # Inputs of the tuning: first-order models of the outer loops at a nominal point, the motor's model, and λ.
 
 
@@ -205,7 +203,6 @@ def true_motor_model(parameters: PlantParameters, side: Side) -> MotorModel:
 
 
 # Baselines -----------------------------------------------------------------------------------------
-#
 # Gains of the two baselines from the plant's constants and the cascade's λ.
 #
 # All three laws have the same speed: the sums of lags from references to measurements are those of the cascade's outer
@@ -259,7 +256,6 @@ def make_feedback_linearization_tuning(
 
 
 # Gains ---------------------------------------------------------------------------------------------
-#
 # All gains of the cascade from models and λ: table 2 with errata E1 and E3 applied.
 
 

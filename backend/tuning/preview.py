@@ -56,7 +56,6 @@ from backend.tuning.simulation import (
 from plant import SIDES, PlantParameters, T_s, find_root
 
 # Voltage limit -------------------------------------------------------------------------------------
-#
 # Voltage limit of time-optimal motion: the rest of the voltage is for load, friction and feedback.
 
 
@@ -86,7 +85,6 @@ def require_budget(parameters: PlantParameters, u_plan: float) -> None:
 
 
 # Preview -------------------------------------------------------------------------------------------
-#
 # Effect of a tuning before it is applied: robustness on the high-order model, simulated steps.
 #
 # For one stiffness, that of the current reference, and for the active motion: in `lambda` a step takes the time that λ
@@ -456,7 +454,6 @@ def _find_unsaturated_lambda(robust: float, voltage: Callable[[float], float], u
 
 
 # Speed bound ---------------------------------------------------------------------------------------
-#
 # Limit of a position step's speed by the motors' speed and acceleration, for any control law.
 
 

@@ -46,7 +46,6 @@ if TYPE_CHECKING:
 
 
 # Linear model --------------------------------------------------------------------------------------
-#
 # The high-order linear model of the outer loops' process: the plant linearised at rest, with closed motor loops.
 #
 # It has the four lags of the motor loops, their load, and the joint's resonance, which a first-order model neglects
@@ -223,7 +222,6 @@ def _outputs(d: Decoupler, S: float) -> "control.StateSpace":
 
 
 # Cache ---------------------------------------------------------------------------------------------
-#
 # Cache of results that take python-control and a while to compute, and never change for the same inputs.
 #
 # ``backend.services.tuning_state`` stores ``FIGURES`` across starts, so that a start neither loads the library nor
@@ -254,7 +252,6 @@ def cached(cache_key: tuple[object, ...], count: int, compute: Callable[[], tupl
 
 
 # Robustness ----------------------------------------------------------------------------------------
-#
 # M_s, margins and ranges of λ of the outer loops, computed on the high-order models (erratum E6).
 
 
@@ -428,7 +425,6 @@ def safe_lambda(process: OuterProcess, gains_for: Callable[[float], pid.IPGains]
 
 
 # Motor loop ----------------------------------------------------------------------------------------
-#
 # The motor loop as executed: sampled each period, with the motor's electrical lag (erratum E5).
 #
 # On the plain K_m/(s (T_m s + 1)) of table 2 the loop appears more robust than it is, the more so the smaller λ is.
@@ -552,7 +548,6 @@ def _law(gains: pid.IPDGains) -> "control.TransferFunction":
 
 
 # Loop margins --------------------------------------------------------------------------------------
-#
 # Robustness of all three loops with the active gains, on the identified model or on the plant itself.
 #
 # The controller uses the identified model. On a plant that differs, the same gains have other sensitivity peaks and

@@ -48,7 +48,6 @@ from plant import (
 )
 
 # Closed loop ---------------------------------------------------------------------------------------
-#
 # The offline closed loop: the compiled functions of the live control step in one compiled loop over all ticks.
 
 
@@ -350,7 +349,6 @@ def make_closed_loop_inputs(
 
 
 # Sampled loop --------------------------------------------------------------------------------------
-#
 # The closed loop as executed, linear and sampled: response to references and joint torques, tick by tick.
 #
 # The plant between two ticks is exact (constant voltages), the laws are the control step's own functions without
@@ -496,7 +494,6 @@ def held_plant(parameters: PlantParameters, d: Decoupler, S: float) -> Sampled:
 
 
 # Trajectory response -------------------------------------------------------------------------------
-#
 # Response of small motions of the references with a trajectory: its model, its voltages, and the loops on the
 # difference.
 #
@@ -609,7 +606,6 @@ def _forward(
 
 
 # Preview plant -------------------------------------------------------------------------------------
-#
 # The plant that a preview simulates: identified motors and springs, with friction and sensors of the parameter file.
 #
 # A preview must not use more than the operator can know: it has the identified motors and springs, not the simulator's
@@ -635,7 +631,6 @@ def expected_plant(parameters: PlantParameters) -> PlantParameters:
 
 
 # Step forecast -------------------------------------------------------------------------------------
-#
 # Forecast of a reference step: the compiled closed loop, simulated on the expected plant.
 
 
@@ -726,7 +721,6 @@ def shown_ticks(ticks: int, settling_s: float) -> NDArray[np.int64]:
 
 
 # Push forecast -------------------------------------------------------------------------------------
-#
 # Forecast of a constant push: deflection, recovery and apparent stiffness of the joint.
 #
 # Deflection and recovery are those of the compiled closed loop on the expected plant, with friction, encoder counts,
