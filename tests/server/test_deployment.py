@@ -158,7 +158,7 @@ def test_no_header_of_a_proxy_makes_a_host_or_an_origin_known() -> None:
 class Granting:
     """An authentication that always has a cookie to give."""
 
-    def cookie(self, _person: object) -> str:
+    def make_cookie(self, _person: object) -> str:
         return "value"
 
     def sign_out(self, _shown: object) -> None:
