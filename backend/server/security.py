@@ -115,7 +115,7 @@ def replay_body(body: bytes, receive: Receive) -> Receive:
 COOKIE = "sinew_session_"
 """Prefix of the cookie's name; the port of the address follows, because all ports of a host share their cookies."""
 
-HSTS_MAX_AGE_S = 400 * 24 * 3600
+COOKIE_MAX_AGE_S = 400 * 24 * 3600
 """Longest lifetime of a cookie in browsers [s]: the service decides how long a session lasts."""
 
 LONGEST_COOKIE = 2000
@@ -153,7 +153,7 @@ def set_session_cookie(
         response.set_cookie(
             cookie_name(connection),
             value,
-            max_age=HSTS_MAX_AGE_S,
+            max_age=COOKIE_MAX_AGE_S,
             httponly=True,
             samesite="strict",
             secure=_is_secure(connection),
