@@ -11,7 +11,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
 
-from plant import ESCAPE, PREFIXED, UNIT_MARK
+from plant import ESCAPE, PREFIXED, UNIT_MARK, write_number
 
 DIGITS = 6
 """Significant digits of a displayed number."""
@@ -88,10 +88,7 @@ def format_number(value: float, digits: int = DIGITS) -> str:
 
     An integer beyond the range of a float is described by its length.
     """
-    try:
-        return f"{float(value) + 0.0:.{digits}g}"
-    except OverflowError:
-        return f"a number of {len(str(abs(int(value))))} digits"
+    return write_number(value, f".{digits}g")
 
 
 def append_unit(number: str, unit: str) -> str:

@@ -88,7 +88,7 @@ from .parameters import (
     load_parameters,
     parse_parameters,
 )
-from .quantity import ESCAPE, PREFIXED, UNIT_MARK, Angle, Quantity, escape_quantities, quote
+from .quantity import ESCAPE, PREFIXED, UNIT_MARK, Angle, Quantity, escape_quantities, quote, write_number
 from .replay import RecordedSamples, Replay, Signal, load_replay
 from .safety_card import WATCHDOG_S, Card, CardState, Stillness, WatchdogDeadError, WatchdogExpiredError
 from .simulator import (
@@ -229,4 +229,5 @@ __all__ = [
     "tendon_tension",
     "tendon_tension_slope",
     "wiring_fingerprint",
+    "write_number",
 ]

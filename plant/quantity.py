@@ -30,9 +30,9 @@ class Quantity:
         self.value, self.unit, self.high = value, unit, high
 
     def __format__(self, spec: str) -> str:
-        number = f"{self.value:{spec or '.6g'}}"
+        number = write_number(self.value, spec or ".6g")
         if self.high is not None:
-            number += f" to {self.high:{spec or '.6g'}}"
+            number += f" to {write_number(self.high, spec or '.6g')}"
         if self.unit in ("", "1"):
             return number
         is_converted = self.unit in _ANGLES or (self.unit in PREFIXED and "e-" in number)
@@ -47,6 +47,14 @@ class Angle(Quantity):
 
     def __init__(self, value: float, high: float | None = None) -> None:
         super().__init__(value, "rad", high)
+
+
+def write_number(value: float, spec: str) -> str:
+    """Return a number in this format; of an integer beyond the range of a float, its length."""
+    try:
+        return f"{float(value) + 0.0:{spec}}"
+    except OverflowError:
+        return f"a number of {len(str(abs(int(value))))} digits"
 
 
 def quote(text: str) -> str:

@@ -100,6 +100,7 @@ def test_quantities_are_written_with_their_unit() -> None:
     assert f"{Angle(0.5):.3f}" == f"0.500{UNIT_MARK}rad"
     assert f"{Angle(-1.0, 1.0):g}" == f"-1 to 1{UNIT_MARK}rad"
     assert f"{Quantity(2.0, '1')}" == "2"
+    assert f"{Angle(-0.0)} {Quantity(10**400, 'N')}" == f"0{UNIT_MARK}rad a number of 401 digits N"
     assert f"{Quantity(1 / 3, 'N')}" == "0.333333 N"
     assert f"{Quantity(2e-9, 'N')}" == f"2e-09{UNIT_MARK}N"
 
