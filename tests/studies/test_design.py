@@ -95,7 +95,7 @@ def test_drawn_values_have_their_distribution() -> None:
         ("axes: [{over: lam_q, values: [0.5]}, {over: lam_q, values: [0.6]}]", "lam_q is varied twice"),
         ("axes: [{over: q_hold, first: -1.0, last: 1.0, count: 3, spacing: factor}]", "choose spacing even"),
         ("spread: [{of: motor.c0}]", "say either relative or absolute"),
-        ("spread: [{of: asymmetry.spring_A, by: normal, relative: 0.3}]", "is outside 0.5 to 2 1"),
+        ("spread: [{of: asymmetry.spring_A, by: normal, relative: 0.3}]", "is outside 0.5 to 2"),
         ("draws: 10", "draws: nothing is drawn"),
         ("axes: [{over: seed, values: [1, 2]}]\nseeds: 3", "line 5: seeds: the seed is an axis already"),
         ("seeds: 100000\ndraws: 2\nspread: [{of: motor.c0, relative: 0.1}]", "runs of the study: 200000 is outside"),
