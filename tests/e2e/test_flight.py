@@ -9,6 +9,7 @@ from playwright.sync_api import expect
 
 from tests.api.conftest import client_with
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.sharing import bring_to_run, sign_in_at
 
 DEG = 180.0 / math.pi
@@ -66,5 +67,5 @@ def test_the_banner_of_a_trip_leads_to_its_tick_in_charts_and_3d(operator: Opera
     replay.get_by_role("button", name="Show flat", exact=True).click()
 
     page.goto(f"{service.url}/#/log")
-    page.get_by_role("link", name="charts of the trip").first.click()
+    page.get_by_role("link", name=load_texts("pages/log")["chartsOfTrip"]).first.click()
     expect(page.get_by_role("region", name="Trip", exact=True)).to_contain_text(f"tick {flight['tick']}")

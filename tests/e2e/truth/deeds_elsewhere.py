@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from backend.models.run import MOTIONS
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.deeds import Deed, Scene, Value, pressing
 from tests.e2e.truth.drafts import TRACKING
 from tests.e2e.truth.legality import may_retune
@@ -17,6 +18,8 @@ BUSY = frozenset({429})
 
 DRY_RUN_TIMEOUT_MS = 600_000
 """The first dry run of a service starts the process that plays it."""
+
+TEXTS = load_texts("pages/log")
 
 
 def always(_scene: Scene) -> bool:
@@ -126,7 +129,7 @@ def _activate(scene: Scene) -> None:
 
 
 def _note(scene: Scene) -> None:
-    pencils = scene.main.get_by_role("button", name="Say something of: ")
+    pencils = scene.main.get_by_role("button", name=TEXTS["edit"].split("{")[0])
     words = f"seen {scene.chance.randrange(1000)}"
     scene.say(f"note {words!r}")
     pencils.nth(scene.chance.randrange(min(5, pencils.count()))).click()
@@ -229,7 +232,7 @@ ELSEWHERE = (
     pressing("Back to geometry", "banks", 1, Value),
     pressing("Undo change", "banks", 1),
     pressing("Redo change", "banks", 1),
-    Deed("note in the log", "log", 2, _offers("Say something of: "), _note),
+    Deed("note in the log", "log", 2, _offers(TEXTS["edit"].split("{")[0]), _note),
     Deed("go", None, 6, always, _go),
     Deed("go by address", None, 4, always, _go_by_address),
     Deed("go by key", None, 2, always, _go_by_key),
