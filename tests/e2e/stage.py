@@ -20,8 +20,11 @@ from tests.e2e import forms
 from tests.e2e.browser import DESKTOP, Watched
 from tests.e2e.forms import ROUNDED, Values, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service, running_service
 from tests.e2e.sharing import give_up_control, sign_in_at
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
 
 STATES = ("fresh", "bank in force", "after an experiment", "after a restart")
 DRY_RUN_TIMEOUT_MS = 120_000
@@ -245,8 +248,8 @@ def form_of(stage: Stage, kind: str, changes: Values) -> Locator:
     stage.operator.go("Identify" if kind in IDENTIFICATIONS else "Experiments")
     title = declared(stage, kind)["title"]
     if kind in IDENTIFICATIONS:
-        page.get_by_role("radiogroup", name="What to identify").get_by_text(title, exact=True).click()
-        form = page.get_by_role("form", name="New identification")
+        page.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text(title, exact=True).click()
+        form = page.get_by_role("form", name=IDENTIFY_TEXTS["newIdentification"])
     else:
         page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
         form = page.get_by_role("form", name=title, exact=True)

@@ -6,6 +6,9 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
 
 Box = Callable[[Page], Locator]
 
@@ -35,7 +38,14 @@ FORMS: list[tuple[str, str, Callable[[Page], None], Box, str, str | None]] = [
         "settings of",
     ),
     ("Studies", "t", nothing, in_region("New study", "Text of the study"), "format: 1\nname: typed\n", "study"),
-    ("Identify", "i", nothing, in_region("New identification", "Periods"), "5", "identification"),
+    (
+        "Identify",
+        "i",
+        nothing,
+        in_region(IDENTIFY_TEXTS["newIdentification"], IDENTIFY_TEXTS["periods"]),
+        "5",
+        IDENTIFY_TEXTS["draftOf"],
+    ),
     ("Operate", "o", nothing, in_region("Push", "Push [N]"), "7.5", None),
     ("Operate", "o", nothing, in_region("Wall", "Stiffness of the wall [N/m]"), "7000", None),
 ]

@@ -13,6 +13,7 @@ from tests.e2e import forms
 from tests.e2e.browser import DESKTOP
 from tests.e2e.forms import ROUNDED, TO_SI, differences
 from tests.e2e.operator import MOTION_TIMEOUT_MS
+from tests.e2e.page_texts import load_texts
 from tests.e2e.stage import (
     EXPERIMENTS,
     IDENTIFICATIONS,
@@ -26,6 +27,8 @@ from tests.e2e.stage import (
     start,
 )
 from tests.e2e.told import not_kept, not_queued, undeclared, words_of
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
 
 DRY_RUN_TIMEOUT_MS = 120_000
 
@@ -227,7 +230,7 @@ def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(st
     assert differences(played["settings"], sent["settings"]) == []
     expect(page.get_by_role("region", name="Dry run", exact=True)).to_contain_text(words_of(own))
     page.get_by_role("link", name="Identify", exact=True).click()
-    expect(page.get_by_text("You are signed in as a viewer")).to_be_visible()
+    expect(page.get_by_text(IDENTIFY_TEXTS["forOperators"])).to_be_visible()
     assert page.get_by_role("main").get_by_role("form").count() == 0
     page.context.close()
 

@@ -6,6 +6,9 @@ from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.layout import covered
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
 
 FIELDS = "main form input:not([type=hidden], [type=file]), main form select, main form summary"
 IN_SIGHT = """
@@ -34,8 +37,8 @@ def test_start_is_in_sight_on_each_identification_form(same_operator: Operator) 
     operator, page = same_operator, same_operator.page
     operator.go("Identify")
     for kind in ("Actuator", "Motors", "Springs"):
-        page.get_by_role("radiogroup", name="What to identify").get_by_text(kind, exact=True).click()
-        _in_sight(page, page.get_by_role("button", name="Start identification"))
+        page.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text(kind, exact=True).click()
+        _in_sight(page, page.get_by_role("button", name=IDENTIFY_TEXTS["start"]))
 
 
 def test_what_changes_the_tuning_or_the_banks_is_in_sight(same_operator: Operator) -> None:

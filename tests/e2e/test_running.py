@@ -12,8 +12,11 @@ from playwright.sync_api import Browser, ViewportSize, expect
 
 from tests.e2e.layout import document_scrolls_by
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
 
 PHONE = ViewportSize(width=390, height=844)
 
@@ -96,10 +99,10 @@ def test_an_identification_is_followed_paused_between_tensions_and_aborted_softl
     page = operator.page
     bring_to_run(operator.service)
     operator.go("Identify")
-    page.get_by_role("textbox", name="Several tensions in turn [N]").fill("12, 20")
-    operator.fill("Register bits", 6)
-    operator.fill("Settling [s]", 3)
-    operator.press("Start identification")
+    page.get_by_role("textbox", name=IDENTIFY_TEXTS["tensionList"]).fill("12, 20")
+    operator.fill(IDENTIFY_TEXTS["bits"], 6)
+    operator.fill(f"{IDENTIFY_TEXTS['settle_s']} [s]", 3)
+    operator.press(IDENTIFY_TEXTS["start"])
     card = page.get_by_role("region", name="Running now", exact=True)
     expect(card.get_by_role("figure", name="Motor voltage")).to_be_visible()
     card.get_by_role("button", name="Pause after this run", exact=True).click()
@@ -152,10 +155,10 @@ def test_voltages_of_a_motor_identification_are_drawn_ahead_on_a_phone(operator:
     page.set_viewport_size(PHONE)
     operator.go("Identify")
     page.get_by_text("Motors", exact=True).click()
-    operator.fill("Smallest step [V]", 3)
-    operator.fill("Largest step [V]", 6)
-    operator.fill("Voltages", 2)
-    operator.press("Start identification")
+    operator.fill(f"{IDENTIFY_TEXTS['u_low']} [V]", 3)
+    operator.fill(f"{IDENTIFY_TEXTS['u_high']} [V]", 6)
+    operator.fill(IDENTIFY_TEXTS["levels"], 2)
+    operator.press(IDENTIFY_TEXTS["start"])
     card = page.get_by_role("region", name="Running now", exact=True)
     expect(card).to_be_visible()
     seen = followed(operator, until=lambda shown: shown["task"]["part"]["number"] == 2)

@@ -7,13 +7,16 @@ from playwright.sync_api import Browser, Page, Response, expect
 from tests.e2e.browser import DESKTOP
 from tests.e2e.layout import survey
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
 
 PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
     "operate": "In force|in force",
     "bring-up": "A rig is brought up",
-    "identify": "Register bits|You are signed in as a viewer",
+    "identify": f"{IDENTIFY_TEXTS['bits']}|{re.escape(IDENTIFY_TEXTS['forOperators'])}",
     "banks": "In force: λ_q",
     "experiments": "Settings of the loop: λ_q",
     "studies": "No study yet|Study",

@@ -31,6 +31,7 @@ import { ExperimentForm } from "./experiments/ExperimentForm";
 import { IdentificationForm } from "./identify/IdentificationForm";
 import { BankBuilder } from "./identify/IdentificationList";
 import { SpringTableForm } from "./identify/SpringResult";
+import { TEXTS as IDENTIFY } from "./identify/texts";
 import { DisturbanceCard } from "./operate/DisturbanceCard";
 import { TuningChanges } from "./operate/TuningCard";
 import { WallCard } from "./operate/WallCard";
@@ -177,7 +178,7 @@ it.each<Case>([
     [choose("x,F")],
     "/api/spring-tables",
     undefined,
-    () => screen.getByRole("button", { name: /table measured elsewhere/ }),
+    () => screen.getByRole("button", { name: (name) => name.includes(IDENTIFY.tableFile) }),
   ],
   [
     "decimal mark of a table",
@@ -185,28 +186,28 @@ it.each<Case>([
     [choose("x;F")],
     "/api/spring-tables",
     ["decimal"],
-    field("Decimal mark of the table"),
+    field(IDENTIFY.decimalMark),
   ],
   [
     "heading of a table",
     <SpringTableForm key="" onTable={nothing} />,
-    [type("Line that names the columns", "3"), choose("x;F")],
+    [type(IDENTIFY.headingLine, "3"), choose("x;F")],
     "/api/spring-tables",
     ["header"],
-    field("Line that names the columns"),
+    field(IDENTIFY.headingLine),
   ],
   [
     "one of several tensions",
     identification,
-    [type("Several tensions in turn [N]", "10, 90"), press("Start identification")],
+    [type(IDENTIFY.tensionList, "10, 90"), press(IDENTIFY.start)],
     "/api/identifications",
     ["tensions_N", 1],
-    field("Several tensions in turn [N]"),
+    field(IDENTIFY.tensionList),
   ],
   [
     "choice of an identification",
     identification,
-    [press("Start identification")],
+    [press(IDENTIFY.start)],
     "/api/identifications",
     ["actuator", "estimator"],
     field("Estimator"),
@@ -239,10 +240,10 @@ it.each<Case>([
   [
     "name of a bank",
     <BankBuilder key="" chosen={new Set([1])} onBuilt={nothing} />,
-    [type("Bank name", "lab"), press("Build bank")],
+    [type(IDENTIFY.bankName, "lab"), press(IDENTIFY.buildBank)],
     "/api/banks",
     ["name"],
-    field("Bank name"),
+    field(IDENTIFY.bankName),
   ],
 ])("tells a refused %s there", async (_kind, page, steps, path, place, meant) => {
   refusal = { path, place };
@@ -264,8 +265,8 @@ it.each([
 ])("finds at the field itself that %j are no tensions", async (text, why) => {
   refusal = { path: "" };
   open(identification);
-  await type("Several tensions in turn [N]", text)();
-  const box = screen.getByLabelText("Several tensions in turn [N]");
+  await type(IDENTIFY.tensionList, text)();
+  const box = screen.getByLabelText(IDENTIFY.tensionList);
   expect(box.getAttribute("aria-invalid")).toBe("true");
   const described = box.getAttribute("aria-describedby")?.split(" ") ?? [];
   expect(described.map((id) => document.getElementById(id)?.textContent).join()).toContain(why);
@@ -274,7 +275,7 @@ it.each([
 it("says in words which box of an identification holds no number", async () => {
   refusal = { path: "" };
   open(identification);
-  await type("Tension [N]", "much")();
+  await type(IDENTIFY.tension, "much")();
   const said = screen.getByRole("status", { name: "Refusal" }).textContent;
   expect(said).toBe("Tension: “much” is not a number.");
 });
@@ -282,9 +283,9 @@ it("says in words which box of an identification holds no number", async () => {
 it("does not take the typing away to what a forecast blames", async () => {
   refusal = { path: "/api/identifications/prediction", place: ["actuator", "estimator"] };
   open(identification);
-  const box = await screen.findByLabelText("Tension [N]");
+  const box = await screen.findByLabelText(IDENTIFY.tension);
   act(() => box.focus());
-  await type("Tension [N]", "44")();
+  await type(IDENTIFY.tension, "44")();
   await waitFor(() => expect(field("Estimator")().getAttribute("aria-invalid")).toBe("true"));
   expect(document.activeElement).toBe(box);
   expect(screen.getAllByText(SENTENCE)).toHaveLength(1);

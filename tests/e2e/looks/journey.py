@@ -8,9 +8,12 @@ from tests.e2e.browser import DESKTOP
 from tests.e2e.looks.later import look_back, trip, watch
 from tests.e2e.looks.pages import Look, settled, to_the_top, visit
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.test_experiments_and_runs import DRY_RUN_TIMEOUT_MS
 from tests.e2e.test_session import IDENTIFICATION_TIMEOUT_MS, build_and_activate_a_bank
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
 
 STUDY = """format: 1
 name: small
@@ -95,11 +98,11 @@ def identification(operator: Operator, look: Look) -> str:
     """Identify at 20 N, and return the name of the run."""
     page = operator.page
     visit(operator, "identify")
-    operator.fill("Register bits", 6)
-    prediction = page.get_by_role("status", name="Prediction", exact=True)
+    operator.fill(IDENTIFY_TEXTS["bits"], 6)
+    prediction = page.get_by_role("status", name=IDENTIFY_TEXTS["forecastStatus"], exact=True)
     expect(prediction).to_contain_text("encoder counts", timeout=MOTION_TIMEOUT_MS)
     look(page, "identify-ready")
-    operator.press("Start identification")
+    operator.press(IDENTIFY_TEXTS["start"])
     expect(page.get_by_role("region", name="Running now", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     to_the_top(page)
     look(page, "identify-running")
@@ -111,7 +114,7 @@ def identification(operator: Operator, look: Look) -> str:
     settled(page)
     to_the_top(page)
     look(page, "identify-result")
-    return page.get_by_role("table", name="Identification runs", exact=True).get_by_role("link").first.inner_text()
+    return page.get_by_role("table", name=IDENTIFY_TEXTS["runs"], exact=True).get_by_role("link").first.inner_text()
 
 
 def bank(operator: Operator, run: str, look: Look) -> None:

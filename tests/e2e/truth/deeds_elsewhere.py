@@ -20,6 +20,8 @@ DRY_RUN_TIMEOUT_MS = 600_000
 """The first dry run of a service starts the process that plays it."""
 
 TEXTS = load_texts("pages/log")
+IDENTIFY_TEXTS = load_texts("pages/identify")
+UNDO_VERSION = IDENTIFY_TEXTS["undo"].split("{")[0]
 
 
 def always(_scene: Scene) -> bool:
@@ -92,7 +94,7 @@ def _nobody_tunes(scene: Scene) -> bool:
 
 
 def _undo_version(scene: Scene) -> None:
-    scene.press(next(one.name for one in scene.shown.buttons if one.name.startswith("Undo version")))
+    scene.press(next(one.name for one in scene.shown.buttons if one.name.startswith(UNDO_VERSION)))
 
 
 def _experiment(scene: Scene) -> None:
@@ -115,9 +117,9 @@ def _unqueue(scene: Scene) -> None:
 
 def _motors(scene: Scene) -> None:
     scene.say("motors, two short steps")
-    scene.main.get_by_role("radiogroup", name="What to identify").get_by_text("Motors", exact=True).click()
-    _fill(scene, "New identification", {"levels": "2", "step_s": "0.3", "settle_s": "0.5"})
-    start = scene.button("Start identification")
+    scene.main.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text("Motors", exact=True).click()
+    _fill(scene, IDENTIFY_TEXTS["newIdentification"], {"levels": "2", "step_s": "0.3", "settle_s": "0.5"})
+    start = scene.button(IDENTIFY_TEXTS["start"])
     scene.page.wait_for_timeout(600)  # until the forecast of what now stands in the form is there
     if start.get_attribute("aria-disabled") != "true":
         start.click()
@@ -222,11 +224,11 @@ ELSEWHERE = (
     pressing("Pause after this run", "experiments", 0.7),
     pressing("Abort softly", "experiments", 3),
     pressing("Abort softly", "identify", 1),
-    Deed("identify the motors", "identify", 2, _offers("Start identification"), _motors, Value),
+    Deed("identify the motors", "identify", 2, _offers(IDENTIFY_TEXTS["start"]), _motors, Value),
     Deed("dry run", "experiments", 3, _offers("Dry run"), _dry_run, Value | BUSY),
     pressing("Close dry run", "experiments", 0.5),
-    pressing("Apply to the parameters", "identify", 10, Value),
-    Deed("undo a version of the parameters", "identify", 4, _offers("Undo version"), _undo_version, Value),
+    pressing(IDENTIFY_TEXTS["applyParameters"], "identify", 10, Value),
+    Deed("undo a version of the parameters", "identify", 4, _offers(UNDO_VERSION), _undo_version, Value),
     Deed("retune by a script", None, 12, _nobody_tunes, _retune_by_script, Value),
     Deed("activate a bank", "banks", 3, _offers("Activate "), _activate, Value),  # its models may allow other λ
     pressing("Back to geometry", "banks", 1, Value),

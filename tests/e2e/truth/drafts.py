@@ -10,7 +10,10 @@ from dataclasses import dataclass
 
 from playwright.sync_api import Locator, Page
 
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.findings import Findings
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,8 @@ BOXES: Mapping[str, Box] = {
     "setting of tracking": Box("experiments", _setting(TRACKING, "S_hold"), _number(9.01, 11.99, 2),
                                f"settings of {TRACKING.lower()}"),
     "text of a study": Box("studies", _in("New study", "Text of the study"), _study, "study"),
-    "setting of an identification": Box("identify", _setting("New identification", "levels"),
-                                        lambda one: str(one.randint(3, 9)), "identification"),
+    "setting of an identification": Box("identify", _setting(IDENTIFY_TEXTS["newIdentification"], "levels"),
+                                        lambda one: str(one.randint(3, 9)), IDENTIFY_TEXTS["draftOf"]),
     "push": Box("operate", _in("Push", "Push [N]"), _number(-8.9, 8.9, 1)),
     "stiffness of a wall": Box("operate", _in("Wall", "Stiffness of the wall [N/m]"), _number(5000, 30000, 0)),
     "threshold of contacts": Box("operate", _in("Touch", "Gives way from [N]"), _number(2.1, 8.9, 1)),

@@ -3,11 +3,14 @@
 import math
 from datetime import datetime
 
+from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.findings import Findings
 from tests.e2e.truth.frame import title_of
 from tests.e2e.truth.legality import compared, legal_modes, may_command, may_retune, may_start, may_step
 from tests.e2e.truth.moment import Moment, State
 from tests.e2e.truth.operate import angles_of
+
+IDENTIFY_TEXTS = load_texts("pages/identify")
 
 _ANGLE_FACTORS = {"mrad": 0.18 / math.pi} | dict.fromkeys(("rad", "rad/s", "rad·s"), 180.0 / math.pi)
 
@@ -106,22 +109,25 @@ def _dry_run(found: Findings, moment: Moment) -> None:
 def _parameters(found: Findings, moment: Moment) -> None:
     """Compare the versions of the parameters, and what applying the shown identification would change."""
     told, tables = moment.get("/api/parameters"), moment.shown.tables
-    rows = tables.get("Versions of the parameters", [])
+    rows = tables.get(IDENTIFY_TEXTS["versions"], [])
     for place, name in ((0, "number"), (2, "who"), (4, "digest")):
-        words = [str(one[name] or "nobody") if name == "who" else str(one[name])[:12] for one in told["versions"]]
+        words = [str(one[name] or "–") if name == "who" else str(one[name])[:12] for one in told["versions"]]
         found.same(f"{name} of the versions of the parameters", [row[place] for row in rows], words)
     newest = told["versions"][0]
-    _parameter_changes(found, tables.get("Parameters that changed", []), newest["changes"] if newest["number"] else [])
+    _parameter_changes(
+        found, tables.get(IDENTIFY_TEXTS["changedParameters"], []), newest["changes"] if newest["number"] else []
+    )
     estimate = _shown_estimate(moment)
     if estimate is not None:
         proposal = moment.get(f"/api/parameters?estimate={estimate}")["proposal"]
         changes = [] if proposal["problem"] else proposal["changes"]
-        _parameter_changes(found, tables.get("Parameters that would change", []), changes)
-        offered = moment.shown.button("Apply to the parameters") is not None
+        _parameter_changes(found, tables.get(IDENTIFY_TEXTS["proposedChanges"], []), changes)
+        offered = moment.shown.button(IDENTIFY_TEXTS["applyParameters"]) is not None
         found.same("whether the identification is offered to be applied", offered, not proposal["problem"])
     off = may_command(moment.state) and moment.state["mode"] == "off"
+    undo = IDENTIFY_TEXTS["undo"].split("{")[0]
     for button in moment.shown.buttons:
-        if button.name == "Apply to the parameters" or button.name.startswith("Undo version"):
+        if button.name == IDENTIFY_TEXTS["applyParameters"] or button.name.startswith(undo):
             found.same(f"whether {button.name!r} can be pressed", button.enabled, off)
 
 
@@ -146,16 +152,18 @@ def _shown_estimate(moment: Moment) -> int | None:
 def identify(moment: Moment) -> Findings:
     found, shown, state = running(moment), moment.shown, moment.state
     told = moment.get("/api/identifications")["identifications"]
-    rows = shown.tables.get("Identification runs", [])
-    found.same("identifications", [row[1] for row in rows], [f"Run {one['id']}" for one in told])
+    rows = shown.tables.get(IDENTIFY_TEXTS["runs"], [])
+    found.same(
+        "identifications", [row[1] for row in rows], [IDENTIFY_TEXTS["runLink"].format(run=one["id"]) for one in told]
+    )
     found.same("ends of identifications", [row[-1] for row in rows], [_end(one["status"]) for one in told])
     for one in told:
-        box = shown.box(f"Use run {one['id']}")
+        box = shown.box(IDENTIFY_TEXTS["useRun"].format(run=one["id"]))
         may = one["kind"] == "actuator" and one["usable"]
         found.same(f"whether run {one['id']} can be used for a bank", bool(box and box.enabled), may)
     _parameters(found, moment)
-    start = shown.button("Start identification")
-    leaves = "would leave the range" in " ".join(shown.told.values())  # as the forecast of what stands in the form says
+    start = shown.button(IDENTIFY_TEXTS["start"])
+    leaves = IDENTIFY_TEXTS["leavesRange"] in " ".join(shown.told.values())  # as the forecast says
     if not leaves:
         found.same("whether an identification can be started", start and start.enabled, may_start(state, "identify"))
     return found
