@@ -10,7 +10,7 @@ import { Refusal } from "../../components/Refusal";
 import { Verdict } from "../../components/RunState";
 import { ValueOrReason } from "../../components/values";
 import { useLive, useLiveStore } from "../../live/react";
-import { duration, fixed, notANumber, numberIn, significant } from "../../samples/format";
+import { capital, duration, fixed, notANumber, numberIn, significant } from "../../samples/format";
 import {
   type AngleUnit,
   angleText,
@@ -287,7 +287,9 @@ function isChanges(value: unknown): value is Changes {
 /** What a setting means, its range and where its value comes from, below its box. */
 function describe({ meaning, minimum, maximum, unit }: Setting, origin: string, angles: AngleUnit): string {
   const range = minimum == null || maximum == null ? "" : rangeText(minimum, maximum, unit, angles);
-  return [meaning, range.replaceAll(" ", "\u00a0"), origin].filter((part) => part !== "").join(" · ");
+  return [capital(meaning), range.replaceAll(" ", "\u00a0"), origin]
+    .filter((part) => part !== "")
+    .join(" · ");
 }
 
 /** Where the joint is, to a degree, as far as a forecast depends on it: what is told holds from there. */
