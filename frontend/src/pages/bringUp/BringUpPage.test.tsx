@@ -198,7 +198,7 @@ it.each(["rig", "virtual_card"] as const)("says who does what is asked: %s", asy
 });
 
 it("shows the step under way with what a person is asked, and confirms or cancels it", async () => {
-  const running = { phase: "turn the joint by 0.1 rad", elapsed_s: 3.2, confirm: "" };
+  const running = { phase: "turn the joint by 0.1\u202frad", elapsed_s: 3.2, confirm: "" };
   await open([step("wiring_test", "Wiring test", { state: "current" }), step("tare", "Tare", { running })]);
   const group = within(screen.getByRole("group", { name: fillText(TEXTS.stepRunning, { step: "Tare" }) }));
   expect(group.getByRole("status", { name: TEXTS.progress }).textContent).toBe("Turn the joint by 5.73°");
