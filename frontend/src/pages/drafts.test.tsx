@@ -11,6 +11,7 @@ import { LiveStore } from "../live/store";
 import type { BringUpStep, LogEntry, Run, State, Tuning } from "../wire/types";
 import { StepCard } from "./bringUp/StepCard";
 import { RemarkForm } from "./log/LogRows";
+import { TEXTS as LOG } from "./log/texts";
 import { ContactCard } from "./operate/ContactCard";
 import { TuningChanges } from "./operate/TuningCard";
 import { TUNING } from "./refusals.fixture";
@@ -114,7 +115,7 @@ it("marks a note that is not saved, and discards it on demand", async () => {
 it("forgets a remark that is left on purpose", async () => {
   open(<RemarkForm entry={ENTRY} onDone={onDone} />);
   fireEvent.change(await box("Note of the event"), { target: { value: "typed" } });
-  fireEvent.click(screen.getByRole("button", { name: "Leave" }));
+  fireEvent.click(screen.getByRole("button", { name: LOG.cancel }));
   await waitFor(() => expect(onDone).toHaveBeenCalled());
   cleanup();
   open(<RemarkForm entry={ENTRY} onDone={onDone} />);
