@@ -25,6 +25,7 @@ from tests.e2e.service import Service, running_service
 from tests.e2e.sharing import give_up_control, sign_in_at
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 STATES = ("fresh", "bank in force", "after an experiment", "after a restart")
 DRY_RUN_TIMEOUT_MS = 120_000
@@ -251,7 +252,7 @@ def form_of(stage: Stage, kind: str, changes: Values) -> Locator:
         page.get_by_role("radiogroup", name=IDENTIFY_TEXTS["kind"]).get_by_text(title, exact=True).click()
         form = page.get_by_role("form", name=IDENTIFY_TEXTS["newIdentification"])
     else:
-        page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
+        page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option(kind)
         form = page.get_by_role("form", name=title, exact=True)
     expect(form).to_be_visible()
     forms.fill(form, changes)

@@ -9,8 +9,11 @@ from playwright.sync_api import Browser, expect
 from tests.api.conftest import client_with
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page, sign_in_at
+
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 DRY_RUN_TIMEOUT_MS = 120_000
 """The simulator's process starts with the first dry run and gives way to everything else."""
@@ -66,26 +69,28 @@ def test_an_own_experiment_is_tried_dry_then_queued_and_run(operator: Operator) 
     page = operator.page
     operator.go("Experiments")
     bring_to_run(operator.service)  # nobody has control: a page too busy to speak while it is tried dry stops nothing
-    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option("short@1")
+    page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option("short@1")
 
-    page.get_by_role("button", name="Dry run", exact=True).click()
-    dry = page.get_by_role("region", name="Dry run", exact=True)
+    page.get_by_role("button", name=EXPERIMENT_TEXTS["dryRun"], exact=True).click()
+    dry = page.get_by_role("region", name=EXPERIMENT_TEXTS["dryRun"], exact=True)
     expect(dry).to_contain_text("Completed", timeout=DRY_RUN_TIMEOUT_MS)
-    expect(dry.get_by_role("table", name="Metrics of the dry run")).to_contain_text("Peak voltage")
+    expect(
+        dry.get_by_role("table", name=EXPERIMENT_TEXTS["metricsOf"].format(source=EXPERIMENT_TEXTS["dryRunSource"]))
+    ).to_contain_text("Peak voltage")
     expect(dry.get_by_role("figure", name="Joint position")).to_be_visible()
     operator.expect_mode("run")
-    page.get_by_role("button", name="Close dry run", exact=True).click()
+    page.get_by_role("button", name=EXPERIMENT_TEXTS["closeDryRun"], exact=True).click()
 
     for _ in range(2):
-        page.get_by_role("button", name="Add to queue", exact=True).click()
-    waiting = page.get_by_role("list", name="Queue", exact=True).get_by_role("listitem")
+        page.get_by_role("button", name=EXPERIMENT_TEXTS["addToQueue"], exact=True).click()
+    waiting = page.get_by_role("list", name=EXPERIMENT_TEXTS["queue"], exact=True).get_by_role("listitem")
     expect(waiting).to_have_count(2)
-    operator.press("Start queue")
+    operator.press(EXPERIMENT_TEXTS["startQueue"])
     operator.go("Studies")  # whoever draws what comes in may be silent for too long, on a slow machine, to keep control
     operator.wait(lambda: len(ended(operator)) == 2 and "running" not in ended(operator))
     operator.go("Experiments")
-    expect(page.get_by_text("Nothing waits.")).to_be_visible()
-    table = page.get_by_role("table", name="Earlier experiments", exact=True)
+    expect(page.get_by_text(EXPERIMENT_TEXTS["queueEmpty"])).to_be_visible()
+    table = page.get_by_role("table", name=EXPERIMENT_TEXTS["earlierExperiments"], exact=True)
     expect(table.get_by_text("completed")).to_have_count(2, timeout=MOTION_TIMEOUT_MS)
 
 

@@ -29,6 +29,7 @@ from tests.e2e.stage import (
 from tests.e2e.told import not_kept, not_queued, undeclared, words_of
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 DRY_RUN_TIMEOUT_MS = 120_000
 
@@ -217,18 +218,18 @@ def test_a_viewers_forms_show_what_is_in_force_and_send_nothing_but_a_dry_run(st
     page.get_by_role("link", name="Experiments", exact=True).click()
     for kind in EXPERIMENTS:
         about = declared(stage, kind)
-        page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(kind)
+        page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option(kind)
         form = page.get_by_role("form", name=about["title"], exact=True)
         assert undeclared(stage, form, about["settings"], own) == []
         deciding = [one.inner_text() for one in form.get_by_role("button").all() if one.inner_text()]
-        assert set(deciding) <= {"Dry run"}
+        assert set(deciding) <= {EXPERIMENT_TEXTS["dryRun"]}
     forms.fill(form, {"count": 2.0, "hold_s": 1.0})
     shown = forms.shown(form)
     page.set_default_timeout(DRY_RUN_TIMEOUT_MS)
-    sent, played = forms.pressed(page, form.get_by_role("button", name="Dry run"), "/dry-run")
+    sent, played = forms.pressed(page, form.get_by_role("button", name=EXPERIMENT_TEXTS["dryRun"]), "/dry-run")
     assert differences(forms.as_sent(shown, sent["settings"]), sent["settings"], ROUNDED) == []
     assert differences(played["settings"], sent["settings"]) == []
-    expect(page.get_by_role("region", name="Dry run", exact=True)).to_contain_text(words_of(own))
+    expect(page.get_by_role("region", name=EXPERIMENT_TEXTS["dryRun"], exact=True)).to_contain_text(words_of(own))
     page.get_by_role("link", name="Identify", exact=True).click()
     expect(page.get_by_text(IDENTIFY_TEXTS["forOperators"])).to_be_visible()
     assert page.get_by_role("main").get_by_role("form").count() == 0

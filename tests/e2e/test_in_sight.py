@@ -9,6 +9,7 @@ from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator
 from tests.e2e.page_texts import load_texts
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 FIELDS = "main form input:not([type=hidden], [type=file]), main form select, main form summary"
 IN_SIGHT = """
@@ -24,12 +25,12 @@ TO_THE_TOP = "document.querySelectorAll('main, main *').forEach(one => one.scrol
 def test_start_and_queue_are_in_sight_on_each_experiment_form(same_operator: Operator) -> None:
     operator, page = same_operator, same_operator.page
     operator.go("Experiments")
-    kinds = page.get_by_role("combobox", name="Kind of experiment")
+    kinds = page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"])
     for kind in ("tracking", "compliance"):
         kinds.select_option(kind)
         form = page.locator("main form").first
         form.locator("summary").click()
-        names = (re.compile("^Start "), "Add to queue", "Dry run")
+        names = (re.compile("^Start "), EXPERIMENT_TEXTS["addToQueue"], EXPERIMENT_TEXTS["dryRun"])
         _in_sight(page, *(form.get_by_role("button", name=name) for name in names))
 
 

@@ -15,9 +15,12 @@ from plant.parameters import load_parameters
 from tests.api.conftest import client_with, until, until_state
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import MOTION_TIMEOUT_MS, Operator, kept
+from tests.e2e.page_texts import load_texts
 from tests.e2e.relay import Relay, relayed
 from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page
+
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 DISCONNECTIONS = 10
 WINDOW_S = 30
@@ -232,7 +235,7 @@ def test_the_margins_of_the_motor_loop_stand_where_its_lambda_is_set(tuning: Ope
     expect(page.get_by_role("status", name="Motor loop")).to_contain_text(shown(0.0854))
     tuning.go("Experiments")
     form = page.get_by_role("form").first
-    form.get_by_text("Settings of the loop").click()
+    form.get_by_text(EXPERIMENT_TEXTS["loopSettings"].split(":")[0]).click()
     margins = form.get_by_role("status", name="Motor loop")
     expect(margins).to_contain_text(shown(0.0854))
     form.locator("[name=lam_motor]").fill("0.05")

@@ -11,6 +11,7 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
@@ -18,7 +19,7 @@ SEEN = {
     "bring-up": "A rig is brought up",
     "identify": f"{IDENTIFY_TEXTS['bits']}|{re.escape(IDENTIFY_TEXTS['forOperators'])}",
     "banks": "In force: λ_q",
-    "experiments": "Settings of the loop: λ_q",
+    "experiments": EXPERIMENT_TEXTS["loopSettings"].format(tuning="λ_q"),
     "studies": "No study yet|Study",
     "runs": "Nothing recorded yet|session",
     "log": "What happened",

@@ -21,6 +21,7 @@ from tests.e2e.service import Service, running_service
 from tests.execution.test_simulation import ALIKE, PARAMETERS, figures, performed
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 RUN_TIMEOUT_MS = 180_000
 """Ten times what the longest of these takes by the loop's own time."""
@@ -83,7 +84,7 @@ def experimented(operator: Operator, name: str, settings: Mapping[str, float | s
     """Order an experiment, wait for its end, read verdict and figures on the page; return its run."""
     page, title = operator.page, experiments_by_name()[name].title
     operator.go("Experiments")
-    page.get_by_role("combobox", name="Kind of experiment", exact=True).select_option(name)
+    page.get_by_role("combobox", name=EXPERIMENT_TEXTS["kindOfExperiment"], exact=True).select_option(name)
     fill(page.get_by_role("form", name=title, exact=True), settings)
     run = started(operator, f"Start {title.lower()}", "/api/experiments")
     result = page.get_by_role("region", name="Result", exact=True)

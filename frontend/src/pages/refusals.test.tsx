@@ -28,6 +28,7 @@ import { useDryRun } from "../service/api/experiments";
 import type { Run, Tuning } from "../wire/types";
 import { BankImport } from "./banks/BanksPage";
 import { ExperimentForm } from "./experiments/ExperimentForm";
+import { TEXTS as EXPERIMENT_TEXTS } from "./experiments/texts";
 import { IdentificationForm } from "./identify/IdentificationForm";
 import { BankBuilder } from "./identify/IdentificationList";
 import { SpringTableForm } from "./identify/SpringResult";
@@ -227,7 +228,7 @@ it.each<Case>([
     [press("Start tracking")],
     "/api/experiments",
     ["bank"],
-    field("Models that the gains come from"),
+    field(EXPERIMENT_TEXTS.gainSource),
   ],
   [
     "name of a person",

@@ -14,6 +14,7 @@ from tests.e2e.test_experiments_and_runs import DRY_RUN_TIMEOUT_MS
 from tests.e2e.test_session import IDENTIFICATION_TIMEOUT_MS, build_and_activate_a_bank
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 STUDY = """format: 1
 name: small
@@ -132,11 +133,11 @@ def experiment(operator: Operator, look: Look) -> None:
     operator.fill("Time each stiffness reference is held [s]", 6)
     form = page.get_by_role("form", name="Tracking of position and stiffness", exact=True)
     with page.expect_response(lambda answer: answer.url.endswith("/dry-run"), timeout=DRY_RUN_TIMEOUT_MS):
-        form.get_by_role("button", name="Dry run", exact=True).click()
+        form.get_by_role("button", name=EXPERIMENT_TEXTS["dryRun"], exact=True).click()
     settled(page)
-    page.get_by_role("region", name="Dry run", exact=True).scroll_into_view_if_needed()
+    page.get_by_role("region", name=EXPERIMENT_TEXTS["dryRun"], exact=True).scroll_into_view_if_needed()
     look(page, "experiments-dry-run")
-    form.get_by_role("button", name="Add to queue", exact=True).click()
+    form.get_by_role("button", name=EXPERIMENT_TEXTS["addToQueue"], exact=True).click()
     operator.press("Start tracking of position and stiffness")
     operator.expect_mode("experiment")
     expect(page.get_by_role("figure", name="Planned profile")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
@@ -149,12 +150,12 @@ def experiment(operator: Operator, look: Look) -> None:
     settled(page)
     to_the_top(page)
     look(page, "experiments-result")
-    operator.press("Start queue")
+    operator.press(EXPERIMENT_TEXTS["startQueue"])
     operator.wait(lambda: len(ended_of(operator, "tracking")) == 2)
-    own = page.get_by_role("region", name="Own experiments", exact=True)
-    own.get_by_role("combobox", name="Begin with").select_option("sample sequence")
-    expect(own.get_by_role("region", name="Preview", exact=True)).to_contain_text(
-        "can be run:", timeout=DRY_RUN_TIMEOUT_MS
+    own = page.get_by_role("region", name=EXPERIMENT_TEXTS["ownExperiments"], exact=True)
+    own.get_by_role("combobox", name=EXPERIMENT_TEXTS["startFrom"]).select_option("sample sequence")
+    expect(own.get_by_role("region", name=EXPERIMENT_TEXTS["preview"], exact=True)).to_contain_text(
+        EXPERIMENT_TEXTS["valid"].split("}")[1].split("{")[0].strip(), timeout=DRY_RUN_TIMEOUT_MS
     )
     own.scroll_into_view_if_needed()
     look(page, "experiments-composed")

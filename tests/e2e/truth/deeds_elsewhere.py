@@ -9,6 +9,8 @@ from tests.e2e.truth.drafts import TRACKING
 from tests.e2e.truth.legality import may_retune
 from tests.e2e.truth.moment import DRY_RUN
 
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+
 WAYS = ("Operate", "Identify", "Banks", "Experiments", "Studies", "Runs", "Log", "System")
 ADDRESSES = ("docs", "docs/first-hour", "glossary", "system/developer", "bring-up", "runs/metrics")
 """Pages that no link of the navigation leads to."""
@@ -34,7 +36,10 @@ def _fill(scene: Scene, form: str, values: dict[str, str]) -> None:
 
 
 def _offers_queue(scene: Scene) -> bool:
-    return scene.shown.offers("Add to queue") and len(scene.shown.all["lists"].get("Queue", [])) < 3
+    return (
+        scene.shown.offers(EXPERIMENT_TEXTS["addToQueue"])
+        and len(scene.shown.all["lists"].get(EXPERIMENT_TEXTS["queue"], [])) < 3
+    )
 
 
 def _short(scene: Scene) -> None:
@@ -71,7 +76,7 @@ def _dry_run(scene: Scene) -> None:
     _short(scene)
     _set_loop(scene)
     with scene.page.expect_response(f"**{DRY_RUN}", timeout=DRY_RUN_TIMEOUT_MS):
-        scene.press("Dry run")
+        scene.press(EXPERIMENT_TEXTS["dryRun"])
 
 
 def _retune_by_script(scene: Scene) -> None:
@@ -107,7 +112,7 @@ def _experiment(scene: Scene) -> None:
 def _queue(scene: Scene) -> None:
     _short(scene)
     _set_loop(scene)
-    scene.press("Add to queue")
+    scene.press(EXPERIMENT_TEXTS["addToQueue"])
 
 
 def _unqueue(scene: Scene) -> None:
@@ -218,15 +223,21 @@ def _offers(start: str) -> Callable[[Scene], bool]:
 ELSEWHERE = (
     Deed("start a short experiment", "experiments", 4, _offers("Start tracking"), _experiment, Value),
     Deed("queue a short experiment", "experiments", 1.5, _offers_queue, _queue, Value),
-    Deed("take one out of the queue", "experiments", 0.7, _offers("Remove experiment "), _unqueue),
-    pressing("Start queue", "experiments", 1.5),
-    pressing("Start queue again", "experiments", 1.5),
-    pressing("Pause after this run", "experiments", 0.7),
+    Deed(
+        "take one out of the queue",
+        "experiments",
+        0.7,
+        _offers(EXPERIMENT_TEXTS["removeFromQueue"].split("{")[0]),
+        _unqueue,
+    ),
+    pressing(EXPERIMENT_TEXTS["startQueue"], "experiments", 1.5),
+    pressing(EXPERIMENT_TEXTS["startQueueAgain"], "experiments", 1.5),
+    pressing(EXPERIMENT_TEXTS["pauseQueue"], "experiments", 0.7),
     pressing("Abort softly", "experiments", 3),
     pressing("Abort softly", "identify", 1),
     Deed("identify the motors", "identify", 2, _offers(IDENTIFY_TEXTS["start"]), _motors, Value),
-    Deed("dry run", "experiments", 3, _offers("Dry run"), _dry_run, Value | BUSY),
-    pressing("Close dry run", "experiments", 0.5),
+    Deed("dry run", "experiments", 3, _offers(EXPERIMENT_TEXTS["dryRun"]), _dry_run, Value | BUSY),
+    pressing(EXPERIMENT_TEXTS["closeDryRun"], "experiments", 0.5),
     pressing(IDENTIFY_TEXTS["applyParameters"], "identify", 10, Value),
     Deed("undo a version of the parameters", "identify", 4, _offers(UNDO_VERSION), _undo_version, Value),
     Deed("retune by a script", None, 12, _nobody_tunes, _retune_by_script, Value),

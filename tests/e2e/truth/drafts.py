@@ -14,6 +14,7 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.truth.findings import Findings
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,10 @@ def _study(chance: random.Random) -> str:
 
 TRACKING = "Tracking of position and stiffness"
 BOXES: Mapping[str, Box] = {
-    "name of an own experiment": Box("experiments", _in("Own experiments", "Name"),
-                                     lambda one: f"own_{one.randrange(999)}", "experiment"),
+    "name of an own experiment": Box("experiments", _in(EXPERIMENT_TEXTS["ownExperiments"], EXPERIMENT_TEXTS["name"]),
+                                     lambda one: f"own_{one.randrange(999)}", EXPERIMENT_TEXTS["draftOf"]),
     "setting of tracking": Box("experiments", _setting(TRACKING, "S_hold"), _number(9.01, 11.99, 2),
-                               f"settings of {TRACKING.lower()}"),
+                               EXPERIMENT_TEXTS["settingsOf"].format(experiment=TRACKING.lower())),
     "text of a study": Box("studies", _in("New study", "Text of the study"), _study, "study"),
     "setting of an identification": Box("identify", _setting(IDENTIFY_TEXTS["newIdentification"], "levels"),
                                         lambda one: str(one.randint(3, 9)), IDENTIFY_TEXTS["draftOf"]),

@@ -11,6 +11,8 @@ from tests.e2e.truth.moment import Moment, State
 from tests.e2e.truth.operate import angles_of
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+EXPERIMENT_TEXTS = load_texts("pages/experiments")
+QUEUE = EXPERIMENT_TEXTS["queue"]
 
 _ANGLE_FACTORS = {"mrad": 0.18 / math.pi} | dict.fromkeys(("rad", "rad/s", "rad·s"), 180.0 / math.pi)
 
@@ -56,25 +58,27 @@ def running(moment: Moment) -> Findings:
 def experiments(moment: Moment) -> Findings:
     found, shown, state = running(moment), moment.shown, moment.state
     queue = moment.get("/api/experiments/queue")
-    waiting = shown.all["lists"].get("Queue", [])
+    waiting = shown.all["lists"].get(QUEUE, [])
     found.same("number of experiments that wait", len(waiting), len(queue["items"]))
     for line, item in zip(waiting, queue["items"], strict=False):
-        found.holds("who queued an experiment", line, f"by {item['who']}")
-    aside = shown.all["asides"].get("Queue", "").strip()
-    found.same("whether the queue goes on", aside, "goes on by itself" if queue["running"] else "waits for a start")
+        found.holds("who queued an experiment", line, EXPERIMENT_TEXTS["queuedBy"].format(person=item["who"]))
+    aside = shown.all["asides"].get(QUEUE, "").strip()
+    found.same(
+        "whether the queue goes on", aside, EXPERIMENT_TEXTS["queueRunning" if queue["running"] else "queueIdle"]
+    )
     free = may_start(state, "experiment")
     if not queue["running"]:
-        name = "Start queue again" if queue["problem"] else "Start queue"
-        compared(found, moment, {("Queue", name): bool(queue["items"]) and free})
+        name = EXPERIMENT_TEXTS["startQueueAgain" if queue["problem"] else "startQueue"]
+        compared(found, moment, {(QUEUE, name): bool(queue["items"]) and free})
     else:
-        compared(found, moment, {("Queue", "Pause after this run"): True})
+        compared(found, moment, {(QUEUE, EXPERIMENT_TEXTS["pauseQueue"]): True})
     for place, item in enumerate(queue["items"]):
         compared(found, moment, {
-            ("Queue", f"Move experiment {item['id']} ahead"): place > 0,
-            ("Queue", f"Remove experiment {item['id']} from the queue"): True,
+            (QUEUE, EXPERIMENT_TEXTS["moveUpInQueue"].format(id=item["id"])): place > 0,
+            (QUEUE, EXPERIMENT_TEXTS["removeFromQueue"].format(id=item["id"])): True,
         })  # fmt: skip
     _dry_run(found, moment)
-    start = next((one for one in shown.buttons if one.name.startswith("Start ") and one.region != "Queue"), None)
+    start = next((one for one in shown.buttons if one.name.startswith("Start ") and one.region != QUEUE), None)
     found.same("whether an experiment can be started", start and start.enabled, free)
     return found
 
@@ -83,7 +87,7 @@ def _dry_run(found: Findings, moment: Moment) -> None:
     """Compare the result of a dry run with what the service answered."""
     shown, told = moment.shown, moment.dry_run
     text = shown.all["dry_run"]
-    if text is None or "being played" in text:
+    if text is None or EXPERIMENT_TEXTS["simulating"].split("}")[1].strip(": ") in text:
         return
     if told is None:
         found.append(f"dry run: shown {text[:80]!r}, none was answered")
@@ -92,8 +96,11 @@ def _dry_run(found: Findings, moment: Moment) -> None:
     found.holds("end of the dry run", text, _end(told["status"]))
     if not any(unit in told["verdict"] for unit in (" rad", "°")):
         found.holds("verdict of the dry run", text, told["verdict"])
-    for kind, names in (("Criteria", "criteria"), ("Metrics", "metrics")):
-        rows, figures = shown.tables.get(f"{kind} of the dry run", []), told[names]
+    for names in ("criteria", "metrics"):
+        rows, figures = (
+            shown.tables.get(EXPERIMENT_TEXTS[f"{names}Of"].format(source=EXPERIMENT_TEXTS["dryRunSource"]), []),
+            told[names],
+        )
         found.same(f"number of {names} of the dry run", len(rows), len(figures))
         for row, one in zip(rows, figures, strict=False):
             what = f"{one['name']} of the dry run"

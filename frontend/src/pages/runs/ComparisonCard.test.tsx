@@ -6,7 +6,9 @@ import { afterEach, expect, it, vi } from "vitest";
 // the REST client takes hold of fetch when it is made
 vi.hoisted(() => vi.stubGlobal("fetch", () => new Promise(() => {})));
 
+import { fillText } from "../../samples/texts";
 import type { RunComparison } from "../../wire/types";
+import { TEXTS as EXPERIMENT_TEXTS } from "../experiments/texts";
 import { ComparisonCard } from "./ComparisonCard";
 import { askedOf, USUAL } from "./runAddress";
 
@@ -119,7 +121,7 @@ it("leads to files of what is compared, by the same reference", () => {
 it("says beside a figure why there is none, or why it is that of a part", () => {
   render(card(1));
   expect(row("Overshoot of q").slice(1)).toEqual([
-    `2.000at least this: ${REASON}`,
+    `2.000${fillText(EXPERIMENT_TEXTS.boundedReason, { bound: EXPERIMENT_TEXTS.atLeast, reason: REASON })}`,
     `not measured${REASON}`,
     "2.000",
     "%",
