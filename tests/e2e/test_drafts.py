@@ -10,6 +10,7 @@ from tests.e2e.page_texts import load_texts
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
+STUDY_TEXTS = load_texts("pages/studies")
 
 Box = Callable[[Page], Locator]
 
@@ -45,7 +46,14 @@ FORMS: list[tuple[str, str, Callable[[Page], None], Box, str, str | None]] = [
         "7.5",
         EXPERIMENT_TEXTS["settingsOf"].split(" {")[0],
     ),
-    ("Studies", "t", nothing, in_region("New study", "Text of the study"), "format: 1\nname: typed\n", "study"),
+    (
+        "Studies",
+        "t",
+        nothing,
+        in_region(STUDY_TEXTS["newStudy"], STUDY_TEXTS["text"]),
+        "format: 1\nname: typed\n",
+        STUDY_TEXTS["draftOf"],
+    ),
     (
         "Identify",
         "i",

@@ -12,6 +12,7 @@ from tests.e2e.service import Service
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
+STUDY_TEXTS = load_texts("pages/studies")
 
 PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
@@ -20,7 +21,7 @@ SEEN = {
     "identify": f"{IDENTIFY_TEXTS['bits']}|{re.escape(IDENTIFY_TEXTS['forOperators'])}",
     "banks": "In force: λ_q",
     "experiments": EXPERIMENT_TEXTS["loopSettings"].format(tuning="λ_q"),
-    "studies": "No study yet|Study",
+    "studies": f"{STUDY_TEXTS['noStudies']}|{STUDY_TEXTS['study']}",
     "runs": "Nothing recorded yet|session",
     "log": "What happened",
     "system": r"sqlite, .* MB",

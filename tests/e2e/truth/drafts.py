@@ -15,6 +15,7 @@ from tests.e2e.truth.findings import Findings
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
+STUDY_TEXTS = load_texts("pages/studies")
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,8 @@ BOXES: Mapping[str, Box] = {
                                      lambda one: f"own_{one.randrange(999)}", EXPERIMENT_TEXTS["draftOf"]),
     "setting of tracking": Box("experiments", _setting(TRACKING, "S_hold"), _number(9.01, 11.99, 2),
                                EXPERIMENT_TEXTS["settingsOf"].format(experiment=TRACKING.lower())),
-    "text of a study": Box("studies", _in("New study", "Text of the study"), _study, "study"),
+    "text of a study": Box("studies", _in(STUDY_TEXTS["newStudy"], STUDY_TEXTS["text"]), _study,
+                           STUDY_TEXTS["draftOf"]),
     "setting of an identification": Box("identify", _setting(IDENTIFY_TEXTS["newIdentification"], "levels"),
                                         lambda one: str(one.randint(3, 9)), IDENTIFY_TEXTS["draftOf"]),
     "push": Box("operate", _in("Push", "Push [N]"), _number(-8.9, 8.9, 1)),
