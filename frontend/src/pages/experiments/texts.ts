@@ -35,7 +35,7 @@ export const TEXTS = {
 
   // dry run
   closeDryRun: "Close dry run",
-  notSimulated: "{experiment}: simulation failed.",
+  notSimulated: "{experiment}: dry run failed.",
   simulating: "{experiment}: simulating. Nothing moves.",
   simulated: "{experiment}: {duration} simulated. Nothing moved and nothing was stored.",
   dryRunSource: "dry run",
@@ -123,6 +123,9 @@ export const TEXTS = {
   saveAdds: "{problem} Saving adds version {next}; version {version} is kept.",
 
   // sequence
+  sampleTitle: "Own sequence",
+  samplePhase: "Sequence",
+  sampleCriterion: "Smallest tendon tension",
   name: "Name",
   experimentTitle: "Title",
   phase: "{number} {title}",

@@ -128,7 +128,7 @@ export interface StudyDocument {
 export const EMPTY_STUDY: StudyDocument = {
   format: 1,
   name: "mine",
-  title: "Own study",
+  title: TEXTS.newTitle,
   experiment: "tracking",
   settings: { motion: "lambda" },
   axes: [{ over: "lam_q", first: 0.4, last: 1, count: 5 }],

@@ -34,6 +34,7 @@ export const TEXTS = {
   runCount: "run",
 
   // form of a study
+  newTitle: "Own study",
   form: "Study form",
   name: "Name",
   experiment: "Experiment",
