@@ -210,12 +210,14 @@ class Stage:
         page = self.page
         self.operator.go("Banks")
         with page.expect_file_chooser() as chooser:
-            page.get_by_role("button", name="Import bank").click()
+            page.get_by_role("button", name=load_texts("pages/banks")["importBank"]).click()
         file = {"name": "forms.json", "mimeType": "application/json", "buffer": json.dumps(BANK).encode()}
         with page.expect_request("**/api/banks/file") as sent:
             chooser.value.set_files(file)  # type: ignore[arg-type]  # a dict of these keys, which it is
         assert sent.value.post_data_json == BANK
-        activate = page.get_by_role("button", name="Activate forms v1")
+        activate = page.get_by_role(
+            "button", name=load_texts("pages/banks")["activateBank"].replace("{bank}", "forms v1")
+        )
         forms.pressed(page, activate, "/activate")
         self.operator.take_control()
         page.get_by_role("button", name="Control: you").click()

@@ -165,7 +165,7 @@ def test_a_sequence_is_composed_previewed_kept_run_and_made_again(browser: Brows
     )
     expect(result).to_contain_text("of 2 criteria", timeout=PLAYED_TIMEOUT_MS)
     page.goto(f"{service.url}/#/runs/{run}")
-    page.get_by_role("link", name="Make an experiment of this").click()
+    page.get_by_role("link", name=load_texts("pages/runs")["createExperiment"]).click()
     expect(own.get_by_role("textbox", name=TEXTS["name"], exact=True)).to_have_value(f"as_run_{run}")
     words = [
         row.inner_text()

@@ -14,6 +14,7 @@ from tests.e2e.service import Service
 from tests.e2e.sharing import SharedPage, bring_to_run, shared_page, sign_in_at
 
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
+RUNS = load_texts("pages/runs")
 
 DRY_RUN_TIMEOUT_MS = 120_000
 """The simulator's process starts with the first dry run and gives way to everything else."""
@@ -103,40 +104,44 @@ def ended(operator: Operator) -> list[str]:
 def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
     page = operator.page
     operator.go("Runs")
-    page.get_by_role("combobox", name="Kind", exact=True).select_option("experiment")
-    table = page.get_by_role("table", name="Runs", exact=True)
+    page.get_by_role("combobox", name=RUNS["kind"], exact=True).select_option("experiment")
+    table = page.get_by_role("table", name=RUNS["table"], exact=True)
     expect(table.get_by_role("row").filter(has_text="session")).to_have_count(0)  # those of before stay until then
     table.get_by_role("link").first.click()
-    expect(page.get_by_role("region", name="Lineage", exact=True)).to_contain_text("lab, as now")
+    expect(page.get_by_role("region", name=RUNS["lineage"], exact=True)).to_contain_text(
+        RUNS["unchanged"].replace("{parameters}", "lab")
+    )
 
-    replay = page.get_by_role("region", name="Replay", exact=True)
-    expect(replay).to_contain_text("REPLAY")
-    expect(replay).to_contain_text("not live")
-    replay.get_by_role("button", name="Play", exact=True).click()
-    expect(replay.get_by_role("button", name="Play", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    replay = page.get_by_role("region", name=RUNS["replay"], exact=True)
+    expect(replay).to_contain_text(RUNS["replayBadge"])
+    expect(replay).to_contain_text(RUNS["notLive"].split("}")[1])
+    replay.get_by_role("button", name=RUNS["play"], exact=True).click()
+    expect(replay.get_by_role("button", name=RUNS["play"], exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     run = int(page.url.split("/runs/")[1])
     lasted_s = page.evaluate(f"fetch('./api/runs/{run}').then(answer => answer.json())")["duration_s"]
     assert 3.0 <= lasted_s < 3.2  # a busy machine skips ticks, at its end too
-    shown = replay.get_by_role("status", name="Replay time", exact=True).inner_text()
+    shown = replay.get_by_role("status", name=RUNS["replayTime"], exact=True).inner_text()
     assert float(shown.removeprefix("0:")) == pytest.approx(lasted_s, abs=0.0051)
     operator.wait(lambda: abs(operator.reading("Joint position", "q_ref")) > 1.0)  # the charts' cursor went along
 
-    page.get_by_role("slider", name="Replay position", exact=True).press("Home")
-    expect(replay.get_by_role("status", name="Replay time", exact=True)).to_have_text("0:00.00")
+    page.get_by_role("slider", name=RUNS["replayPosition"], exact=True).press("Home")
+    expect(replay.get_by_role("status", name=RUNS["replayTime"], exact=True)).to_have_text("0:00.00")
 
-    compare = page.get_by_role("combobox", name="Compare with", exact=True)
+    compare = page.get_by_role("combobox", name=RUNS["compareWith"], exact=True)
     compare.select_option(index=1)
     expect(operator.legend("Joint position", "q′")).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     page.get_by_role("figure", name="Joint position", exact=True).hover(
         force=True
     )  # at the end one of both may be over
     operator.wait(lambda: not math.isnan(operator.reading("Joint position", "q′")))
-    comparison = page.get_by_role("region", name="Comparison", exact=True)
-    expect(comparison.get_by_role("table", name="Comparison", exact=True).get_by_role("row").nth(1)).to_be_visible()
-    picture = page.get_by_role("group", name="Lineage as a picture", exact=True)
+    comparison = page.get_by_role("region", name=RUNS["comparison"], exact=True)
+    expect(
+        comparison.get_by_role("table", name=RUNS["comparison"], exact=True).get_by_role("row").nth(1)
+    ).to_be_visible()
+    picture = page.get_by_role("group", name=RUNS["lineageDiagram"], exact=True)
     expect(picture).to_contain_text(f"Run {run}")
-    digests = page.get_by_role("table", name="Digests", exact=True)
-    expect(digests.get_by_role("row", name=f"Run {run}")).to_contain_text("no")
+    digests = page.get_by_role("table", name=RUNS["digests"], exact=True)
+    expect(digests.get_by_role("row", name=f"Run {run}")).to_contain_text(RUNS["upToDate"])
     for label, name in (
         ("Data (MCAP)", f"sinew-run-{run}.mcap"),
         ("Bundle", f"sinew-run-{run}.zip"),
@@ -151,25 +156,24 @@ def test_a_run_is_replayed_traced_back_and_compared(operator: Operator) -> None:
 def test_runs_are_found_tagged_and_saved_as_a_search(operator: Operator) -> None:
     page = operator.page
     operator.go("Runs")
-    table = page.get_by_role("table", name="Runs", exact=True)
+    table = page.get_by_role("table", name=RUNS["table"], exact=True)
     table.get_by_role("link").first.click()
-    page.get_by_role("textbox", name="New tag", exact=True).or_(page.get_by_role("combobox", name="New tag")).fill(
-        "Paper"
-    )
-    page.get_by_role("button", name="Add tag", exact=True).click()
-    expect(page.get_by_role("list", name="Tags", exact=True)).to_contain_text("paper")
+    box = page.get_by_role("textbox", name=RUNS["newTag"], exact=True)
+    box.or_(page.get_by_role("combobox", name=RUNS["newTag"])).fill("Paper")
+    page.get_by_role("button", name=RUNS["addTag"], exact=True).click()
+    expect(page.get_by_role("list", name=RUNS["tags"], exact=True)).to_contain_text("paper")
     operator.go("Runs")
-    page.get_by_role("searchbox", name="Search runs", exact=True).fill("tag = paper")
+    page.get_by_role("searchbox", name=RUNS["searchRuns"], exact=True).fill("tag = paper")
     expect(table.get_by_role("row")).to_have_count(2)  # the head, and the run
-    page.get_by_role("textbox", name="Name of the search", exact=True).fill("tagged")
-    page.get_by_role("button", name="Save search", exact=True).click()
-    saved = page.get_by_role("combobox", name="Saved searches", exact=True)
+    page.get_by_role("textbox", name=RUNS["searchName"], exact=True).fill("tagged")
+    page.get_by_role("button", name=RUNS["saveSearch"], exact=True).click()
+    saved = page.get_by_role("combobox", name=RUNS["savedSearches"], exact=True)
     expect(saved).to_have_value("tagged")
-    page.get_by_role("button", name="Clear", exact=True).click()
+    page.get_by_role("button", name=RUNS["clear"], exact=True).click()
     saved.select_option("tagged")
-    expect(page.get_by_role("searchbox", name="Search runs", exact=True)).to_have_value("tag = paper")
-    page.get_by_role("link", name="Metrics over time", exact=True).click()
-    expect(page.get_by_role("heading", level=1)).to_contain_text("Metrics over time")
+    expect(page.get_by_role("searchbox", name=RUNS["searchRuns"], exact=True)).to_have_value("tag = paper")
+    page.get_by_role("link", name=RUNS["metricsOverTime"], exact=True).click()
+    expect(page.get_by_role("heading", level=1)).to_contain_text(RUNS["metricsOverTime"])
 
 
 def test_the_set_up_list_tells_what_is_done_and_leads_on(operator: Operator) -> None:

@@ -146,7 +146,9 @@ def build_a_bank(operator: Operator, keys: Keys, run: int) -> None:
     keys.use(IDENTIFY_TEXTS["activateBank"].format(bank="first v1"))
     operator.wait(lambda: (operator.state()["tuning"]["bank"] or {}).get("id") == bank["id"])
     keys.shortcut("b", "Banks")
-    expect(operator.page.get_by_role("status", name="In force")).to_contain_text("bank first v1")
+    expect(operator.page.get_by_role("status", name=load_texts("pages/banks")["activeTuning"])).to_contain_text(
+        "bank first v1"
+    )
 
 
 def tune(operator: Operator, keys: Keys) -> None:
@@ -237,7 +239,9 @@ def take_a_report_home(operator: Operator, keys: Keys, file: Path) -> None:
     assert verified.returncode == 0, verified.stdout + verified.stderr
     keys.shortcut("r", "Runs")
     runs = get(operator, "/api/runs?limit=50&offset=0")["runs"]
-    expect(operator.page.get_by_role("table", name="Runs").get_by_role("row")).to_have_count(len(runs) + 1)
+    expect(operator.page.get_by_role("table", name=load_texts("pages/runs")["table"]).get_by_role("row")).to_have_count(
+        len(runs) + 1
+    )
 
 
 def set_up_is_done(operator: Operator, keys: Keys) -> None:

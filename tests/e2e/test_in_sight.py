@@ -53,7 +53,7 @@ def test_what_changes_the_tuning_or_the_banks_is_in_sight(same_operator: Operato
     assert covered(page, "main section[aria-label=Tuning] :is(button, input:not([type=hidden]), [role=slider])") == []
     page.get_by_role("switch", name="Stage changes").uncheck()
     operator.go("Banks")
-    _in_sight(page, page.get_by_role("button", name="Import bank"))
+    _in_sight(page, page.get_by_role("button", name=load_texts("pages/banks")["importBank"]))
 
 
 def _in_sight(page: Page, *buttons: Locator) -> None:

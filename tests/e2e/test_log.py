@@ -90,7 +90,7 @@ def test_what_happened_is_read_searched_noted_and_followed_into_the_recording(op
 
     row.get_by_role("link", name=re.compile("^Run")).click()
     expect(page.get_by_role("heading", level=1)).to_contain_text(f"Run {trip['run']}")
-    replay = page.get_by_role("status", name="Replay time")
+    replay = page.get_by_role("status", name=load_texts("pages/runs")["replayTime"])
     expect(replay).to_be_visible()
     minutes, seconds = replay.inner_text().split(":")
     assert 60 * int(minutes) + float(seconds) == pytest.approx(trip["t"], abs=0.01)

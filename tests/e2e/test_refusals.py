@@ -7,6 +7,7 @@ from playwright.sync_api import Browser, Locator, expect
 
 from tests.e2e.browser import DESKTOP
 from tests.e2e.operator import Operator
+from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
 
@@ -17,7 +18,7 @@ def test_a_file_and_the_time_of_a_trial_are_refused_where_they_were_given(
     operator = Operator(page, service)
     operator.sign_in()
     operator.go("Banks")
-    button = page.get_by_role("button", name="Import bank")
+    button = page.get_by_role("button", name=load_texts("pages/banks")["importBank"])
     with page.expect_file_chooser() as chooser:
         button.click()
     file = tmp_path / "bank.json"

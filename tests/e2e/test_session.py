@@ -12,6 +12,7 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+BANKS = load_texts("pages/banks")
 
 IDENTIFICATION_TIMEOUT_MS = 90_000
 TRACKING_TIMEOUT_MS = 150_000
@@ -103,10 +104,10 @@ def build_and_activate_a_bank(operator: Operator, run: str) -> None:
         IDENTIFY_TEXTS["bankActive"]
     )
     operator.go("Banks")
-    row = page.get_by_role("table", name="Banks", exact=True).get_by_role("row").filter(has_text="bench v1")
-    expect(row).to_contain_text("active")
-    entries = page.get_by_role("table", name="Entries", exact=True)
-    expect(entries.get_by_role("link", name="Identification")).to_have_count(1)
+    row = page.get_by_role("table", name=BANKS["table"], exact=True).get_by_role("row").filter(has_text="bench v1")
+    expect(row).to_contain_text(BANKS["activeBank"])
+    entries = page.get_by_role("table", name=BANKS["operatingPoints"], exact=True)
+    expect(entries.get_by_role("link", name=BANKS["identification"].split(" {")[0])).to_have_count(1)
 
 
 def track(operator: Operator) -> None:

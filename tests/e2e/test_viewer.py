@@ -13,16 +13,18 @@ from tests.e2e.service import Service
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
 STUDY_TEXTS = load_texts("pages/studies")
+BANKS = load_texts("pages/banks")
+RUNS = load_texts("pages/runs")
 
 PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
     "operate": "In force|in force",
     "bring-up": "A rig is brought up",
     "identify": f"{IDENTIFY_TEXTS['bits']}|{re.escape(IDENTIFY_TEXTS['forOperators'])}",
-    "banks": "In force: λ_q",
+    "banks": BANKS["active"].replace("{tuning}", "λ_q"),
     "experiments": EXPERIMENT_TEXTS["loopSettings"].format(tuning="λ_q"),
     "studies": f"{STUDY_TEXTS['noStudies']}|{STUDY_TEXTS['study']}",
-    "runs": "Nothing recorded yet|session",
+    "runs": f"{RUNS['noRuns']}|session",
     "log": "What happened",
     "system": r"sqlite, .* MB",
     "system/developer": "force_limit",
@@ -32,7 +34,7 @@ SEEN = {
 WORDS = "buttons => buttons.map(one => one.getAttribute('aria-label') || one.innerText)"
 COMMANDING = (
     "Pretension|Run|Compliance|Soft stop|Off|Reset|Start .*|Add to queue|Start queue|"
-    "Pause after this run|Activate .*|Import.*"
+    f"Pause after this run|{BANKS['activate']} .*|Import.*"
     "|Back up now|Check the database|Mend everything|Inject .*|Save note|Build .*|Apply|Save|Take control"
 )
 

@@ -27,7 +27,9 @@ def look_back(operator: Operator, look: Look) -> None:
     ):
         visit(operator, address)
         if name == "runs-compared":  # below what the first of them came to
-            page.get_by_role("region", name="Curves", exact=True).evaluate("card => card.scrollIntoView()")
+            page.get_by_role("region", name=load_texts("pages/runs")["curves"], exact=True).evaluate(
+                "card => card.scrollIntoView()"
+            )
         look(page, name)
     visit(operator, "studies")
     page.get_by_role("table", name=STUDY_TEXTS["title"], exact=True).get_by_role("link").first.click()
@@ -52,7 +54,7 @@ def trip(operator: Operator, look: Look) -> None:
         visit(operator, name)
         look(page, f"{name}-tripped")
     record.click()
-    expect(page.get_by_role("region", name="Trip", exact=True)).to_be_visible()
+    expect(page.get_by_role("region", name=load_texts("pages/runs")["trip"], exact=True)).to_be_visible()
     settled(page)
     look(page, "flight")
 

@@ -24,6 +24,8 @@ DRY_RUN_TIMEOUT_MS = 600_000
 TEXTS = load_texts("pages/log")
 IDENTIFY_TEXTS = load_texts("pages/identify")
 UNDO_VERSION = IDENTIFY_TEXTS["undo"].split("{")[0]
+BANKS = load_texts("pages/banks")
+ACTIVATE = BANKS["activateBank"].split("{")[0]
 
 
 def always(_scene: Scene) -> bool:
@@ -131,7 +133,7 @@ def _motors(scene: Scene) -> None:
 
 
 def _activate(scene: Scene) -> None:
-    names = [one.name for one in scene.shown.buttons if one.name.startswith("Activate ") and one.enabled]
+    names = [one.name for one in scene.shown.buttons if one.name.startswith(ACTIVATE) and one.enabled]
     scene.press(scene.chance.choice(names))
 
 
@@ -241,8 +243,8 @@ ELSEWHERE = (
     pressing(IDENTIFY_TEXTS["applyParameters"], "identify", 10, Value),
     Deed("undo a version of the parameters", "identify", 4, _offers(UNDO_VERSION), _undo_version, Value),
     Deed("retune by a script", None, 12, _nobody_tunes, _retune_by_script, Value),
-    Deed("activate a bank", "banks", 3, _offers("Activate "), _activate, Value),  # its models may allow other λ
-    pressing("Back to geometry", "banks", 1, Value),
+    Deed("activate a bank", "banks", 3, _offers(ACTIVATE), _activate, Value),  # its models may allow other λ
+    pressing(BANKS["useGeometric"], "banks", 1, Value),
     pressing("Undo change", "banks", 1),
     pressing("Redo change", "banks", 1),
     Deed("note in the log", "log", 2, _offers(TEXTS["edit"].split("{")[0]), _note),

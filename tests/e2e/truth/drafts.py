@@ -16,6 +16,7 @@ from tests.e2e.truth.findings import Findings
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
 STUDY_TEXTS = load_texts("pages/studies")
+RUNS = load_texts("pages/runs")
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ BOXES: Mapping[str, Box] = {
     "length of a trial": Box("operate", _in("Changes of the tuning", "Length of the trial [s]"),
                              lambda one: str(one.randint(3, 9))),
     "level of a trigger": Box("system", _setting("Trigger", "before_s"), _number(1.1, 4.9, 1)),
-    "note of a run": Box("runs", lambda page: page.get_by_role("textbox", name="Note", exact=True),
+    "note of a run": Box("runs", lambda page: page.get_by_role("textbox", name=RUNS["note"], exact=True),
                          lambda one: f"noted {one.randrange(1000)}"),
 }  # fmt: skip
 

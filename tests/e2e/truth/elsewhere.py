@@ -13,6 +13,8 @@ from tests.e2e.truth.operate import angles_of
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
 QUEUE = EXPERIMENT_TEXTS["queue"]
+BANKS = load_texts("pages/banks")
+RUNS = load_texts("pages/runs")
 
 _ANGLE_FACTORS = {"mrad": 0.18 / math.pi} | dict.fromkeys(("rad", "rad/s", "rad·s"), 180.0 / math.pi)
 
@@ -179,27 +181,26 @@ def identify(moment: Moment) -> Findings:
 def banks(moment: Moment) -> Findings:
     found, shown, state = Findings(), moment.shown, moment.state
     told, own = moment.get("/api/banks")["banks"], state["own_tuning"] or state["tuning"]
-    rows = shown.tables.get("Banks", [])
+    rows = shown.tables.get(BANKS["table"], [])
     names = [f"{one['name']} v{one['version']}" for one in told]
     found.same("banks", [row[0] for row in rows], names)
     found.same("entries of banks", [row[3] for row in rows], [str(len(one["entries"])) for one in told])
-    found.same("active banks", [row[5] == "active" for row in rows], [one["active"] for one in told])
-    said = shown.told.get("In force", "")
-    found.same(
-        "of when the tuning is", said.startswith("In force again after the run"), state["own_tuning"] is not None
-    )
+    found.same("active banks", [row[5] == BANKS["activeBank"] for row in rows], [one["active"] for one in told])
+    said = shown.told.get(BANKS["activeTuning"], "")
+    is_after_run = said.startswith(BANKS["activeAfterRun"].split("{")[0].strip())
+    found.same("of when the tuning is", is_after_run, state["own_tuning"] is not None)
     bank = own["bank"]
     words = "gains from geometry" if bank is None else f"bank {bank['name']} v{bank['version']}"
     found.holds("bank in force", said, words)
     template = f"λ_q {own['lam_q']:.4g} s, λ_S {own['lam_S']:.4g} s"
     found.holds("λ in force", said, template)
     free = may_retune(state)
-    offered = {(region, f"Activate {name}"): free for name, one in zip(names, told, strict=True)
-               for region in ("Versions",) if not one["active"]}  # fmt: skip
+    activate = [BANKS["activateBank"].replace("{bank}", name) for name in names]
+    offered = {(BANKS["versions"], name): free for name, one in zip(activate, told, strict=True) if not one["active"]}
     offered |= {
-        ("Versions", "Back to geometry"): bank is not None and free,
-        ("Versions", "Undo change"): may_step(state, state["earlier"]),
-        ("Versions", "Redo change"): may_step(state, state["later"]),
+        (BANKS["versions"], BANKS["useGeometric"]): bank is not None and free,
+        (BANKS["versions"], "Undo change"): may_step(state, state["earlier"]),
+        (BANKS["versions"], "Redo change"): may_step(state, state["later"]),
     }
     compared(found, moment, offered)
     return found
@@ -210,21 +211,25 @@ def runs(moment: Moment) -> Findings:
     found, number = Findings(), moment.shown.all["hash"].rpartition("/")[2]
     if number.isdigit():
         one = moment.get(f"/api/runs/{number}")
-        found.same("title of a run", moment.shown.all["heading"], f"Runs / Run {number}: {one['title']}")
+        title = RUNS["runWithTitle"].replace("{run}", number).replace("{title}", one["title"])
+        found.same("title of a run", moment.shown.all["heading"], f"{RUNS['runs']} / {title}")
         found.holds(f"end of run {number}", "; ".join(moment.shown.all["ends"]), _end(one["end_state"]))
         return found
     if moment.shown.all["hash"] != "#/runs":
         return found
     told = moment.get("/api/runs?limit=50&offset=0")["runs"]
-    rows, heads = moment.shown.tables.get("Runs", []), moment.shown.all["heads"].get("Runs", [])
-    kind, who, end = (heads.index(name) if name in heads else 0 for name in ("Kind", "Who", "End"))
+    rows, heads = moment.shown.tables.get(RUNS["table"], []), moment.shown.all["heads"].get(RUNS["table"], [])
+    kind, who, end = (
+        heads.index(name) if name in heads else 0 for name in (RUNS["kind"], RUNS["person"], RUNS["status"])
+    )
     found.same("runs", [row[1] for row in rows], [f"Run {one['id']}" for one in told])
     for row, one in zip(rows, told, strict=False):
         found.same(f"kind of run {one['id']}", row[kind], one["title"])
         found.same(f"who made run {one['id']}", row[who], one["who"])
         found.holds(f"end of run {one['id']}", row[end], _end(one["end_state"]))
         missing = one["missing_samples"]
-        words = "not known" if missing is None else f"{missing} samples missing" if missing else ""
+        words = RUNS["missingUnknown"] if missing is None else ""
+        words = RUNS["samplesMissing"].replace("{samples}", str(missing)) if missing else words
         found.holds(f"samples missing in run {one['id']}", row[end], words)
     return found
 
