@@ -24,6 +24,7 @@ const fetched = vi.hoisted(() => {
 import { NameQuestion } from "../components/NameQuestion";
 import { LiveProvider } from "../live/react";
 import { LiveStore } from "../live/store";
+import { fillText } from "../samples/texts";
 import { useDryRun } from "../service/api/experiments";
 import type { Run, Tuning } from "../wire/types";
 import { BankImport } from "./banks/BanksPage";
@@ -35,6 +36,7 @@ import { SpringTableForm } from "./identify/SpringResult";
 import { TEXTS as IDENTIFY } from "./identify/texts";
 import { DisturbanceCard } from "./operate/DisturbanceCard";
 import { TuningChanges } from "./operate/TuningCard";
+import { TEXTS as OPERATE } from "./operate/texts";
 import { WallCard } from "./operate/WallCard";
 import { KINDS, STATE, TRACKING, TUNING } from "./refusals.fixture";
 import { NoteCard } from "./runs/RunDetail";
@@ -118,43 +120,50 @@ it.each<Case>([
   [
     "length of a trial",
     <TuningChanges key="" tuning={TUNING as unknown as Tuning} staged={STAGED} locked={null} />,
-    [press("Try for")],
+    [press(OPERATE.tryFor)],
     "/api/tuning/trial",
     ["duration_s"],
-    field("Length of the trial [s]"),
+    field(OPERATE.trialDuration),
   ],
-  ["push", <DisturbanceCard key="" />, [press("Push")], "/api/push", ["F_push"], field("Push [N]")],
+  [
+    "push",
+    <DisturbanceCard key="" />,
+    [press(OPERATE.applyPush)],
+    "/api/push",
+    ["F_push"],
+    field(OPERATE.pushForce),
+  ],
   [
     "angle of a wall",
     <WallCard key="" />,
-    [press("Put up")],
+    [press(OPERATE.addWall)],
     "/api/wall",
     ["wall", "q_wall"],
-    field("Wall at [°]"),
+    field(fillText(OPERATE.wallAngle, { unit: "°" })),
   ],
   [
     "stiffness of a wall",
     <WallCard key="" />,
-    [press("Put up")],
+    [press(OPERATE.addWall)],
     "/api/wall",
     ["wall", "k_wall"],
-    field("Stiffness of the wall [N/m]"),
+    field(OPERATE.wallStiffness),
   ],
   [
     "damping of a wall",
     <WallCard key="" />,
-    [press("Put up")],
+    [press(OPERATE.addWall)],
     "/api/wall",
     ["wall", "c_wall"],
-    field("Damping of the wall [s/m]"),
+    field(OPERATE.wallDamping),
   ],
   [
     "time of a push",
     <DisturbanceCard key="" />,
-    [press("Push")],
+    [press(OPERATE.applyPush)],
     "/api/push",
     ["duration_s"],
-    field("Push for [s]"),
+    field(OPERATE.pushDuration),
   ],
   [
     "file of a bank",
@@ -295,13 +304,13 @@ it("does not take the typing away to what a forecast blames", async () => {
 it("says how long a trial may not be where it is no number", async () => {
   refusal = { path: "" };
   open(<TuningChanges tuning={TUNING as unknown as Tuning} staged={STAGED} locked={null} />);
-  await type("Length of the trial [s]", "ten")();
-  const box = screen.getByLabelText("Length of the trial [s]");
+  await type(OPERATE.trialDuration, "ten")();
+  const box = screen.getByLabelText(OPERATE.trialDuration);
   expect(box.getAttribute("aria-invalid")).toBe("true");
   const described = box.getAttribute("aria-describedby")?.split(" ") ?? [];
   expect(described.map((id) => document.getElementById(id)?.textContent).join()).toContain(
     "“ten” is not a number",
   );
-  await act(async () => fireEvent.click(screen.getByRole("button", { name: "Try for" })));
+  await act(async () => fireEvent.click(screen.getByRole("button", { name: OPERATE.tryFor })));
   expect(fetched.mock.calls.filter(([{ url }]) => url.endsWith("/trial"))).toEqual([]);
 });

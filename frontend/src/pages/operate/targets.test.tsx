@@ -13,11 +13,13 @@ const fetched = vi.hoisted(() => {
 
 import { LiveProvider } from "../../live/react";
 import { LiveStore } from "../../live/store";
+import { fillText } from "../../samples/texts";
 import { DEGREES } from "../../theme/signals";
 import type { State } from "../../wire/types";
 import { MapCard } from "./MapCard";
 import { planeOver, xOf, yOf } from "./operatingMap";
 import { ReferencesCard } from "./ReferencesCard";
+import { TEXTS } from "./texts";
 
 const LIMITS = {
   q_min: -80 / DEGREES,
@@ -96,7 +98,7 @@ it.each([
   await settled();
   expect(await commanded()).toEqual([]);
   expect(box().value).toBe(degrees.toFixed(1));
-  expect(screen.getByText(/80\.0° is not sent yet: Enter commands it/)).toBeTruthy();
+  expect(screen.getByText(fillText(TEXTS.referenceNotSent, { value: "80.0°" }))).toBeTruthy();
   fireEvent.keyDown(q_ref(), { key: "Enter" });
   await waitFor(async () => expect(await commanded()).toEqual([{ q_ref: degrees / DEGREES, S_ref: 10 }]));
   expect(screen.queryByText(/not sent yet/)).toBeNull();
@@ -123,7 +125,7 @@ it("still commands a step of the arrows at once", async () => {
 });
 
 function clickMap(degrees: number, S: number): void {
-  const map = screen.getByRole("img", { name: "Reachable map" });
+  const map = screen.getByRole("img", { name: TEXTS.map });
   const size = { left: 0, top: 0, width: 400, height: 300 };
   vi.spyOn(map, "getBoundingClientRect").mockReturnValue({ ...size } as DOMRect);
   const plane = planeOver(STATE.limits, size.width, size.height);
@@ -135,11 +137,11 @@ it("aims with a click on the map, and sends what it shows by a button", async ()
   clickMap(30, 9);
   await settled();
   expect(await commanded()).toEqual([]);
-  const shown = screen.getByRole("group", { name: "Target of the map" }).textContent ?? "";
+  const shown = screen.getByRole("group", { name: TEXTS.mapTarget }).textContent ?? "";
   const [degrees, S] = (shown.match(/-?\d+\.\d+/g) ?? []).map(Number) as [number, number];
   expect(Math.abs(degrees - 30)).toBeLessThan(0.6);
   expect(Math.abs(S - 9)).toBeLessThan(0.1);
-  fireEvent.click(screen.getByRole("button", { name: "Send target" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.sendTarget }));
   await waitFor(async () => expect(await commanded()).toEqual([{ q_ref: degrees / DEGREES, S_ref: S }]));
   expect(screen.queryByText(/not sent yet/)).toBeNull();
 });
@@ -147,7 +149,7 @@ it("aims with a click on the map, and sends what it shows by a button", async ()
 it("forgets a target that is left", async () => {
   open(<MapCard />);
   clickMap(-40, 12);
-  fireEvent.click(screen.getByRole("button", { name: "Leave target" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.discardTarget }));
   await settled();
   expect(await commanded()).toEqual([]);
   expect(screen.queryByText(/not sent yet/)).toBeNull();
@@ -202,7 +204,7 @@ it("sends in the card what the map ordered since, not what the card did before",
   enter(S_BOX, "12");
   await sent(1);
   clickMap(30, 9);
-  fireEvent.click(screen.getByRole("button", { name: "Send target" }));
+  fireEvent.click(screen.getByRole("button", { name: TEXTS.sendTarget }));
   await sent(2);
   enter(Q_BOX, "20");
   await sent(3);
