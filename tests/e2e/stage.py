@@ -26,6 +26,7 @@ from tests.e2e.sharing import give_up_control, sign_in_at
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 STATES = ("fresh", "bank in force", "after an experiment", "after a restart")
 DRY_RUN_TIMEOUT_MS = 120_000
@@ -201,7 +202,9 @@ class Stage:
         self.operator.press("Run")
 
         def learned() -> bool:
-            self.page.get_by_role("button", name="Learn here").click()  # refused until the joint has been at rest
+            self.page.get_by_role(
+                "button", name=OPERATE["calibrate"], exact=True
+            ).click()  # refused until the joint has been at rest
             return bool(self.get("/api/state")["touch"]["learned"])
 
         self.operator.wait(learned)

@@ -11,6 +11,7 @@ from tests.e2e.service import Service
 from tests.e2e.test_viewer import PAGES, SEEN, signed_in_as_viewer
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+OPERATE = load_texts("pages/operate")
 
 BARE = """() => {
   const found = [];
@@ -37,8 +38,8 @@ def test_nothing_is_absent_without_a_reason(operator: Operator, browser: Browser
     operator.sign_in()
     look_through(page, service)
     page.goto(f"{service.url}/#/operate")
-    staged = page.get_by_role("table", name="Saved, in force and staged")
-    expect(staged.get_by_role("img", name="nothing is staged")).to_have_text(["–", "–"])
+    staged = page.get_by_role("table", name=OPERATE["tuningTable"])
+    expect(staged.get_by_role("img", name=OPERATE["nothingStaged"])).to_have_text(["–", "–"])
     operator.be_in_run()
     look_through(page, service, ("operate", "runs"))
     viewer, _ = signed_in_as_viewer(browser, service)

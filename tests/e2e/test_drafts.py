@@ -11,6 +11,7 @@ from tests.e2e.page_texts import load_texts
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
 STUDY_TEXTS = load_texts("pages/studies")
+OPERATE = load_texts("pages/operate")
 
 Box = Callable[[Page], Locator]
 
@@ -63,7 +64,7 @@ FORMS: list[tuple[str, str, Callable[[Page], None], Box, str, str | None]] = [
         IDENTIFY_TEXTS["draftOf"],
     ),
     ("Operate", "o", nothing, in_region("Push", "Push [N]"), "7.5", None),
-    ("Operate", "o", nothing, in_region("Wall", "Stiffness of the wall [N/m]"), "7000", None),
+    ("Operate", "o", nothing, in_region("Wall", OPERATE["wallStiffness"]), "7000", None),
 ]
 
 

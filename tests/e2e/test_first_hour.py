@@ -23,6 +23,7 @@ from tests.e2e.page_texts import load_texts
 from tests.e2e.service import Service
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
+OPERATE = load_texts("pages/operate")
 
 RUN_TIMEOUT_MS = 240_000
 CLI_S = 120.0
@@ -162,11 +163,13 @@ def tune(operator: Operator, keys: Keys) -> None:
         keys.to(slider)
         keys.press("ArrowRight", times=5)
         operator.wait(partial(is_raised, operator, f"{slider} value [s]", name, before))
-        expect(page.get_by_role("group", name=f"Preview of {slider}")).to_contain_text("maximum of the sensitivity")
+        expect(page.get_by_role("group", name=OPERATE["preview"].format(symbol=slider))).to_contain_text(
+            OPERATE["sensitivityPeak"]
+        )
     keys.use("Push", region="Push")
     operator.wait(lambda: any(one["text"].startswith("push of 10.0 N") for one in log(operator)))
     try_and_keep(operator, keys)
-    keys.use("Save", region="Changes of the tuning")
+    keys.use("Save", region=OPERATE["tuningChanges"])
     operator.wait(lambda: get(operator, "/api/tuning/saved")["who"] is not None)
     saved, tuning = get(operator, "/api/tuning/saved"), operator.state()["tuning"]
     assert all(saved[name] == tuning[name] for name in ("lam_q", "lam_S", "lam_motor", "b", "motion", "u_plan"))

@@ -22,6 +22,7 @@ from tests.e2e.test_accessibility import PHONE, violations
 from tests.e2e.test_experiments_and_runs import SHORT
 
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 STOP = "button[aria-label=STOP]"
 ENTRIES = build_glossary()
@@ -160,8 +161,8 @@ def test_boxes_of_forms_say_what_the_service_says_of_them_and_accepts(operator: 
     expect(page.get_by_role("textbox", name="S_ref value [N·m/rad]", exact=True)).to_be_enabled()
     for label, name, ends in (
         ("Push [N]", "push.F_push", f"−{limits['F_push_max']:g} to {limits['F_push_max']:g} N"),
-        ("Gives way from [N]", "touch.contact_N", f"{limits['F_contact_min']:g} to {limits['F_contact_max']:g} N"),
-        ("Damping of the wall [s/m]", "wall.c_wall", f"0 to {math.floor(1e2 * limits['c_wall_max']) / 1e2:g} s/m"),
+        (OPERATE["threshold"], "touch.contact_N", f"{limits['F_contact_min']:g} to {limits['F_contact_max']:g} N"),
+        (OPERATE["wallDamping"], "wall.c_wall", f"0 to {math.floor(1e2 * limits['c_wall_max']) / 1e2:g} s/m"),
         ("S_ref value [N·m/rad]", "references.S_ref", "N·m/rad"),
         ("λ_q value [s]", "tuning.lam_q", " s"),
     ):

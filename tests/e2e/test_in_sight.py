@@ -10,6 +10,7 @@ from tests.e2e.page_texts import load_texts
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 FIELDS = "main form input:not([type=hidden], [type=file]), main form select, main form summary"
 IN_SIGHT = """
@@ -47,7 +48,7 @@ def test_what_changes_the_tuning_or_the_banks_is_in_sight(same_operator: Operato
     operator.go("Operate")
     expect(page.get_by_role("slider", name="λ_q", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     page.get_by_role("switch", name="Stage changes").check()
-    changes = page.get_by_role("region", name="Changes of the tuning")
+    changes = page.get_by_role("region", name=OPERATE["tuningChanges"])
     names = ("Apply", "Try for", "Discard", "Revert to saved", "Save")
     _in_sight(page, *(changes.get_by_role("button", name=name, exact=True) for name in names))
     assert covered(page, "main section[aria-label=Tuning] :is(button, input:not([type=hidden]), [role=slider])") == []
@@ -71,7 +72,7 @@ def test_the_whole_forecast_of_a_step_is_above_what_decides(same_operator: Opera
     skip = page.get_by_role("button", name="Skip tour", exact=True)
     if skip.is_visible():
         skip.click()
-    forecast = page.get_by_role("status", name="Forecast of a 60° step", exact=True)
+    forecast = page.get_by_role("status", name=OPERATE["forecastOfQ"], exact=True)
     expect(forecast).to_have_text(re.compile(r"90 % after \d"))
     told = forecast.bounding_box()
     decides = page.get_by_role("button", name="Revert to saved", exact=True).bounding_box()

@@ -13,6 +13,7 @@ from tests.e2e.service import Service
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 BANKS = load_texts("pages/banks")
+OPERATE = load_texts("pages/operate")
 
 IDENTIFICATION_TIMEOUT_MS = 90_000
 TRACKING_TIMEOUT_MS = 150_000
@@ -61,7 +62,9 @@ def move_lambda(operator: Operator) -> None:
     page = operator.page
     with page.expect_response(lambda answer: answer.request.method == "PUT" and answer.url.endswith("/api/tuning")):
         operator.enter("λ_q value [s]", 0.45)
-    expect(page.get_by_role("group", name="Preview of λ_q", exact=True)).to_contain_text("maximum of the sensitivity")
+    expect(page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"), exact=True)).to_contain_text(
+        OPERATE["sensitivityPeak"]
+    )
     page.reload()
     box = page.get_by_role("textbox", name="λ_q value [s]", exact=True)
     expect(box).to_have_value("0.450", timeout=MOTION_TIMEOUT_MS)

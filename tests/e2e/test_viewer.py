@@ -15,10 +15,11 @@ EXPERIMENT_TEXTS = load_texts("pages/experiments")
 STUDY_TEXTS = load_texts("pages/studies")
 BANKS = load_texts("pages/banks")
 RUNS = load_texts("pages/runs")
+OPERATE = load_texts("pages/operate")
 
 PAGES = ("operate", "bring-up", "identify", "banks", "experiments", "runs", "system", "system/developer")
 SEEN = {
-    "operate": "In force|in force",
+    "operate": f"{OPERATE['activeValues']}|{OPERATE['active']}",
     "bring-up": "A rig is brought up",
     "identify": f"{IDENTIFY_TEXTS['bits']}|{re.escape(IDENTIFY_TEXTS['forOperators'])}",
     "banks": BANKS["active"].replace("{tuning}", "λ_q"),

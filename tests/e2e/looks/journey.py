@@ -15,6 +15,7 @@ from tests.e2e.test_session import IDENTIFICATION_TIMEOUT_MS, build_and_activate
 
 IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
+OPERATE = load_texts("pages/operate")
 
 STUDY = """format: 1
 name: small
@@ -104,7 +105,7 @@ def identification(operator: Operator, look: Look) -> str:
     expect(prediction).to_contain_text("encoder counts", timeout=MOTION_TIMEOUT_MS)
     look(page, "identify-ready")
     operator.press(IDENTIFY_TEXTS["start"])
-    expect(page.get_by_role("region", name="Running now", exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
+    expect(page.get_by_role("region", name=OPERATE["running"], exact=True)).to_be_visible(timeout=MOTION_TIMEOUT_MS)
     to_the_top(page)
     look(page, "identify-running")
     visit(operator, "operate")
@@ -183,9 +184,11 @@ def following(operator: Operator, look: Look) -> None:
     page.get_by_role("button", name="Statistics").click()
     page.get_by_role("switch", name="Stage changes").check()
     operator.enter("λ_q value [s]", 0.45)
-    expect(page.get_by_role("group", name="Preview of λ_q", exact=True)).to_contain_text("maximum of the sensitivity")
+    expect(page.get_by_role("group", name=OPERATE["preview"].format(symbol="λ_q"), exact=True)).to_contain_text(
+        OPERATE["sensitivityPeak"]
+    )
     look(page, "operate-staged")
-    page.get_by_role("region", name="Changes of the tuning").get_by_role("button", name="Discard", exact=True).click()
+    page.get_by_role("region", name=OPERATE["tuningChanges"]).get_by_role("button", name="Discard", exact=True).click()
     page.get_by_role("switch", name="Stage changes").uncheck()
     page.get_by_role("button", name="Statistics").click()
 

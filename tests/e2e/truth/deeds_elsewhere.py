@@ -26,6 +26,7 @@ IDENTIFY_TEXTS = load_texts("pages/identify")
 UNDO_VERSION = IDENTIFY_TEXTS["undo"].split("{")[0]
 BANKS = load_texts("pages/banks")
 ACTIVATE = BANKS["activateBank"].split("{")[0]
+OPERATE = load_texts("pages/operate")
 
 
 def always(_scene: Scene) -> bool:
@@ -235,8 +236,8 @@ ELSEWHERE = (
     pressing(EXPERIMENT_TEXTS["startQueue"], "experiments", 1.5),
     pressing(EXPERIMENT_TEXTS["startQueueAgain"], "experiments", 1.5),
     pressing(EXPERIMENT_TEXTS["pauseQueue"], "experiments", 0.7),
-    pressing("Abort softly", "experiments", 3),
-    pressing("Abort softly", "identify", 1),
+    pressing(OPERATE["softAbort"], "experiments", 3),
+    pressing(OPERATE["softAbort"], "identify", 1),
     Deed("identify the motors", "identify", 2, _offers(IDENTIFY_TEXTS["start"]), _motors, Value),
     Deed("dry run", "experiments", 3, _offers(EXPERIMENT_TEXTS["dryRun"]), _dry_run, Value | BUSY),
     pressing(EXPERIMENT_TEXTS["closeDryRun"], "experiments", 0.5),

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from playwright.sync_api import expect
 
 from tests.e2e.page_texts import load_texts
-from tests.e2e.truth.deeds import VOLTAGE_LIMIT, Deed, Scene
+from tests.e2e.truth.deeds import OPERATE, VOLTAGE_LIMIT, Deed, Scene
 from tests.e2e.truth.drafts import BOXES
 
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
@@ -17,13 +17,13 @@ NUMBERS = {
     "λ_q value [s]": ("tuning", "lam_q"),
     "λ_S value [s]": ("tuning", "lam_S"),
     VOLTAGE_LIMIT: ("tuning", "u_plan"),
-    "Share of pushes that is fed forward": ("tuning", "k_ext"),
+    OPERATE["rejectionGain"]: ("tuning", "k_ext"),
 }
 """Boxes that send on Enter, and where the state has their value."""
 
 TYPED = {"q_ref value [°]": "11.3", "q_ref value [rad]": "0.123", "S_ref value [N·m/rad]": "9.87",
          "λ_q value [s]": "0.765", "λ_S value [s]": "0.765", VOLTAGE_LIMIT: "5.3",
-         "Share of pushes that is fed forward": "0.37"}  # fmt: skip
+         OPERATE["rejectionGain"]: "0.37"}  # fmt: skip
 WAYS_OUT = ("Tab", "Escape", "elsewhere", "another page", "reload", "history")
 
 

@@ -17,6 +17,7 @@ IDENTIFY_TEXTS = load_texts("pages/identify")
 EXPERIMENT_TEXTS = load_texts("pages/experiments")
 STUDY_TEXTS = load_texts("pages/studies")
 RUNS = load_texts("pages/runs")
+OPERATE = load_texts("pages/operate")
 
 
 @dataclass(frozen=True)
@@ -57,9 +58,9 @@ BOXES: Mapping[str, Box] = {
     "setting of an identification": Box("identify", _setting(IDENTIFY_TEXTS["newIdentification"], "levels"),
                                         lambda one: str(one.randint(3, 9)), IDENTIFY_TEXTS["draftOf"]),
     "push": Box("operate", _in("Push", "Push [N]"), _number(-8.9, 8.9, 1)),
-    "stiffness of a wall": Box("operate", _in("Wall", "Stiffness of the wall [N/m]"), _number(5000, 30000, 0)),
-    "threshold of contacts": Box("operate", _in("Touch", "Gives way from [N]"), _number(2.1, 8.9, 1)),
-    "length of a trial": Box("operate", _in("Changes of the tuning", "Length of the trial [s]"),
+    "stiffness of a wall": Box("operate", _in("Wall", OPERATE["wallStiffness"]), _number(5000, 30000, 0)),
+    "threshold of contacts": Box("operate", _in("Touch", OPERATE["threshold"]), _number(2.1, 8.9, 1)),
+    "length of a trial": Box("operate", _in(OPERATE["tuningChanges"], OPERATE["trialDuration"]),
                              lambda one: str(one.randint(3, 9))),
     "level of a trigger": Box("system", _setting("Trigger", "before_s"), _number(1.1, 4.9, 1)),
     "note of a run": Box("runs", lambda page: page.get_by_role("textbox", name=RUNS["note"], exact=True),

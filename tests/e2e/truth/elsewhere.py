@@ -15,6 +15,7 @@ EXPERIMENT_TEXTS = load_texts("pages/experiments")
 QUEUE = EXPERIMENT_TEXTS["queue"]
 BANKS = load_texts("pages/banks")
 RUNS = load_texts("pages/runs")
+OPERATE = load_texts("pages/operate")
 
 _ANGLE_FACTORS = {"mrad": 0.18 / math.pi} | dict.fromkeys(("rad", "rad/s", "rad·s"), 180.0 / math.pi)
 
@@ -23,21 +24,21 @@ def running(moment: Moment) -> Findings:
     """The card of what runs: which run it is, its part, the time left, and whether it can be aborted."""
     found, shown, state = Findings(), moment.shown, moment.state
     task = state["task"]
-    found.same("whether something is said to run", "What runs now" in shown.told, task is not None)
-    if task is None or "What runs now" not in shown.told:
+    found.same("whether something is said to run", OPERATE["currentRun"] in shown.told, task is not None)
+    if task is None or OPERATE["currentRun"] not in shown.told:
         return found
-    part = task["part"]
+    part, told = task["part"], shown.told[OPERATE["currentRun"]]
     if part is None:
-        found.same("what runs", shown.told["What runs now"], f"{title_of(task)}: {task['phase'].replace('_', ' ')}")
+        found.same("what runs", told, f"{title_of(task)}: {task['phase'].replace('_', ' ')}")
     elif part["doing"] is not None:
         words = f"{title_of(task)}: {part['number']} of {part['of']}: {part['title']}, {part['doing']}, {{d}} left"
-        found.sentence("what runs", shown.told["What runs now"], words, moment.counting(part["left_s"], down=True))
+        found.sentence("what runs", told, words, moment.counting(part["left_s"], down=True))
     elif part["of"] > 1:
         words = f"{title_of(task)}: part {part['number']} of {part['of']}, {part['title']}, {{d}} left"
-        found.sentence("what runs", shown.told["What runs now"], words, moment.counting(part["left_s"], down=True))
+        found.sentence("what runs", told, words, moment.counting(part["left_s"], down=True))
     else:
-        found.same("what runs", shown.told["What runs now"], f"{title_of(task)}: {part['title']}")
-    left_s, left = task["duration_s"] - task["elapsed_s"], shown.told.get("Time left")
+        found.same("what runs", told, f"{title_of(task)}: {part['title']}")
+    left_s, left = task["duration_s"] - task["elapsed_s"], shown.told.get(OPERATE["timeLeft"])
     following = task["following"]
     more = f", then {following} more run{'s' if following > 1 else ''}" if following else ""
     if task["phase"] == "evaluation":
@@ -53,7 +54,7 @@ def running(moment: Moment) -> Findings:
             moment.counting(left_s, down=True),
             (whole - 0.1, whole + 0.1),
         )
-    compared(found, moment, {("Running now", "Abort softly"): "stopping" in legal_modes(state)})
+    compared(found, moment, {(OPERATE["running"], OPERATE["softAbort"]): "stopping" in legal_modes(state)})
     return found
 
 
