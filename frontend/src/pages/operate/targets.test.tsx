@@ -98,7 +98,9 @@ it.each([
   await settled();
   expect(await commanded()).toEqual([]);
   expect(box().value).toBe(degrees.toFixed(1));
-  expect(screen.getByText(fillText(TEXTS.referenceNotSent, { value: "80.0°" }))).toBeTruthy();
+  expect(
+    screen.getByText(fillText(TEXTS.referenceNotSent, { value: "80.0°" }), { exact: false }),
+  ).toBeTruthy();
   fireEvent.keyDown(q_ref(), { key: "Enter" });
   await waitFor(async () => expect(await commanded()).toEqual([{ q_ref: degrees / DEGREES, S_ref: 10 }]));
   expect(screen.queryByText(/not sent yet/)).toBeNull();
@@ -157,7 +159,7 @@ it("forgets a target that is left", async () => {
 
 it.each([
   [true, "7 to 15 N·m/rad"],
-  [false, "7 to 15 N·m/rad; measured, no reference"],
+  [false, fillText(TEXTS.rangeAndRemark, { range: "7 to 15 N·m/rad", remark: TEXTS.measuredOnly })],
 ])("says what a number below the range is (reference in force: %s)", (in_force, hint) => {
   const references = { q_ref: 0, S_ref: in_force ? 10 : 3.73, in_force };
   open(<ReferencesCard />, { ...STATE, references });
@@ -165,7 +167,7 @@ it.each([
     in_force ? "10.00" : "3.73",
   );
   expect(screen.getByText(hint)).toBeTruthy();
-  expect(screen.queryAllByText(/measured, no reference/).length).toBe(in_force ? 0 : 2);
+  expect(screen.queryAllByText(TEXTS.measuredOnly, { exact: false }).length).toBe(in_force ? 0 : 2);
 });
 
 function enter(label: string, text: string): void {
@@ -253,8 +255,8 @@ it("forgets an order that was refused", async () => {
 });
 
 it.each([
-  ["off", "set in run and compliance"],
-  ["experiment", "set in run and compliance"],
+  ["off", TEXTS.referencesNeedMode],
+  ["experiment", TEXTS.referencesNeedMode],
   ["compliance", null],
 ] as const)("offers references in the modes that follow the operator's (%s)", (mode, why) => {
   open(<ReferencesCard />, { ...STATE, mode });
@@ -263,12 +265,12 @@ it.each([
   expect(screen.getByRole("slider", { name: "S_ref" }).getAttribute("aria-disabled")).toBe(
     String(why !== null),
   );
-  expect(screen.queryAllByText(/set in run and compliance/).length).toBe(why === null ? 0 : 2);
+  expect(screen.queryAllByText(TEXTS.referencesNeedMode, { exact: false }).length).toBe(why === null ? 0 : 2);
 });
 
 it("offers no reference while the joint gives way to a contact", () => {
   const felt = { F_ext_hat: 3, contact_N: 2, tick: 1 };
   open(<ReferencesCard />, { ...STATE, mode: "compliance", touch: { felt } } as unknown as State);
   expect(screen.getByLabelText<HTMLInputElement>("q_ref value [°]").disabled).toBe(true);
-  expect(screen.getAllByText(/gives way to a contact: choose a mode first/).length).toBe(2);
+  expect(screen.getAllByText(TEXTS.referencesInContact, { exact: false }).length).toBe(2);
 });
