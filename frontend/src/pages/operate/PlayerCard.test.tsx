@@ -38,7 +38,7 @@ const PLAYER: PlayerPosition = {
 };
 const MARKS = [
   { t: 5, kind: "mode", text: "pretension → experiment", who: "" },
-  { t: 40.5, kind: "references", text: "q_ref 1.0472 rad, S_ref 10 N·m/rad", who: "" },
+  { t: 40.5, kind: "references", text: "q_ref 1.0472\u202frad, S_ref 10\u202fN·m/rad", who: "" },
 ];
 
 let role: string;
